@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.config import ExplorationConfig
-from pipeline.finds.config import FindsConfig
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
+from pipeline.plugins.finds.config import FindsConfig
 from pipeline.segments.config import SegmentsConfig
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.topological_map.config import TopologicalMapConfig

@@ -9,7 +9,6 @@ from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, ViewpointRewards
-from pipeline.finds.reobservation import Reobservation
 from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
@@ -23,6 +22,7 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.planning.stretches import Stretch, stretches_of
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
+from pipeline.tracks.reobservation import Reobservation
 
 
 class Explorer:

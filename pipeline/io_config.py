@@ -6,10 +6,10 @@ The mapper imports :class:`pipeline.config.PipelineConfig`, and these rooms impo
 from dataclasses import dataclass
 
 from pipeline.datasets.config import DatasetsConfig
-from pipeline.league.config import LeagueConfig
+from pipeline.plugins.league.config import LeagueConfig
+from pipeline.plugins.ros.config import RosConfig
 from pipeline.rerun.config import RerunConfig
 from pipeline.rescue_report.config import RescueReportConfig
-from pipeline.ros.config import RosConfig
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,6 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.elevation_map.traversability_layer import TraversabilityLayer
-from pipeline.finds.background_reader import BackgroundReader
-from pipeline.finds.find_map import Finds
-from pipeline.finds.readers import FindReader
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
@@ -36,8 +33,10 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.tracks.finds import Finds
 from pipeline.transforms import inverse, transform_points, yaw_of
 from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.readers import BackgroundReader, FindReader
 from pipeline.victims.victim_map import Victims
 
 
@@ -112,7 +111,7 @@ class Mapper:
         self.observers: list[MapObserver] = []
         self.config, self.policy = config, config.localisation.keyframes
         self.classifier, self.detector, self.readers = classifier, detector, readers
-        self._background = BackgroundReader()
+        self._background = BackgroundReader(config.victims.heat)
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
         self.metric_map = MetricMap(config.metric_map)
         self.elevation_map = ElevationMap(robot, config.elevation_map)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.files import atomic_write, run_all
-from pipeline.league.brief import MissionBrief
-from pipeline.league.config import LeagueConfig
-from pipeline.league.hand_in import hand_in
 from pipeline.map_file import save_maps
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.league.config import LeagueConfig
+from pipeline.plugins.league.hand_in import hand_in
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import RescuePage, RescueReport
 from pipeline.sink import Result, Sink

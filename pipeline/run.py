@@ -17,12 +17,12 @@ from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.files import run_all, uninterrupted
-from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.planning.path_plan import place_name
+from pipeline.plugins.league.brief import MissionBrief
 from pipeline.progress import Progress
 from pipeline.rerun.recorder import Level, Recorder
 from pipeline.rescue_report.report import RescueReport

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.files import make_folder
-from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import Localisation
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
+from pipeline.plugins.league.brief import MissionBrief
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.viewer import Viewer
 from pipeline.rescue_report.report import RescueReport

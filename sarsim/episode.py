@@ -8,15 +8,15 @@ from dataclasses import replace
 from functools import partial
 
 from pipeline.arrays import Pose
+from pipeline.datasets.recorded_robot import Joints, RecordedRobot
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder, run_all
-from pipeline.league.brief import MissionBrief
 from pipeline.mapper import Mapper
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.ros.explorer_bag import ExplorerBag
 from pipeline.progress import Progress
 from pipeline.robot import Robot
-from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
-from pipeline.ros.topics import Joints
 from pipeline.run import ExplorerRun
 from pipeline.sink import Sink
 from sarsim.arenas.fiducials import hang_fiducials

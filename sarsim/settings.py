@@ -15,7 +15,7 @@ from tyro.conf import Fixed
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.io_config import IoConfig
-from pipeline.ros.live.topic_names import TopicNames
+from pipeline.plugins.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.assets import asset
 from sarsim.flags import Given

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipeline.league.cloud import RGB, read_cloud
+from pipeline.plugins.league.cloud import RGB, read_cloud
 
 IMAGE = Path(__file__).parents[1] / "images" / "mission.jpg"
 HEIGHT = 720

@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
 from pipeline.arrays import Direction, Pose
-from pipeline.datasets.config import DatasetsConfig
-from pipeline.datasets.recording import Recording
-from pipeline.errors import InputError
-from pipeline.files import check_regular, read_text
-from pipeline.frame import SAME_TIME, Calibration, Frame
-from pipeline.localisation.trajectory import Trajectory
-from pipeline.ros.cameras import (
+from pipeline.datasets.cameras import (
     EXTRINSIC_TYPE,
     IMAGE_TYPES,
     INFO_TYPE,
@@ -28,9 +22,15 @@ from pipeline.ros.cameras import (
     info_topic,
     stream_of,
 )
-from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import TF_TYPES, FrameTree, tf_topics
-from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.datasets.config import DatasetsConfig
+from pipeline.datasets.images import colour_of, depth_of, label_of
+from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
+from pipeline.datasets.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.datasets.recording import Recording
+from pipeline.errors import InputError
+from pipeline.files import check_regular, read_text
+from pipeline.frame import SAME_TIME, Calibration, Frame
+from pipeline.localisation.trajectory import Trajectory
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags

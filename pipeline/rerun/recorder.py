@@ -10,7 +10,6 @@ import rerun.blueprint as rrb
 
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
-from pipeline.finds.find_map import Finds
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
@@ -22,6 +21,7 @@ from pipeline.rerun.trajectory import CorrectedTrajectory
 from pipeline.rerun.viewer import Viewer, start_rerun
 from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
+from pipeline.tracks.finds import Finds
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.finds.codes import plain_text
+from pipeline.tracks.find import plain_text
 from pipeline.transforms import wrap_angle
 
 LEVEL = np.deg2rad(4)

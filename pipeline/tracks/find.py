@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from pipeline.arrays import Covariance, Pixels, Place, Rgb
@@ -16,6 +17,12 @@ SHAPED = ("fire_extinguisher", "door_lever")
 """Kinds that are recognised by their shape."""
 OWN_KIND = re.compile(r"[a-z][a-z0-9_]{0,39}")
 """Valid names for the kinds of a user's own readers, in the style of those above."""
+HAZMAT_CLASSES = (
+    "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
+    "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
+    "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
+)  # fmt: skip
+"""The classes of hazmat signs, in the words that rescue teams use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,3 +88,21 @@ def box_corners(box: tuple[float, float, float, float]) -> Pixels:
 def is_find_kind(kind: str) -> bool:
     """Whether a name can be the kind of a find, including a user's own reader's; people are not finds."""
     return kind != VICTIM and OWN_KIND.fullmatch(kind) is not None
+
+
+def is_same(one: Pixels, other: Pixels) -> bool:
+    """Whether more than half of the smaller of two outlines lies in the other."""
+    return overlap(one, other)[1] > 0.5
+
+
+def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
+    """The area that two outlines share, divided by that of their union and by that of the smaller one."""
+    common, _ = cv2.intersectConvexConvex(cv2.convexHull(one), cv2.convexHull(other))
+    areas = cv2.contourArea(one), cv2.contourArea(other)
+    return common / max(sum(areas) - common, 1), common / max(min(areas), 1)
+
+
+def plain_text(text: str, most: int = 40) -> str:
+    """A code's text on one line of at most ``most`` printable characters; "…" replaces what is cut off."""
+    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: most + 1])
+    return shown if len(shown) <= most else shown[: most - 1] + "…"

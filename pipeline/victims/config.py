@@ -95,8 +95,23 @@ class BackgroundConfig:
 
 
 @dataclass(frozen=True)
+class HeatConfig:
+    """Which regions are warm.
+
+    Attributes:
+        warmer: minimum temperature above the median of the image, °C: clothes on a living person are 6 to 8 °C warmer
+            than the air in a room, and the noise of an uncooled camera is 0.05 °C.
+        least_outline: minimum number of pixels on the outline of a warm region; fewer may be a lamp or a hot pixel.
+    """
+
+    warmer: float = 5.0
+    least_outline: int = 4
+
+
+@dataclass(frozen=True)
 class VictimsConfig:
     """All parameters of this package; the parts document their own."""
 
     detector: DetectorConfig = DetectorConfig()
     background: BackgroundConfig = BackgroundConfig()
+    heat: HeatConfig = HeatConfig()

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle

@@ -11,7 +11,7 @@ from math import atan2, hypot, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import THICK, hazmat_sign, qr_code

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Rotation3
-from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.fiducials import MOST_TAGS, TAG_SIDE
 from sarsim.arenas.random_draws import RandomDraws

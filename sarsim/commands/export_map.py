@@ -79,7 +79,7 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
     from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import SAVED
-    from pipeline.ros.ros_map import known_costs, save_ros_map, trinary
+    from pipeline.metric_map.io.ros_map import known_costs, save_ros_map, trinary
     from sarsim.robots.model import robot_model
 
     keyframes = path.with_name("keyframes.npz")

@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
-from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import LostError
+from pipeline.plugins.league.brief import MissionBrief
 from pipeline.progress import Progress
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink

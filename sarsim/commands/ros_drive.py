@@ -6,22 +6,23 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from pipeline.arrays import Pose
+from pipeline.datasets.messages import MAP, ODOM, Message
 from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder
-from pipeline.league.brief import MissionBrief
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.ros.config import RosConfig
+from pipeline.plugins.ros.live.nav2 import Nav2Navigator, Nav2Robot
+from pipeline.plugins.ros.live.node import RosNode
+from pipeline.plugins.ros.live.ros_robot import RosRobot
+from pipeline.plugins.ros.messages import transforms
+from pipeline.plugins.ros.topics import MapTopics, Send
 from pipeline.progress import Progress
 from pipeline.robot import Motion
-from pipeline.ros.config import RosConfig
-from pipeline.ros.live.nav2 import Nav2Navigator, Nav2Robot
-from pipeline.ros.live.node import RosNode
-from pipeline.ros.live.ros_robot import RosRobot
-from pipeline.ros.messages import MAP, ODOM, Message, transforms
-from pipeline.ros.topics import MapTopics, Send
 from pipeline.run import ExplorerRun
 from pipeline.sink import Result, Sink, Step
 from sarsim.composition import compose, make_mapper

@@ -13,7 +13,7 @@ def ros_explore(config: RosExploration) -> None:
 
     Ctrl-C stops the robot. If the robot goes silent or ignores commands, the maps built so far are kept.
     """
-    from pipeline.ros.live.node import RosNode
+    from pipeline.plugins.ros.live.node import RosNode
     from sarsim.commands.ros_drive import RosDrive
 
     brief = wanted_mission(config.mission, config.minutes, config.home)

@@ -12,7 +12,7 @@ from sarsim.settings import RosRobotConfig
 
 def ros_robot(config: RosRobotConfig) -> None:
     """Run the simulated robot as a ROS 2 robot: it publishes sensor data and follows commands until Ctrl-C."""
-    from pipeline.ros.live.node import RosNode
+    from pipeline.plugins.ros.live.node import RosNode
     from sarsim.commands.simulated_node import SimulatedNode
 
     with closing(RosNode(config.name, config.network, config=config.io.ros.live)) as node:

@@ -14,7 +14,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from pipeline.league.brief import MissionBrief, Task
+from pipeline.plugins.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.commands.names import check_names

@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.datasets.messages import BASE, CAMERA
+from pipeline.datasets.recorded_robot import Joints, OdometrySample
 from pipeline.errors import InputError
 from pipeline.files import make_folder
+from pipeline.plugins.ros.live.node import RosNode
+from pipeline.plugins.ros.messages import command_of, decode, time_of, transform
+from pipeline.plugins.ros.topics import RobotTopics
 from pipeline.results import write_report
 from pipeline.robot import Velocity
-from pipeline.ros.live.node import RosNode
-from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
-from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
 from sarsim.methods.arena import make_arena
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage

@@ -10,7 +10,7 @@ REJECTED = 1  # Exit status
 
 def validate_mission(config: MissionValidation) -> None:
     """Check the 2D map, 3D map and list of finds that a team hands in. The exit status is 1 if any is invalid."""
-    from pipeline.league.validation import validate
+    from pipeline.plugins.league.validation import validate
 
     faults = validate(config.path, config=config.io.league.validation)
     print("\n".join(faults) or f"{config.path}: all files are valid")

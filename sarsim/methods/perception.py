@@ -3,13 +3,14 @@
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.finds.readers import FindReader, FindReaders, SeveralReaders
+from pipeline.plugins.finds.readers import FindReaders
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.readers import FindReader, SeveralReaders
 from sarsim.assets import asset
 from sarsim.methods.make import make_own
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import MaskLayer, Place, Places, Pose, Values
 from pipeline.errors import InputError
-from pipeline.league.brief import MissionBrief
-from pipeline.league.cloud import NORMAL, RGB, CloudFile, read_cloud
-from pipeline.league.codes import CODES_ENDING, ReadCode, read_codes
-from pipeline.league.hand_in import league_frame
-from pipeline.league.pois import TYPE_OF, PointOfInterest, name_of, read_pois
-from pipeline.league.validation import handed_in_files
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.league.cloud import NORMAL, RGB, CloudFile, read_cloud
+from pipeline.plugins.league.codes import CODES_ENDING, ReadCode, read_codes
+from pipeline.plugins.league.hand_in import league_frame
+from pipeline.plugins.league.pois import TYPE_OF, PointOfInterest, name_of, read_pois
+from pipeline.plugins.league.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import transform_points
 from sarsim.arenas.things.thing import of_kind, things_of

@@ -7,7 +7,7 @@ function states what is assumed.
 
 from dataclasses import dataclass
 
-from pipeline.league.brief import Penalties, Rewards
+from pipeline.plugins.league.brief import Penalties, Rewards
 
 Rule = dict[str, float]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import mujoco
 
-from pipeline.league.brief import MissionBrief
-from pipeline.league.validation import handed_in_files
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.league.validation import handed_in_files
 from pipeline.sink import Result, Sink
 from sarsim.scoring.handed_in import score_handed_in, true_arena
 from sarsim.scoring.leagues import Rule

@@ -31,7 +31,7 @@ CODE = Path(pipeline.__file__).parents[1]
 PERIOD = 0.005  # s between two samples
 STAGES = {
     "pipeline/victims/detection": "detector",
-    "pipeline/finds": "finds",
+    "pipeline/plugins/finds": "finds",
     "pipeline/tracks": "finds",
     "pipeline/victims": "finds",
     "pipeline/semantic_map/networks": "labels",
@@ -46,7 +46,7 @@ STAGES = {
     "pipeline/navigation": "navigation",
     "pipeline/rerun": "recording",
     "pipeline/rescue_report": "results",
-    "pipeline/league": "results",
+    "pipeline/plugins/league": "results",
     "pipeline/map_file.py": "results",
     "pipeline/results.py": "results",
     "pipeline/keyframes.py": "keyframes",

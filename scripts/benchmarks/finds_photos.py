@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.finds.readers import FindReaders
 from pipeline.frame import decoded
+from pipeline.plugins.finds.readers import FindReaders
 from pipeline.tracks.find import VICTIM, Reading
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.detection import Detection, Detector

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.config import PipelineConfig
 from pipeline.explorer import Explorer
-from pipeline.finds.objects import policy_of
 from pipeline.frame import Frame
 from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import KINDS
+from pipeline.tracks.objects import policy_of
 from pipeline.transforms import from_yaw
 from pipeline.victims.detection.detection import Detection
 from sarsim.composition import make_mapper

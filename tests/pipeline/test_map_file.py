@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.objects import policy_of, shown
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.labels import Label
@@ -20,6 +19,7 @@ from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import Reading, box_corners
+from pipeline.tracks.objects import policy_of, shown
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
 from pipeline.victims.people import PeoplePolicy

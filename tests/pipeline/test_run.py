@@ -13,11 +13,11 @@ from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.io_config import IoConfig
-from pipeline.league.brief import MissionBrief
-from pipeline.league.validation import handed_in_files
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.league.validation import handed_in_files
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import RescueReport
 from pipeline.results import result_sinks

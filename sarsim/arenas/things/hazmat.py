@@ -103,7 +103,7 @@ _SIGNS = {
     "radioactive": _Sign(YELLOW, WHITE, Symbol.trefoil, ("RADIOACTIVE",), "7", split=-0.15),
     "spontaneously-combustible": _Sign(WHITE, RED, Symbol.flame, ("SPONTANEOUSLY", "COMBUSTIBLE"), "4"),
 }
-"""Signs by the class names that teams report, :data:`pipeline.finds.hazmat_classes.HAZMAT_CLASSES`."""
+"""Signs by the class names that teams report, :data:`pipeline.tracks.find.HAZMAT_CLASSES`."""
 
 
 def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.datasets.recorded_robot import OdometrySample
+from pipeline.plugins.ros.bag import Bag
+from pipeline.plugins.ros.topics import RobotTopics
 from pipeline.robot import Velocity
-from pipeline.ros.bag import Bag
-from pipeline.ros.topics import OdometrySample, RobotTopics
 from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene

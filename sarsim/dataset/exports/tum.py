@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Pose
+from pipeline.datasets.recorded_robot import Joints, OdometrySample
 from pipeline.frame import Frame, Intrinsics
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Velocity
-from pipeline.ros.topics import Joints, OdometrySample
 from pipeline.sink import Result, Sink, Step
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
@@ -105,7 +105,7 @@ class TumDrive(ExitStack, Sink):
     """
 
     def __init__(self, path: Path, seed: int):
-        """Record what :class:`pipeline.ros.recorded_robot.RecordedRobot` reports, until closed.
+        """Record what :class:`pipeline.datasets.recorded_robot.RecordedRobot` reports, until closed.
 
         Raises:
             InputError: ``path``, which appears on closing, is not an empty folder or cannot be made.

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from pipeline.datasets.recorded_robot import OdometrySample
 from pipeline.frame import Frame
+from pipeline.plugins.ros.bag import Bag
+from pipeline.plugins.ros.topics import ImageFormat, RobotTopics
 from pipeline.robot import Motion, Velocity
-from pipeline.ros.bag import Bag
-from pipeline.ros.topics import ImageFormat, OdometrySample, RobotTopics
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA, drifting, drive, seen
 from tests.pipeline.localisation.painted_room import painted
 

@@ -16,8 +16,8 @@ from pipeline.datasets.recording import Recording
 from pipeline.datasets.ros_bag import LABELS, read_ros_bag
 from pipeline.errors import InputError
 from pipeline.frame import Calibration
-from pipeline.ros import messages
-from pipeline.ros.topics import ImageFormat
+from pipeline.plugins.ros import messages
+from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.transforms import from_rotation, inverse, transform_points
 from tests.pipeline.datasets import recorded_room
 from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without

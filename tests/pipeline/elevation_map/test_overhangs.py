@@ -7,8 +7,8 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import Traversability, assess_map
 from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import Seen
+from pipeline.metric_map.io.ros_map import LETHAL, costs
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.ros.ros_map import LETHAL, costs
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw
 from tests.pipeline.robot_model import PIONEER

@@ -8,8 +8,8 @@ import pytest
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.deadline import Deadline, parking_place
 from pipeline.exploration.viewpoint import Context
-from pipeline.league.brief import Task
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.plugins.league.brief import Task
 from pipeline.transforms import from_yaw
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.topological_map.grounds import U_TURN, room

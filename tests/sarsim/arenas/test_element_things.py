@@ -4,7 +4,7 @@ import mujoco
 import pytest
 from numpy.testing import assert_allclose
 
-from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.things.thing import things_of
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from rosbags.convert import convert
 
-from pipeline.league.brief import HANDED_IN
-from pipeline.league.validation import validate
 from pipeline.localisation.trajectory import write_tum
 from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.plugins.league.brief import HANDED_IN
+from pipeline.plugins.league.validation import validate
 from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.exports.mcap import Mcap

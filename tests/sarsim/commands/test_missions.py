@@ -5,15 +5,15 @@ from datetime import datetime
 
 import pytest
 
-from pipeline.league.brief import MissionBrief
-from pipeline.league.validation import validate
+from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugins.league.validation import validate
 from sarsim.commands.cli import guarded
 from sarsim.commands.run_episode import run_episode
 from sarsim.commands.score_mission import score_mission
 from sarsim.commands.settings import load_mission, run_with_settings, wanted_mission
 from sarsim.commands.validate_mission import validate_mission
 from sarsim.settings import EpisodeConfig, MissionValidation
-from tests.pipeline.league.handed_in_room import hand_in_room
+from tests.pipeline.plugins.league.handed_in_room import hand_in_room
 from tests.refusal import refusal
 
 

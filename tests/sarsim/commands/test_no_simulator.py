@@ -13,7 +13,7 @@ from pathlib import Path
 from sarsim.commands import map_recording, ros_explore
 from sarsim.commands.ros_drive import RosDrive
 from sarsim.settings import RosExploration
-from tests.pipeline.ros.live.loopback import End, RoomRobot, Wire
+from tests.pipeline.plugins.ros.live.loopback import End, RoomRobot, Wire
 
 explored, mapped, room = map(Path, sys.argv[1:])
 for command in map_recording, ros_explore:

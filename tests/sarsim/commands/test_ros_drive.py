@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.league.brief import HANDED_IN, MissionBrief
-from pipeline.league.validation import validate
 from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.plugins.league.brief import HANDED_IN, MissionBrief
+from pipeline.plugins.league.validation import validate
+from pipeline.plugins.ros import messages
+from pipeline.plugins.ros.live.actions import GoalEnd
 from pipeline.robot import Velocity
-from pipeline.ros import messages
-from pipeline.ros.live.actions import GoalEnd
 from pipeline.transforms import yaw_of
 from sarsim.commands.ros_drive import RosDrive
 from sarsim.commands.simulated_node import WATCHDOG, SimulatedNode
 from sarsim.settings import RosExploration, RosRobotConfig
-from tests.pipeline.ros.live.loopback import End, Wire
-from tests.pipeline.ros.live.nav2_stack import Nav2Stack
+from tests.pipeline.plugins.ros.live.loopback import End, Wire
+from tests.pipeline.plugins.ros.live.nav2_stack import Nav2Stack
 from tests.sarsim.rooms import HOUSE
 
 FILES = {

@@ -14,7 +14,6 @@ from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.finds.readers import FindReader
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
@@ -24,6 +23,7 @@ from pipeline.semantic_map.classifier import PointClassifier, check_probabilitie
 from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
 from pipeline.victims.detection.detection import Detection, Detector, check_detections
+from pipeline.victims.readers import FindReader
 from sarsim import settings
 from sarsim.arenas.arena import RescueArena
 from sarsim.methods import make, names

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline.league.brief import Rewards
+from pipeline.plugins.league.brief import Rewards
 from sarsim.scoring.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
 from sarsim.scoring.leagues import SmallRun, small
 

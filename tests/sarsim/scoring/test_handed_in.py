@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.league.codes import ReadCode, write_codes
+from pipeline.plugins.league.codes import ReadCode, write_codes
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.robots.model import robot_model
 from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena
-from tests.pipeline.league.handed_in_room import BRIEF, hand_in_room, room_points
+from tests.pipeline.plugins.league.handed_in_room import BRIEF, hand_in_room, room_points
 
 WALL = '<geom type="box" pos="{} {} 0.5" size="{} {} 0.5" user="1"/>'
 WALLS = "".join(WALL.format(*p) for s in (-2.05, 2.05) for p in ((s, 0, 0.05, 2.1), (0, s, 2.1, 0.05)))

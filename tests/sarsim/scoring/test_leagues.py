@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.league.brief import Penalties, Rewards
+from pipeline.plugins.league.brief import Penalties, Rewards
 from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 
 RUN = LeagueRun(coverage=0.8, global_error=0.25, extras=3, present=8, right=6, wrong=2, localisation_error=0.2)

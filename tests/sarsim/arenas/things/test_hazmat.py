@@ -5,7 +5,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.things.hazmat import SignStyle, sign_face, sign_upright
 
 SIZE = 96

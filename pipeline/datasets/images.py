@@ -1,0 +1,112 @@
+"""Decodes the image messages of camera drivers."""
+
+import struct
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Depth, Rgb
+from pipeline.datasets.messages import Message
+from pipeline.errors import InputError
+from pipeline.frame import decoded
+
+MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
+TO_RGB = {
+    "rgb8": (3, None),
+    "bgr8": (3, cv2.COLOR_BGR2RGB),
+    "rgba8": (4, cv2.COLOR_RGBA2RGB),
+    "bgra8": (4, cv2.COLOR_BGRA2RGB),
+    "8UC3": (3, cv2.COLOR_BGR2RGB),
+    "mono8": (1, cv2.COLOR_GRAY2RGB),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2RGB_YUY2),
+    "bayer_rggb8": (1, cv2.COLOR_BayerBG2RGB),
+    "bayer_grbg8": (1, cv2.COLOR_BayerGB2RGB),
+}
+"""By encoding: channels, and OpenCV's code to convert them to RGB, which names Bayer patterns from pixel (1, 1)."""
+CONFIG = struct.Struct("<iff")
+"""Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
+PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
+UNREADABLE = "is damaged, too large or not supported"
+LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
+
+
+def depth_of(message: Message) -> Depth:
+    """The content of a depth image; InputError if its encoding is not one of depth, or it is broken."""
+    if hasattr(message, "format"):
+        return _compressed_depth(message)
+    if message.encoding in MILLIMETRES:
+        return _pixels(message, np.dtype(np.uint16), 1) * np.float32(1e-3)
+    if message.encoding == "32FC1":
+        return np.nan_to_num(_pixels(message, np.dtype(np.float32), 1), nan=0.0, posinf=0.0, neginf=0.0)
+    raise InputError(f"depth images in {message.encoding!r} are not supported; use {', '.join(MILLIMETRES)} or 32FC1")
+
+
+def colour_of(message: Message) -> Rgb:
+    """The content of a colour image; InputError if its encoding is unknown, or it is broken."""
+    if hasattr(message, "format"):
+        try:
+            return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
+        except InputError as error:
+            raise InputError(
+                f"a colour image with format {message.format!r} {UNREADABLE}; use intact JPEG or PNG images"
+            ) from error
+    if message.encoding not in TO_RGB:
+        accepted = f"{', '.join(TO_RGB)} or compressed images"
+        raise InputError(f"colour images in {message.encoding!r} are not supported; use {accepted}")
+    channels, code = TO_RGB[message.encoding]
+    pixels = _pixels(message, np.dtype(np.uint8), channels)
+    return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def label_of(message: Message) -> NDArray[np.uint8]:
+    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another one, or it is broken."""
+    if message.encoding not in ("8UC1", "mono8"):
+        raise InputError(f"label images in {message.encoding!r} are not supported; use 8UC1 or mono8")
+    return _pixels(message, np.dtype(np.uint8), 1).copy()
+
+
+def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
+    """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped."""
+    height, width, step = message.height, message.width, message.step
+    row = width * channels * kind.itemsize
+    size = f"{width} × {height} pixels in {message.encoding!r}"
+    if not height or not width:
+        raise InputError(f"empty image: {size}; width and height must be positive")
+    if step < row:
+        raise InputError(f"truncated rows: an image of {size} needs {row} bytes a row, not {step}")
+    if len(message.data) < height * step:
+        raise InputError(f"truncated image: {size} need {height * step} bytes, not {len(message.data)}")
+    rows = message.data[: height * step].reshape(height, step)[:, :row]
+    pixels = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
+    pixels = pixels.astype(kind, copy=False)
+    return pixels.reshape(height, width, channels) if channels > 1 else pixels
+
+
+def _compressed_depth(message: Message) -> Depth:
+    """The content of a losslessly compressed depth image.
+
+    It is an image file in mm or m, or a header of compressed_depth_image_transport followed by an image file in mm or
+    of inverse depth, scaled with the header's two parameters.
+    """
+    data, a, b, is_inverse = message.data, 0.0, 0.0, False
+    if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:
+        _, a, b = CONFIG.unpack(data[: CONFIG.size].tobytes())
+        data, is_inverse = data[CONFIG.size :], "32FC1" in message.format
+    if data[:2].tobytes() == JPEG:
+        lossy = "are not supported, because JPEG alters depth"
+        raise InputError(f"depth images in {message.format!r} {lossy}; use {LOSSLESS}")
+    try:
+        pixels = decoded(data, cv2.IMREAD_UNCHANGED)
+    except InputError as error:
+        raise InputError(f"a depth image with format {message.format!r} {UNREADABLE}; use {LOSSLESS}") from error
+    if pixels.ndim == 2 and pixels.dtype == np.float32:
+        return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
+    if pixels.ndim != 2 or pixels.dtype != np.uint16:
+        kind = f"{pixels.dtype} pixels of shape {pixels.shape}"
+        raise InputError(f"depth images in {message.format!r} with {kind} are not supported; use {LOSSLESS}")
+    if not is_inverse:
+        return pixels * np.float32(1e-3)
+    with np.errstate(divide="ignore"):
+        depth = np.float32(a) / (pixels - np.float32(b))
+    return np.where((pixels > 0) & np.isfinite(depth), depth, 0).astype(np.float32)

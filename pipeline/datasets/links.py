@@ -1,0 +1,189 @@
+"""The transforms between the frames of a robot."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Pose
+from pipeline.datasets.messages import BASE, ODOM, Message, pose_matrix, seconds
+from pipeline.transforms import inverse
+
+TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is an older type of ROS 1
+FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
+BASES = BASE, FOOTPRINT
+"""Names of a robot's own frame (REP 105 and 120), the preferred one first."""
+STILL = 1e-3  # Maximum change of a transform's elements that counts as rounding, not as motion
+
+
+class CameraMount(NamedTuple):
+    """The pose of a camera on a robot.
+
+    Attributes:
+        T_base_camera: pose of the camera in ``base_link``; None if no chain of transforms connects them.
+        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry is received.
+        note: what was assumed, expected and found, in one line; empty if everything was as expected.
+    """
+
+    T_base_camera: Pose | None
+    T_driven_base: Pose
+    note: str
+
+
+def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
+    """The topics of a robot's transforms, recognised by their type, because robots may have them in namespaces.
+
+    Args:
+        kinds: the types of all topics, by name.
+        beside: other topics of the robot; of several namespaces with transforms, those that contain these count.
+    """
+    spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
+    own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
+    others = set(spaces.values()) - {""}
+    used = (own or (others if len(others) == 1 else set())) | {""}
+    return [name for name, space in spaces.items() if space in used]
+
+
+class FrameTree:
+    """Transforms between frames, which are identified by name.
+
+    Attributes:
+        base: name of the robot's frame according to its odometry messages; empty if they give none.
+    """
+
+    def __init__(self) -> None:
+        self.base = ""
+        self._links: dict[str, tuple[str, Pose]] = {}
+        self._moving: set[str] = set()
+        self._odometry: dict[str, list[tuple[float, Pose]]] = {}
+
+    def take(self, message: Message, time: float = 0.0) -> None:
+        """Store a TransformStamped; ``time``, s, is used if it has no stamp."""
+        T = pose_matrix(message.transform.translation, message.transform.rotation)
+        parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
+        if child in self._links and not np.allclose(self._links[child][1], T, rtol=0, atol=STILL):
+            self._moving.add(child)
+        self.hang(child, parent, T)
+        if _is_called(parent, ODOM):
+            self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
+
+    def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
+        """Store the pose of a frame in its parent."""
+        self._links[child] = parent, T_parent_child
+
+    def odometry(self, camera: str) -> list[tuple[float, Pose]]:
+        """The times, s, and poses in ``odom`` of its child that carries a camera."""
+        return self._odometry.get(self._driven(camera), [])
+
+    def _driven(self, camera: str) -> str:
+        """The child of ``odom`` that carries the camera, or else its only child; empty if there is none."""
+        above = [name for name, _ in self._above(self.named(camera)) if name in self._odometry]
+        return next(iter(above or (self._odometry if len(self._odometry) == 1 else ())), "")
+
+    @property
+    def moves(self) -> bool:
+        """Whether any frame has moved relative to its parent."""
+        return bool(self._moving)
+
+    def knows(self, frame: str) -> bool:
+        """Whether there is a frame with a name, or with one that differs only by a namespace."""
+        return self.named(frame) in self._known()
+
+    def mount(self, camera: str) -> CameraMount:
+        """The pose of a camera on the robot, with a note if a frame has an unexpected name."""
+        named, base, expected = self.named(camera), self._base(camera), self._expected(camera)
+        T = self.between(base, named)
+        if T is None:
+            wanted = f"no transform connects {expected} to the camera frame {camera or '(unnamed)'}"
+            return CameraMount(None, np.eye(4), f"{wanted} (transforms found: {self})")
+        pairs = (base, expected), (named, camera.strip("/"))
+        taken = [f"using the frame {found} as {wanted}" for found, wanted in pairs if found != wanted]
+        moving = [name for name in self._way(base, named) if name in self._moving]
+        taken += [f"the frame {name} moves relative to the robot; using its last pose" for name in moving]
+        ground = self._ground(base)
+        return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
+
+    def T_base(self, frame: str, camera: str) -> Pose | None:
+        """Pose of a frame in ``base_link`` of the robot that carries a camera; None if no transforms connect them."""
+        base = self._base(camera)
+        T = self.between(base, self.named(frame))
+        return None if T is None else inverse(self._ground(base)) @ T
+
+    def _ground(self, base: str) -> Pose:
+        """Pose of ``base_footprint`` in the robot's frame if it does not move there; otherwise the identity."""
+        feet = [name for name in self._known() if _is_called(name, FOOTPRINT)]
+        rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
+        return rigid[0] if len(rigid) == 1 else np.eye(4)
+
+    def _rigid(self, frame: str, other: str) -> Pose | None:
+        """Pose of another frame in a frame if one is a rigidly attached ancestor of the other; otherwise None."""
+        ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
+        for way, top in zip(ways, (other, frame), strict=True):
+            if top in way and not self._moving & set(way[: way.index(top)]):
+                return self.between(frame, other)
+        return None
+
+    def _expected(self, camera: str) -> str:
+        """The expected name of the robot's frame: from the odometry messages, from transforms, or ``base_link``."""
+        return self.base.strip("/") or self._driven(camera) or BASE
+
+    def _base(self, camera: str) -> str:
+        """The robot's frame that carries the camera: the expected one, or else the topmost with a usual name."""
+        expected, named = self.named(self._expected(camera)), self.named(camera)
+        if self.between(expected, named) is not None:
+            return expected
+        above = [name for name, _ in self._above(named)][::-1]
+        return next((name for usual in BASES for name in above if _is_called(name, usual)), expected)
+
+    def _known(self) -> set[str]:
+        return self._links.keys() | {parent for parent, _ in self._links.values()}
+
+    def named(self, frame: str) -> str:
+        """The frame with a name, or the only one whose name differs from it only by a leading namespace."""
+        frame = frame.strip("/")
+        known = self._known()
+        alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
+        return alike[0] if frame and frame not in known and len(alike) == 1 else frame
+
+    def hangs(self, frame: str) -> bool:
+        """Whether a frame has a parent."""
+        return self.named(frame) in self._links
+
+    def between(self, frame: str, other: str) -> Pose | None:
+        """Pose of another frame in a frame; None without a common ancestor in which the frame does not move."""
+        frame, other = frame.strip("/"), other.strip("/")
+        above: dict[str, Pose] = {}
+        for name, T in self._above(frame):
+            above[name] = T
+            if name in self._moving:
+                break
+        found = next(((name, T) for name, T in self._above(other) if name in above), None)
+        return None if found is None else inverse(above[found[0]]) @ found[1]
+
+    def _way(self, base: str, frame: str) -> list[str]:
+        """The names of a frame and its ancestors below the robot's frame."""
+        names = [name for name, _ in self._above(frame)]
+        return names[: names.index(base)] if base in names else names
+
+    def _above(self, frame: str) -> Iterator[tuple[str, Pose]]:
+        """The names of a frame and of its ancestors, and the frame's pose in each."""
+        name, T = frame.strip("/"), np.eye(4)
+        yield name, T
+        for _ in range(len(self._links)):
+            if name not in self._links:
+                return
+            name, step = self._links[name]
+            T = step @ T
+            yield name, T
+
+    def __str__(self) -> str:
+        """Each parent with its children."""
+        children: dict[str, list[str]] = {}
+        for child, (parent, _) in self._links.items():
+            children.setdefault(parent, []).append(child)
+        return ", ".join(f"{parent} → {' '.join(names)}" for parent, names in children.items()) or "none"
+
+
+def _is_called(name: str, usual: str) -> bool:
+    """Whether a name is the usual one, possibly with a prefix."""
+    return name == usual or name.endswith((f"/{usual}", f"_{usual}"))

@@ -1,0 +1,34 @@
+"""What is read from ROS messages: times, poses and vectors, and the names of a robot's frames (REP 103 and 105)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+from pipeline.arrays import Pose
+from pipeline.transforms import from_rotation
+
+Message = Any  # A message of rosbags: an instance of one of the dataclasses in the store
+STORE = get_typestore(Stores.ROS2_JAZZY)
+CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
+NANO = 10**9
+
+
+def seconds(stamp: Message) -> float:
+    """The time of a stamp, s."""
+    return (stamp.sec * NANO + stamp.nanosec) / NANO
+
+
+def pose_matrix(position: Message, quaternion: Message) -> Pose:
+    """The pose from a position and a quaternion; all NaN if the quaternion is zero or not finite."""
+    q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
+    if not np.isfinite(q).all() or not q.any():
+        return np.full((4, 4), np.nan)
+    return from_rotation(Rotation.from_quat(q).as_matrix(), [position.x, position.y, position.z])
+
+
+def vector_of(message: Message) -> NDArray[np.float64]:
+    """A Vector3 as an array (3,)."""
+    return np.array([message.x, message.y, message.z])

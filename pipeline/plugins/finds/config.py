@@ -1,0 +1,117 @@
+"""Parameters of reading signs, codes and shapes in images."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SquaresConfig:
+    """Which outlines in an image may be squares.
+
+    Attributes:
+        most_pixels: maximum size of an image, pixels; larger ones are shrunk, to take about as long as 1600 × 1200.
+        least_side: minimum side of a sign that can be recognised, pixels.
+        small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
+            compared with, pixels.
+        contrast: offset of the thresholds below and above the mean, levels of 256.
+        more_coloured: difference from the mean saturation above which a pixel is coloured, levels of 256.
+        hues: step from one colour mask to the next, 256ths of the circle of hues.
+        hue_width: range of hues in a colour mask, 256ths of the circle.
+        coloured: saturation, of 255, above which a pixel has a hue.
+        faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
+        tolerances: errors of an outline's polygon, as shares of its length, tried until it has four corners or fewer.
+        filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
+        aslant: maximum ratio of two sides: that of a square seen at 70° to its normal.
+        oblong: ratio of two sides from which on signs are expected side by side only along the longer one.
+        same: maximum difference in middle and size of outlines of the same square, as a share of the diagonal.
+        smallest, largest: minimum and maximum side of signs and codes, m, checked where the depth is known; the
+            leagues' signs are up to 0.3 m wide.
+    """
+
+    most_pixels: int = 2_097_152
+    least_side: int = 16
+    small_window: int = 17
+    window: int = 51
+    contrast: int = 3
+    more_coloured: int = 16
+    hues: int = 16
+    hue_width: int = 32
+    coloured: int = 64
+    faint_edge: int = 32
+    sure_edge: int = 96
+    tolerances: tuple[float, ...] = (0.02, 0.04, 0.06)
+    filled: float = 0.88
+    aslant: float = 3.0
+    oblong: float = 1.5
+    same: float = 0.1
+    smallest: float = 0.05
+    largest: float = 0.5
+
+
+@dataclass(frozen=True)
+class HazmatConfig:
+    """When a square is a hazmat sign.
+
+    Attributes:
+        confidence: minimum confidence of a sign, exclusive.
+        rarer: odds of a sign among the training patches, divided by those among the squares of a camera's image;
+            chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
+        alike: minimum intersection over union of squares that vote on a sign's class.
+        sizes: scales of a square's outline over which probabilities are averaged: outlines are a little off.
+    """
+
+    confidence: float = 0.5
+    rarer: float = 9.0
+    alike: float = 0.5
+    sizes: tuple[float, ...] = (0.97, 1.0, 1.03)
+
+
+@dataclass(frozen=True)
+class CodesConfig:
+    """How QR codes are read.
+
+    Attributes:
+        checked_side: side of a rectified square that is checked for the modules of a code, pixels.
+        changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
+            range. Of the 21 modules of the smallest code, half differ from the one before: 10 changes of 30 %.
+        read_side: side of a rectified square that is decoded, pixels: at least three per module up to version 10.
+        least_area: minimum area of a code, square pixels.
+        undecoded: confidence of a code that was located but not decoded; it is looked at from nearer.
+    """
+
+    checked_side: int = 64
+    changes: float = 3.0
+    read_side: int = 256
+    least_area: float = 1.0
+    undecoded: float = 0.5
+
+
+@dataclass(frozen=True)
+class ShapesConfig:
+    """What may be an extinguisher or a lever.
+
+    Attributes:
+        stride: distance between the rows and columns that are searched, pixels.
+        noise: minimum height by which a pixel stands out, standard deviations of the depth.
+        hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
+        coloured: saturation, of 255, above which a pixel of such a hue is red.
+        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations: 97 %
+            of the objects are less than two above it.
+        confidence: minimum confidence of an object, exclusive.
+    """
+
+    stride: int = 2
+    noise: float = 3.0
+    hue: int = 16
+    coloured: int = 127
+    spreads: float = 2.0
+    confidence: float = 0.5
+
+
+@dataclass(frozen=True)
+class FindsConfig:
+    """The parameters of all readers; the parts document their own."""
+
+    squares: SquaresConfig = SquaresConfig()
+    hazmat: HazmatConfig = HazmatConfig()
+    codes: CodesConfig = CodesConfig()
+    shapes: ShapesConfig = ShapesConfig()

@@ -1,0 +1,69 @@
+"""Read hazmat signs: squares in the image are rectified and classified, and those that are not signs are rejected."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Pixels
+from pipeline.plugins.finds.config import HazmatConfig
+from pipeline.plugins.finds.patch_network import PatchNetwork
+from pipeline.plugins.finds.squares import Pyramid, Squares, rectified
+from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
+
+SIGN = "hazmat_sign"
+SIGN_SIDE = 96  # Side of a patch, pixels; the sign's is 80 % of it, which leaves ten per letter of a word
+
+
+class HazmatReader:
+    """Finds hazmat signs and their classes, whichever way up they hang."""
+
+    def __init__(self, network: PatchNetwork, config: HazmatConfig = HazmatConfig()):
+        """Read with a trained network."""
+        self._network, self._config = network, config
+
+    @classmethod
+    def load(cls, weights: Path, config: HazmatConfig = HazmatConfig()) -> "HazmatReader":
+        """A reader with the weights of a safetensors file; InputError as for :meth:`PatchNetwork.load`."""
+        return cls(PatchNetwork.load(weights, len(HAZMAT_CLASSES), side=SIGN_SIDE), config)
+
+    def read(self, squares: Squares) -> list[Reading]:
+        """The signs among the squares of an image, the most confident first."""
+        quads = squares.quads
+        if not len(quads):
+            return []
+        patches = np.stack([rectified(squares.pyramid, quad, SIGN_SIDE) for quad in quads])
+        # The mean over all four orientations is at least a quarter of this one.
+        one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
+        likely = np.flatnonzero(self._sureness(one_way_up / 4) > self._config.confidence)
+        if not len(likely):
+            return []
+        found = self._signs(quads[likely], self._chances(squares.pyramid, quads[likely]))
+        return [
+            Reading(SIGN, HAZMAT_CLASSES[int(classes.argmax())], quad / squares.scale, sure)
+            for quad, sure, classes in found
+        ]
+
+    def _chances(self, pyramid: Pyramid, quads: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, classes + 1) probabilities of squares, averaged over outlines that are a little smaller or larger."""
+        middles = quads.mean(axis=1, keepdims=True)
+        outlines = [np.float32(size) * (quads - middles) + middles for size in self._config.sizes]
+        patches = [np.stack([rectified(pyramid, quad, SIGN_SIDE) for quad in scaled]) for scaled in outlines]
+        return np.mean([self._network.probabilities(part) for part in patches], axis=0, dtype=np.float32)
+
+    def _signs(
+        self, quads: NDArray[np.float32], chances: NDArray[np.float32]
+    ) -> Iterator[tuple[Pixels, float, NDArray[np.float32]]]:
+        """The best square of each sign, its confidence, and the class shares, which similar squares vote on too."""
+        config, left = self._config, list(chances[:, -1].argsort(kind="stable"))
+        while left and (sure := float(self._sureness(chances[left[0], -1]))) > config.confidence:
+            best, *others = left
+            alike = [best, *(k for k in others if overlap(quads[best], quads[k])[0] > config.alike)]
+            votes = chances[alike, :-1].sum(axis=0)
+            yield quads[best], sure, votes / votes.sum()
+            left = [k for k in others if not is_same(quads[best], quads[k])]
+
+    def _sureness(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Probability of a sign by Bayes' rule, given the network's probability that there is none."""
+        return np.asarray((1 - no_sign) / (1 - no_sign + self._config.rarer * no_sign), np.float32)

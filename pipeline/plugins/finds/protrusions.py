@@ -1,0 +1,153 @@
+"""Where a fire extinguisher ("bottle") or a door lever may be: what stands out from the wall, or has a bottle's red.
+
+Along a column of the image, inverse depth is constant on an upright wall and increases linearly on the ground. A
+morphological opening leaves both unchanged, and removes what is less tall than its window.
+"""
+
+from dataclasses import dataclass
+from math import ceil, exp
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Depth, PixelMask, Pixels, Rgb
+from pipeline.frame import Frame, Intrinsics
+from pipeline.plugins.finds.config import ShapesConfig
+from pipeline.sensor import SensorModel
+from pipeline.tracks.config import LikelihoodConfig
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large the regions of bottles and levers are, in m or m².
+
+    Attributes:
+        relief: median height by which a bottle stands out, which is its width.
+        tallest, widest: maximum height and width of a region; a bottle may hang askew.
+        longest: minimum longer side of a region.
+        area: minimum area of a region.
+        ratio: ratio of the largest extents to their median.
+    """
+
+    relief: float
+    tallest: float
+    widest: float
+    longest: float
+    area: float
+    ratio: float
+
+    @classmethod
+    def of(cls, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
+        """The sizes that follow from the medians and the spread of the extents."""
+        (bottle, *_), (lever, *_) = likelihood.fire_extinguisher, likelihood.door_lever
+        larger = exp(config.spreads * likelihood.spread)
+        smallest = lever[1] * exp(-config.spreads * likelihood.spread)
+        widest = bottle[1] * larger * larger
+        return cls(bottle[1], bottle[0] * larger, widest, smallest, likelihood.thinnest * smallest, larger)
+
+
+@dataclass(frozen=True, eq=False)
+class Protrusions:
+    """What a frame shows that may be a bottle or a lever.
+
+    Attributes:
+        picture: (H, W, 4) uint8, the frame's colours, and how far each pixel stands out; 255 = a bottle's width.
+        regions: (N, 2) int64 rows and columns of some of the pixels of each region.
+    """
+
+    picture: NDArray[np.uint8]
+    regions: list[NDArray[np.int64]]
+
+    @classmethod
+    def of(cls, frame: Frame, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
+        """The regions of a frame that stand out, or are red, and have the size of bottles or levers."""
+        stride, sizes = config.stride, Sizes.of(config, likelihood)
+        depth, lens = frame.every_nth(stride)
+        depth = np.where(np.isfinite(depth), depth, 0)
+        height = relief(depth, lens, frame.sensor, sizes.tallest, sizes.ratio)
+        colours = np.ascontiguousarray(frame.rgb[stride // 2 :: stride, stride // 2 :: stride])
+        masks = height > config.noise * frame.sensor.sigma(depth), _is_red(colours, config) & (depth > 0)
+        regions = [region * stride + stride // 2 for mask in masks for region in _regions(mask, depth, lens, sizes)]
+        most = np.iinfo(np.uint8).max
+        share = np.clip(most * height / sizes.relief, 0, most).astype(np.uint8)
+        whole = cv2.resize(share, frame.rgb.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+        return cls(np.dstack([frame.rgb, whole]), regions)
+
+
+def outline(region: NDArray[np.int64]) -> Pixels:
+    """Corners of the convex hull of a region, (N, 2) rows and columns."""
+    return np.asarray(cv2.convexHull(region[:, ::-1].astype(np.float32) + np.float32(0.5))[:, 0], np.float32)
+
+
+def square_around(region: NDArray[np.int64]) -> Pixels:
+    """Corners of a square around the middle of a region, (N, 2) rows and columns, twice as wide as it is long."""
+    low, high = region.min(axis=0), region.max(axis=0) + 1
+    unit = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
+    return ((low + high)[::-1] / 2 + unit * (high - low).max()).astype(np.float32)
+
+
+def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, ratio: float) -> Depth:
+    """How far each return stands out from what is above and below it in the image, m; 0 elsewhere.
+
+    Args:
+        depth: depth image, m.
+        lens: intrinsics of the depth image.
+        sensor: the camera that measured it.
+        tallest: maximum height of objects that stand out, m.
+        ratio: ratio of the farthest to the nearest depth of a band of depths; each band has its own window.
+    """
+    nearness = np.asarray(cv2.medianBlur(_filled(depth), 3), np.float32)
+    far, out = np.float32(1 / sensor.farthest), np.zeros_like(depth)
+    z = sensor.nearest
+    while z < sensor.farthest:  # a band's window fits its nearest objects
+        behind = np.maximum(_opened(nearness, ceil(tallest * lens.fy / z) | 1), far)
+        band = (depth >= z) & (depth < z * ratio)
+        out[band] = 1 / behind[band] - 1 / np.maximum(nearness[band], far)
+        z *= ratio
+    return out
+
+
+def _filled(depth: Depth) -> NDArray[np.float32]:
+    """(H, W) inverse depth, 1/m; gaps get that of the farther of the next returns to the left and right, if any."""
+    is_return, columns = depth > 0, np.arange(depth.shape[1])
+    left = np.maximum.accumulate(np.where(is_return, columns, -1), axis=1) + 1
+    right = np.minimum.accumulate(np.where(is_return, columns, len(columns))[:, ::-1], axis=1)[:, ::-1] + 1
+    inverse = np.divide(1, depth, out=np.zeros_like(depth), where=is_return)
+    padded = np.pad(inverse, ((0, 0), (1, 1)), constant_values=np.inf)
+    nearest = np.minimum(*(np.take_along_axis(padded, side, axis=1) for side in (left, right)))
+    return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32)
+
+
+def _opened(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+    """An image opened with a window of an odd number of rows; its first and last rows are replicated beyond it."""
+    padded = cv2.copyMakeBorder(image, rows, rows, 0, 0, cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((rows, 1), np.uint8)), np.float32)[rows:-rows]
+
+
+def _is_red(rgb: Rgb, config: ShapesConfig) -> PixelMask:
+    """The pixels with a bottle's hue, in any light."""
+    hue, saturation, _ = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV_FULL))
+    # Hues wrap around, and so do sums of unsigned bytes.
+    return (hue + np.uint8(config.hue) < 2 * config.hue) & (saturation > config.coloured)
+
+
+def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> list[NDArray[np.int64]]:
+    """(N, 2) rows and columns of each connected region that is as large as objects may be."""
+    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's shifts by a pixel
+    clean = cv2.dilate(cv2.erode(mask.astype(np.uint8), pair), pair, anchor=(0, 0))
+    count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
+    away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]
+    pixel = away / lens.fx  # m
+    width, height = (boxes[:, side] * pixel for side in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT))
+    fits = (height < sizes.tallest) & (width < sizes.widest)
+    fits &= np.maximum(width, height) > sizes.longest
+    fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > sizes.area
+    fits[0] = False  # label 0 is what is not in the mask
+    found = []
+    for part in np.flatnonzero(fits):
+        x, y, w, h = boxes[part, : cv2.CC_STAT_AREA]
+        inside = np.argwhere(number[y : y + h, x : x + w] == part)
+        found.append(inside + np.array([y, x]))
+    return found

@@ -1,0 +1,59 @@
+"""All readers of finds together, which turn a frame into readings of what it shows."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.plugins.finds.codes import CodeReader
+from pipeline.plugins.finds.config import FindsConfig
+from pipeline.plugins.finds.hazmat import HazmatReader
+from pipeline.plugins.finds.shapes import ShapeReader
+from pipeline.plugins.finds.squares import Squares
+from pipeline.tracks.config import LikelihoodConfig
+from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
+from pipeline.victims.detection.detection import Detection
+from pipeline.victims.readers import not_among
+
+
+class FindReaders:
+    """Reads signs, codes and shapes, and takes over what a detector has found."""
+
+    def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
+        """``hazmat``: reads hazmat signs; ``shapes``: reads extinguishers and levers."""
+        self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
+        self._config = config
+
+    @classmethod
+    def load(
+        cls,
+        hazmat: Path,
+        shapes: Path,
+        config: FindsConfig = FindsConfig(),
+        likelihood: LikelihoodConfig = LikelihoodConfig(),
+    ) -> "FindReaders":
+        """Readers with the weights of both classifiers; InputError as for :meth:`HazmatReader.load`."""
+        shape_reader = ShapeReader.load(shapes, config.shapes, likelihood)
+        return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
+
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
+        """What a frame shows, given a detector's boxes in its image."""
+        shapes = self._shapes.read(frame)
+        squares = Squares.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
+        return [*shapes, *not_among(self._read(squares, detections), shapes)]
+
+    def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
+        """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are ignored.
+
+        Raises:
+            InputError: the image is empty or of another type.
+        """
+        return self._read(Squares.of(rgb, self._config.squares), detections)
+
+    def _read(self, squares: Squares, detections: Sequence[Detection]) -> list[Reading]:
+        others = [d for d in detections if d.kind in FIND_KINDS]
+        signs = self._hazmat.read(squares)
+        boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]
+        return [*signs, *self._codes.read(squares), *not_among(boxes, signs)]

@@ -1,0 +1,195 @@
+"""The 2D map in the league's format, drawn with every element that the rules list."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from pipeline.arrays import Cells, Layer, MaskLayer, Place, Places, Points, Pose, Rgb
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.grid_map import Grid, check_memory
+from pipeline.metric_map.io.plans import write_geotiff
+from pipeline.metric_map.io.ros_map import LETHAL, costs
+from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.plugins.league.pois import PointOfInterest
+from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS, pixels
+from pipeline.transforms import inverse, transform_points
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedGround:
+    """The ground that was searched.
+
+    Attributes:
+        grid: grid of the layers, in ``map``.
+        walls: walls and obstacles.
+        confidence: probability, at least ½, that the map is right about the ground; 0 where nothing is known.
+    """
+
+    grid: Grid
+    walls: MaskLayer
+    confidence: Layer
+
+
+def searched_ground(ground: Traversability, metric_map: MetricMap, places: Places) -> SearchedGround:
+    """The ground that is connected to positions where the robot was, and the obstacles."""
+    cost, grid = costs(ground, places), ground.grid
+    i, j = np.nonzero(cost >= 0)
+    points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
+    confidence = np.zeros(grid.shape)
+    confidence[i, j] = expit(LOG_ODDS * np.abs(metric_map.log_odds_at(metric_map.voxel_index(points))))
+    return SearchedGround(grid, cost == LETHAL, confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A 2D map in the league's frame: x to the right, y up.
+
+    Attributes:
+        image: the drawing; a pixel is ``LENGTHS["pixel"]`` m wide.
+        corner: upper left corner of the image, x and y, m.
+    """
+
+    image: Rgb
+    corner: Place
+
+    def pixel_of(self, points: NDArray[np.floating]) -> Cells:
+        """(..., 2) columns and rows of points (..., 2 or 3), m, in the league's frame."""
+        return np.floor((points[..., :2] - self.corner) * [1, -1] / LENGTHS["pixel"]).astype(np.int64)
+
+
+def draw_plan(
+    title: str, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
+) -> Plan:
+    """Draw the 2D map.
+
+    Args:
+        title: the file's name.
+        ground: the ground that was searched.
+        T_map_league: pose of the league's frame: level, at the robot's front at the start, with y forward.
+        way: positions along the robot's path, beginning at its start.
+        pois: the finds.
+
+    Raises:
+        InputError: the map is so large that the image would take too much memory.
+    """
+    driven = transform_points(inverse(T_map_league), way)
+    searched = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
+    corners = transform_points(inverse(T_map_league), np.column_stack([searched, np.zeros(len(searched))]))
+    plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
+    _draw_ground(plan, ground, T_map_league)
+    _draw_start(plan, driven[0])
+    # Drawn over the start, because the path of a robot that could not leave it is a dot there.
+    line = plan.pixel_of(driven)[:, None].astype(np.int32)
+    cv2.polylines(plan.image, [line], False, MAP_COLOURS["path"], pixels("path"))
+    for poi in pois:
+        if poi.type in MAP_COLOURS:
+            _draw_find(plan, poi)
+    _draw_scale(plan, title)
+    return plan
+
+
+def write_plan(
+    path: Path, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
+) -> None:
+    """Draw the 2D map with :func:`draw_plan`, and write it as a GeoTIFF in the league's frame.
+
+    Raises:
+        InputError: the file cannot be written, or the image would take too much memory.
+    """
+    plan = draw_plan(path.name, ground, T_map_league, way, pois)
+    write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
+
+
+def _empty_plan(points: Places, letters: int) -> Plan:
+    """A checkerboard around points, wide enough for a title of ``letters`` letters next to the scale."""
+    pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
+    corner = np.rint([low[0] / pixel, high[1] / pixel]) * pixel
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    check_memory(f"a 2D map of {width} × {height} pixels", 2 * 3 * width * height)
+    x = np.floor((corner[0] + (np.arange(width) + 0.5) * pixel) / LENGTHS["checker"])
+    y = np.floor((corner[1] - (np.arange(height) + 0.5) * pixel) / LENGTHS["checker"])
+    is_dark = ((x[None] + y[:, None]) % 2).astype(np.uint8)
+    return Plan(np.array([MAP_COLOURS["light"], MAP_COLOURS["dark"]], np.uint8)[is_dark], corner)
+
+
+def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: Pose) -> None:
+    """Draw the searched area in greys that show its confidence, the grid on it, and the walls."""
+    confidence, is_wall = (_as_seen(plan, layer, ground.grid, T_map_league) for layer in _layers(ground))
+    is_known = confidence > 0
+    plan.image[is_known] = confidence[is_known, None]
+    step, first = pixels("grid"), plan.pixel_of(np.zeros(2))
+    for lines in (np.s_[first[1] % step :: step], np.s_[:, first[0] % step :: step]):
+        plan.image[lines][is_known[lines]] = MAP_COLOURS["grid"]
+    plan.image[is_wall > 0] = MAP_COLOURS["walls"]
+
+
+def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """(nx, ny) greys of the confidence, from ``searched`` to ``text``, 0 where nothing is known; and walls."""
+    (least, *_), (most, *_) = MAP_COLOURS["searched"], MAP_COLOURS["text"]
+    greys = np.rint(least + (2 * ground.confidence - 1) * (most - least))
+    return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
+
+
+def _as_seen(plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
+    """(H, W) values of a layer (nx, ny), whose grid is in ``map``, at a plan's pixels; 0 outside the grid."""
+    pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
+    x, y = plan.corner + np.array([pixel, -pixel]) / 2
+    of_pixels = np.array([[pixel, 0, x], [0, -pixel, y], [0, 0, 1]])
+    to_cells = np.array([[1, 0, -grid.origin[0]], [0, 1, -grid.origin[1]], [0, 0, grid.cell]]) / grid.cell
+    M = (to_cells @ flat @ of_pixels)[:2]
+    M[:, 2] -= 0.5  # OpenCV's pixel centres are at integers
+    flags: Any = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    return cv2.warpAffine(np.ascontiguousarray(layer.T), M, plan.image.shape[1::-1], flags=flags).astype(np.uint8)
+
+
+def _draw_start(plan: Plan, start: Points) -> None:
+    """Draw an arrow that points up, at the robot's centre at the start."""
+    x, y = plan.pixel_of(start).tolist()
+    half = pixels("arrow", 0.5)
+    side = half // 2
+    tips = np.array([(0, -half), (-side, half), (0, side), (side, half)], np.int32)
+    cv2.fillPoly(plan.image, [tips + np.array([x, y], np.int32)], MAP_COLOURS["start"])
+
+
+def _draw_find(plan: Plan, poi: PointOfInterest) -> None:
+    """Draw a tag as a disc with its number, other finds as a diamond with the first two letters of the name."""
+    x, y = plan.pixel_of(poi.position).tolist()
+    if poi.type == "ar_code":
+        radius, text = pixels("disc", 0.5), poi.name
+        cv2.circle(plan.image, (x, y), radius, MAP_COLOURS[poi.type], cv2.FILLED)
+    else:
+        radius, text = pixels("diamond", 0.5), poi.name[:2]
+        tips = np.array([(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)], np.int32)
+        cv2.fillPoly(plan.image, [tips], MAP_COLOURS[poi.type])
+    (wide, high), _ = cv2.getTextSize(text, FONT, 1, 1)
+    scale = radius / max(wide, high)
+    at = (round(x - scale * wide / 2), round(y + scale * high / 2))
+    cv2.putText(plan.image, text, at, FONT, scale, MAP_COLOURS["text"])
+
+
+def _draw_scale(plan: Plan, title: str) -> None:
+    """Draw the file's name at the top left; the scale and the axes, x up and y left, at the top right."""
+    letter, right, axis = pixels("title"), plan.image.shape[1] - pixels("margin", 0.5), pixels("axis")
+    cv2.putText(plan.image, title, (letter, 2 * letter), FONT, _scale(letter), MAP_COLOURS["file_name"], 2)
+    first = right - pixels("scale")
+    plan.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
+    cv2.putText(plan.image, "1 m", (first, 2 * letter - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+    foot = (right, 3 * letter + axis)
+    for name, tip in (("x", (right, foot[1] - axis)), ("y", (right - axis, foot[1]))):
+        cv2.arrowedLine(plan.image, foot, tip, MAP_COLOURS["scale"], 2)
+        cv2.putText(plan.image, name, (tip[0] + 3, tip[1] - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+
+
+def _scale(height: int) -> float:
+    """Font scale for letters with a height in pixels."""
+    return float(cv2.getFontScaleFromHeight(FONT, height))

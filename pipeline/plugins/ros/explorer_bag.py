@@ -1,0 +1,59 @@
+"""A bag of all that a robot senses and does, and of the maps that an explorer builds from it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline.arrays import Pose
+from pipeline.datasets.recorded_robot import CurrentPose, Joints, RecordedRobot
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.plugins.ros.bag import Bag
+from pipeline.plugins.ros.config import RosConfig
+from pipeline.plugins.ros.topics import ImageFormat, MapTopics, RobotTopics
+from pipeline.robot import Robot
+from pipeline.sink import Result, Sink, Step
+
+
+class ExplorerBag(Bag, Sink):
+    """A bag of all that a robot senses and does, and of the maps that an explorer builds from it.
+
+    Attributes:
+        robot: the robot for the explorer to drive.
+    """
+
+    finishing = "writing the bag"
+
+    def __init__(
+        self,
+        path: Path,
+        images: ImageFormat,
+        robot: Robot,
+        mapper: Mapper,
+        T_world_base: CurrentPose = lambda: None,
+        joints: Callable[[], Joints | None] = lambda: None,
+        *,
+        config: RosConfig = RosConfig(),
+    ):
+        """Start a bag of a robot that drives with the maps of ``mapper``; InputError if it cannot be written.
+
+        The other arguments are those of :class:`RecordedRobot`.
+        """
+        super().__init__(path)
+        topics = RobotTopics(self.write, images)
+
+        def T_map_odom() -> Pose | None:
+            return None if mapper.T_map_start is None else mapper.T_map_odom
+
+        self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
+        self._maps = MapTopics(self.write, config=config)
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Write the newest keyframe."""
+        self._maps.keyframe(keyframe)
+
+    def on_step(self, mapper: Mapper, step: Step) -> None:
+        """Write the maps and the plan of the newest step."""
+        self._maps.maps(mapper, step.keyframe, step.plan)
+
+    def finish(self, result: Result) -> None:
+        """Close the bag; InputError if it cannot be completed."""
+        self.close()

@@ -1,0 +1,75 @@
+"""ROS actions: goals that another node pursues until it ends them."""
+
+from enum import Enum
+from importlib import import_module
+from typing import Any
+
+from pipeline.datasets.messages import Message
+from pipeline.plugins.ros.live.interfaces import interface
+from pipeline.plugins.ros.messages import encode, type_of
+
+
+class GoalEnd(Enum):
+    """How a goal ended; the numbers are those of action_msgs/GoalStatus, which has none for a rejected goal."""
+
+    REJECTED = 0
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+class ActionGoal:
+    """A goal that another node pursues.
+
+    Attributes:
+        end: how it ended; None while the other node pursues it.
+        why: the other node's reason for the end; empty if it gives none.
+    """
+
+    def __init__(self, answer: Any):
+        """``answer``: rclpy's future of the goal's handle."""
+        self.end: GoalEnd | None = None
+        self.why = ""
+        self._handle: Any = None
+        self._is_cancelled = False
+        answer.add_done_callback(self._take_answer)
+
+    def cancel(self) -> None:
+        """Ask the other node to cancel the goal, now or as soon as it has accepted it."""
+        was_cancelled, self._is_cancelled = self._is_cancelled, True
+        if self._handle is not None and self.end is None and not was_cancelled:
+            self._handle.cancel_goal_async()
+
+    def _take_answer(self, answer: Any) -> None:
+        handle = answer.result()
+        if not handle.accepted:
+            self.end = GoalEnd.REJECTED
+            return
+        self._handle = handle
+        handle.get_result_async().add_done_callback(self._take_result)
+        if self._is_cancelled:
+            handle.cancel_goal_async()
+
+    def _take_result(self, answer: Any) -> None:
+        response = answer.result()
+        # Which of these two fields a result has depends on the release of Nav2.
+        code = getattr(response.result, "error_code", 0)
+        self.why = getattr(response.result, "error_msg", "") or (f"error {code}" if code else "")
+        ends = {end.value: end for end in GoalEnd}
+        self.end = ends.get(response.status, GoalEnd.ABORTED)
+
+
+class Action:
+    """An action that another node serves."""
+
+    def __init__(self, client: Any, kind: Any):
+        """``client``: rclpy's action client; ``kind``: class of the action."""
+        self._client, self._kind = client, kind
+
+    def send(self, **fields: Message) -> ActionGoal:
+        """Send a goal with messages as its fields; it replaces a goal that is being pursued."""
+        goal = self._kind.Goal()
+        deserialize = import_module("rclpy.serialization").deserialize_message
+        for name, message in fields.items():
+            setattr(goal, name, deserialize(encode(message), interface(type_of(message))))
+        return ActionGoal(self._client.send_goal_async(goal))

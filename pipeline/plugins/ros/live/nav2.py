@@ -1,0 +1,178 @@
+"""A robot that its own Nav2 stack drives: viewpoints are goals of NavigateToPose, and no velocities are sent.
+
+Goals are given in the robot's ``odom``, because the pose of the pipeline's ``map`` in it is known, and because Nav2's
+transforms contain ``odom`` whether or not Nav2 has a map.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Place
+from pipeline.navigation.commands import STOP, Commands, Outcome, Verdict
+from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.course import Course
+from pipeline.navigation.navigator import DrivenLeg, Navigator, of_leg
+from pipeline.planning.path_plan import place_name
+from pipeline.plugins.ros import messages
+from pipeline.plugins.ros.config import Nav2Config
+from pipeline.plugins.ros.live.actions import Action, ActionGoal, GoalEnd
+from pipeline.plugins.ros.live.ros_robot import RosRobot
+from pipeline.robot import Velocity
+from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
+
+_log = logging.getLogger(__name__)
+NAVIGATE, KIND = "navigate_to_pose", "nav2_msgs/action/NavigateToPose"
+STATUS = "/_action/status"
+"""Suffix that turns the name of an action into that of its server's status topic."""
+ENDS = {Verdict.DONE: Outcome.DONE, Verdict.UNSURE: Outcome.UNSURE, Verdict.SPINNING: Outcome.STUCK}
+"""How a drive ends for each verdict after which it must not, or need not, continue."""
+LATEST = 0.0
+"""Time stamp of goals, s, with which Nav2 uses the latest transform."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GoTo(Velocity):
+    """A command to drive to a pose, with any velocities.
+
+    Attributes:
+        place: (3,) x, y in m and heading in rad, in ``odom``.
+    """
+
+    place: Place
+
+
+class Nav2Robot(RosRobot):
+    """A robot on ROS topics whose Nav2 stack follows :class:`GoTo`; any other command ends the drive."""
+
+    _goal: ActionGoal | None = None
+
+    @property
+    def has_arrived(self) -> bool | None:
+        """Whether Nav2 reached the newest goal; None while it drives there, or without a goal."""
+        end = None if self._goal is None else self._goal.end
+        return None if end is None else end is GoalEnd.SUCCEEDED
+
+    def stop(self) -> None:
+        """End the drive, and wait briefly until Nav2 confirms this."""
+        super().stop()
+        if (goal := self._goal) is not None:
+            self._node.wait(lambda: goal.end is not None, self._config.discovery)
+
+    def _deaf(self) -> list[str]:
+        if self._served():
+            return []
+        ending = f"/{NAVIGATE}{STATUS}"
+        others = [topic.removesuffix(STATUS) for topic in self._node.types() if topic.endswith(ending)]
+        there = f" (found {', '.join(others)}; set --topics.odom to a topic in its namespace)" if others else ""
+        return [f"no Nav2 action server offers {self._names()[0]}{there}"]
+
+    def _prepare_commands(self) -> None:
+        name = self._served()
+        self._action: Action = self._node.action(name, KIND)
+        _log.warning("sending Nav2 goals to %s, in the frame of %s", name, self.topics.odom)
+
+    def _served(self) -> str:
+        """The name of the action; empty if no node serves it."""
+        return next((name for name in self._names() if self._node.senders(name + STATUS)), "")
+
+    def _names(self) -> list[str]:
+        """The names that the action may have: in the namespace of the odometry, or one that contains it."""
+        spaces = f"/{self.topics.odom.strip('/')}".split("/")[:-1]
+        return ["/".join([*spaces[:depth], NAVIGATE]) for depth in range(len(spaces), 0, -1)]
+
+    def _send(self, command: Velocity) -> None:
+        before, self._last, self._commanded = self._last, command, self._senses.time
+        if not isinstance(command, GoTo):
+            if self._goal is not None:
+                self._goal.cancel()
+        elif command is not before:
+            x, y, heading = command.place
+            pose = messages.pose_stamped(LATEST, self._senses.odom_frame, from_yaw(x, y, 0.0, heading))
+            self._goal = self._action.send(pose=pose)
+
+    def _rest(self) -> None:
+        """Do nothing: Nav2 keeps the robot safe while the pipeline computes."""
+
+    def why_ended(self) -> str:
+        """How the newest goal ended, according to Nav2."""
+        goal = self._goal
+        if goal is None or goal.end is None:
+            return "not ended"
+        return f"{goal.end.name.lower()}{goal.why and f' ({goal.why})'}"
+
+
+class Nav2Navigator(Navigator):
+    """Leads a robot that its Nav2 stack drives: only the end of a path counts, and the robot stops there."""
+
+    def __init__(
+        self, robot: Nav2Robot, config: NavigationConfig = NavigationConfig(), nav2: Nav2Config = Nav2Config()
+    ):
+        super().__init__(robot.model, robot.control_period, config)
+        self._body, self._nav2 = robot, nav2
+
+    def halt(self) -> Commands:
+        """End the drive, and wait until the robot has stopped."""
+        yield STOP
+        end = self._time + self._nav2.braking
+        while self._speed > self._config.follower.still and self._time < end:
+            yield STOP
+        return Outcome.REACHED
+
+    def turn(self, angle: float) -> Commands:
+        """Turn in place by an angle, rad, counter-clockwise."""
+        yield from self.halt()
+        T = self.T_map_base
+        return (yield from self._go_to(np.append(T[:2, 3], yaw_of(T) + angle), 0.0))
+
+    def _follow(self, course: Course) -> Commands:
+        self.halts, self.track = [], []
+        way, heading = course.way, course.heading
+        yield STOP
+        here = self.T_map_base[:2, 3]
+        end = way[-1].poses[-1, :2] if way else here
+        heading = way[-1].last_heading if heading is None and way else heading
+        outcome = Outcome.MOVED
+        if not self._is_elsewhere(course.start):
+            heading = yaw_of(self.T_map_base) if heading is None else heading
+            length = sum(stretch.length for stretch in way)
+            outcome = yield from self._go_to(np.append(end, heading), length)
+        self.legs.append(DrivenLeg(end, of_leg(outcome)))
+        return outcome
+
+    def _go_to(self, place: Place, length: float) -> Commands:
+        """Let Nav2 drive to x, y and heading in ``map`` along a path of ``length`` m."""
+        command = GoTo(place=self._in_odom(place))
+        latest = self._time + self._nav2.patience + length / self._nav2.least_speed
+        while True:
+            verdict = yield command
+            outcome = self._outcome(verdict, place, latest)
+            if outcome is not None:
+                yield from self.halt()
+                return outcome
+            if self._is_off(command.place, corrected := self._in_odom(place)):
+                command = GoTo(place=corrected)
+
+    def _outcome(self, verdict: Verdict, place: Place, latest: float) -> Outcome | None:
+        """How the drive has ended; None if it has not. It may last until ``latest``, s."""
+        if verdict in ENDS:
+            return ENDS[verdict]
+        if self._was_carried:
+            return Outcome.MOVED
+        if (has_arrived := self._body.has_arrived) is not None:
+            if not has_arrived:
+                _log.warning("Nav2 did not reach the goal %s: %s", place_name(place[:2]), self._body.why_ended())
+            return Outcome.REACHED if has_arrived else Outcome.BLOCKED
+        return Outcome.STUCK if self._time > latest else None
+
+    def _in_odom(self, place: Place) -> Place:
+        """X, y and heading in ``map``, converted to ``odom``."""
+        x, y, heading = place
+        T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
+        return np.append(T[:2, 3], yaw_of(T))
+
+    def _is_off(self, sent: Place, place: Place) -> bool:
+        """Whether the map was corrected so much that a goal must be sent again."""
+        way, turn = np.linalg.norm(place[:2] - sent[:2]), abs(wrap_angle(place[2] - sent[2]))
+        return bool(way > self._nav2.moved or turn > self._nav2.turned)

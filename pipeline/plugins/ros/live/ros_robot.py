@@ -1,0 +1,259 @@
+"""A robot on a ROS 2 network, real or simulated, as the pipeline's robot."""
+
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from pipeline.arrays import Pose
+from pipeline.datasets.cameras import IMAGE_TYPES, INFO_TYPE, info_topic
+from pipeline.datasets.links import tf_topics
+from pipeline.errors import InputError
+from pipeline.frame import SAME_TIME, Frame
+from pipeline.plugins.ros import messages
+from pipeline.plugins.ros.config import LiveConfig
+from pipeline.plugins.ros.live.node import RosNode
+from pipeline.plugins.ros.live.senses import Senses
+from pipeline.plugins.ros.live.topic_names import TopicNames
+from pipeline.robot import Motion, RobotModel, Velocity
+from pipeline.transforms import angle_of, inverse
+
+_log = logging.getLogger(__name__)
+ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
+STAMPED = "geometry_msgs/msg/TwistStamped"
+TRANSFORM = "/camera/transform"  # Used where tf2_msgs is not installed
+
+
+class RosRobot:
+    """Implements :class:`pipeline.robot.Robot` over ROS topics. Time passes while the pipeline computes.
+
+    Attributes:
+        model: the robot's size and abilities.
+        control_period: control period, s.
+    """
+
+    def __init__(
+        self,
+        node: RosNode,
+        model: RobotModel,
+        topics: TopicNames,
+        T_base_camera: Pose | None = None,
+        patience: float = 5.0,
+        wait: float = 0.0,
+        on_motion: Callable[[Motion], object] = lambda motion: None,
+        *,
+        config: LiveConfig = LiveConfig(),
+    ):
+        """Find the robot.
+
+        Args:
+            node: node on the robot's network.
+            model: the robot's size and abilities.
+            topics: names of the robot's topics.
+            T_base_camera: pose of the camera; by default from the robot's transforms.
+            patience: time that a topic may be silent, s by the wall clock; the robot must heed commands within twice
+                this time.
+            wait: additional time in which a robot that is not there yet may start, s by the wall clock.
+            on_motion: called with every motion; an exception that it raises ends the run.
+            config: times, and the slowest commands that a robot follows.
+
+        Raises:
+            InputError: a necessary topic, listener or transform is missing.
+        """
+        self.model, self.topics = model, topics
+        self._on_motion, self._config = on_motion, config
+        self._node, self._patience = node, patience
+        self._senses = Senses(model.half_width, config)
+        self._heard: dict[str, float] = {}
+        self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
+        self._frame_time = -np.inf
+        self._anchor, self._unheeded = np.eye(4), 0.0
+        self._find(wait)
+        self._camera = self._senses.camera(topics.depth, topics.color)
+        self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
+        if self._camera.note:
+            _log.warning("%s", self._camera.note)
+        self.control_period = round(max(config.least_period, self._senses.period), 4)
+        node.idle = self._rest
+
+    def _find(self, wait: float) -> None:
+        """Wait up to ``wait`` s longer than patience for all necessary topics, and listen to them."""
+        node, topics, senses = self._node, self.topics, self._senses
+        needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
+
+        def missing() -> list[str]:
+            silent = [f"nothing publishes {topic}" for topic in needed if not node.senders(topic)]
+            return silent + self._deaf()
+
+        if not node.wait(lambda: not missing(), self._patience):
+            _log.warning("waiting for the robot: %s", ", ".join(missing()))
+            if not node.wait(lambda: not missing(), wait):
+                others = "" if all(map(node.senders, needed)) else self._others(needed)
+                raise InputError(f"no robot found within {self._patience + wait:g} s: {', '.join(missing())}{others}")
+        for topic in needed:
+            if len(senders := node.senders(topic)) > 1:
+                raise InputError(f"{topic}: several nodes publish it ({', '.join(senders)}); stop all but one")
+        self._prepare_commands()
+        types = node.types()
+        self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
+        self._listen(topics.color, senses.take_colour(types[topics.color][0]))
+        self._listen(topics.camera_info, senses.take_info)
+        self._listen(topics.odom, senses.take_odometry)
+        self._listen_to_others()
+        self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+
+    def _deaf(self) -> list[str]:
+        """The missing receivers of the robot's commands."""
+        return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
+
+    def _prepare_commands(self) -> None:
+        kinds = self._node.types()[self.topics.cmd_vel]
+        self._kind = STAMPED if STAMPED in kinds else "geometry_msgs/msg/Twist"
+        self._node.offer(self.topics.cmd_vel, self._kind)
+
+    def _listen_to_others(self) -> None:
+        """Listen to what not every robot sends: inertial data, transforms, the camera_info of the colour images."""
+        node, topics, senses = self._node, self.topics, self._senses
+
+        def places() -> list[str]:
+            sent = {topic: names[0] for topic, names in node.types().items() if node.senders(topic)}
+            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (TRANSFORM in sent)
+
+        # They may not be discovered yet.
+        node.wait(lambda: bool(node.senders(topics.imu)) and bool(places()), self._config.discovery)
+        takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
+        of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
+        if of_colour not in (None, topics.camera_info):
+            takers[of_colour] = senses.take_colour_info
+        self._may_fall_silent = set(takers)
+        if not node.senders(topics.imu) and (imus := self._sent(IMU)):
+            _log.warning("nothing publishes %s; to use %s instead, set --topics.imu", topics.imu, " or ".join(imus))
+        for topic, take in {topics.imu: senses.take_imu, **takers}.items():
+            with suppress(InputError):  # the packages of PyPI have no type for transforms
+                if node.senders(topic):
+                    self._listen(topic, take)
+        node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
+
+    def _others(self, needed: Sequence[str]) -> str:
+        """For an error message, the topics that may have been meant by those that nothing publishes."""
+        there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
+        return f"; published instead: {', '.join(there)}; choose with the --topics flags" if there else ""
+
+    def _sent(self, *kinds: str) -> list[str]:
+        """The topics on which messages of given types are sent."""
+        return sorted(
+            topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.senders(topic)
+        )
+
+    def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
+        def heard(data: bytes) -> None:
+            self._heard[topic] = self._node.now()
+            take(data)
+
+        self._node.listen(topic, heard)
+        self._heard.setdefault(topic, -np.inf)
+
+    def _camera_pose(self) -> Pose:
+        links, frame = self._senses.links, self._camera.frame
+        self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
+        T, self._senses.T_driven_base, note = links.mount(frame)
+        if T is None:
+            raise InputError(f"{note}; give the camera's pose with --camera X Y Z ROLL PITCH YAW, m and °")
+        if note:
+            _log.warning("%s", note)
+        return T
+
+    def sense(self) -> Frame:
+        """The newest frame, hardly older than the newest odometry.
+
+        Meanwhile, a driving robot repeats its last command, but not for long.
+
+        Raises:
+            InputError: a topic fell silent, or the images cannot be used.
+        """
+        senses, start, hold = self._senses, self._senses.time, self._config.hold
+        after = max(start - hold / 2, self._frame_time)
+        while self._last != Velocity() and not self._sees(after) and senses.time - start < hold:
+            self.drive(self._last)
+        self._wait(lambda: self._sees(after))
+        with self._node.received:
+            self._frame_time = senses.newest(after) or after
+            return senses.frame(self._frame_time, self._camera, self._T_base_camera)
+
+    def _sees(self, after: float) -> bool:
+        with self._node.received:
+            return self._senses.newest(after) is not None
+
+    def drive(self, command: Velocity) -> Motion:
+        """Send ``command``, and wait until the odometry has advanced by a control period.
+
+        Raises:
+            InputError: a topic fell silent, or the robot ignores commands.
+        """
+        start, self._is_driving = self._senses.time, True
+        self._send(command)
+        self._wait(lambda: self._senses.time > start + 0.9 * self.control_period)
+        with self._node.received:
+            motion = self._senses.motion()
+        self._is_driving = False
+        self._check_heeded(command, motion, motion.time - start)
+        self._on_motion(motion)
+        return motion
+
+    @property
+    def time(self) -> float:
+        """Time of the newest odometry, s."""
+        return self._senses.time
+
+    @property
+    def has_map(self) -> bool:
+        """Whether any node publishes the pose of the robot's ``odom`` in a map."""
+        return self._senses.links.hangs(self._senses.odom_frame)
+
+    def stop(self) -> None:
+        """Command the robot to stop."""
+        self._is_driving = False
+        self._send(Velocity())
+
+    def _send(self, command: Velocity) -> None:
+        self._last, self._commanded = command, self._senses.time
+        time = max(0.0, self._senses.time)
+        message = messages.velocity_stamped(time, command) if self._kind == STAMPED else messages.velocity(command)
+        self._node.send(self.topics.cmd_vel, time, message)
+
+    def _rest(self) -> None:
+        """Stop a robot that gets no commands because the pipeline is computing; called as the node's ``idle``."""
+        silence = self._senses.time - self._commanded
+        if not self._is_driving and self._last != Velocity() and silence > self._config.hold:
+            self._send(Velocity())
+
+    def _check_heeded(self, command: Velocity, motion: Motion, elapsed: float) -> None:
+        moved, config = inverse(self._anchor) @ motion.T_odom_base, self._config
+        if np.linalg.norm(moved[:3, 3]) > config.least_way or angle_of(moved) > config.least_turn:
+            self._anchor, self._unheeded = motion.T_odom_base, 0.0
+        elif abs(command.v) > config.least_speed or abs(command.omega) > config.least_turn_rate:
+            self._unheeded += elapsed
+        if self._unheeded > 2 * self._patience:
+            self.stop()
+            why = f"the robot has not moved for {2 * self._patience:g} s despite commands"
+            raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")
+
+    def _wait(self, until: Callable[[], bool]) -> None:
+        """Wait for messages; if they do not come, stop the robot and raise InputError."""
+        if self._node.wait(until, self._patience):
+            return
+        self.stop()
+        raise InputError(f"{self._complaint()}; the robot was stopped")
+
+    def _complaint(self) -> str:
+        """The reason why waiting for messages failed."""
+        senses, last = self._senses, self._node.now() - self._patience
+        once = self._may_fall_silent | ({self.topics.camera_info} if senses.info else set())
+        if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
+            return f"{', '.join(silent)}: no messages for {self._patience:g} s"
+        if abs(senses.image_time - senses.time) > self._patience / 2:
+            times = f"images at {senses.image_time:.2f} s, odometry at {senses.time:.2f} s"
+            return f"the newest timestamps differ by over {self._patience / 2:g} s: {times}; check the clocks"
+        missing = f"no newer odometry, or no depth image within {SAME_TIME:g} s of a colour image"
+        return f"check the robot's timestamps: for {self._patience:g} s there was {missing}"

@@ -1,0 +1,104 @@
+"""Finds on the map: signs, codes, objects and heat, and which of them are reported."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.arrays import Points, Pose
+from pipeline.frame import Frame
+from pipeline.tracks.config import TracksConfig
+from pipeline.tracks.find import FIND_KINDS, HEAT, Find, Reading
+from pipeline.tracks.objects import ObjectPolicy, policy_of, shown, sight
+from pipeline.tracks.track import Track
+from pipeline.tracks.tracks import Tracks, join_one_to_one
+from pipeline.transforms import inverse
+
+
+class Finds(Tracks):
+    """All finds except people, confirmed or not.
+
+    Attributes:
+        readings: what was read in the last frame.
+    """
+
+    def __init__(self, people: Tracks, config: TracksConfig = TracksConfig()) -> None:
+        """Start without finds; ``people``: the people on the map, who give off heat."""
+        super().__init__(join_one_to_one)
+        self._config = config
+        self._policies = {kind: policy_of(kind, config) for kind in FIND_KINDS}
+        self.readings: list[Reading] = []
+        self._people = people
+
+    @property
+    def reported(self) -> list[Find]:
+        """The finds to report; a person's heat is one find, and shapes that belong to a person are left out."""
+        found = [track.find() for track in self.confirmed]
+        reach = {kind: policy.of_person for kind, policy in self._policies.items() if policy.of_person}
+        if not any(find.kind in reach for find in found):
+            return found  # checking whether people are confirmed takes long, and this is called at every step
+        return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
+
+    @property
+    def shown(self) -> list[Points]:
+        """The points of each flat find that is confirmed.
+
+        Flat finds on a wall look like the wall; other finds stand out from it.
+        """
+        return [shown(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
+
+    def policy_of(self, kind: str) -> ObjectPolicy:
+        """How a kind is tracked, including kinds of a user's own readers."""
+        if kind not in self._policies:
+            self._policies[kind] = policy_of(kind, self._config)
+        return self._policies[kind]
+
+    def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:
+        """Add what was read in a keyframe, and count misses of finds that it should have shown.
+
+        Args:
+            frame: the keyframe's frame, with its depth.
+            readings: readings in its image.
+            T_map_base: pose of the robot.
+            keyframe: index of the keyframe.
+        """
+        self.readings = list(readings)
+        new, T_base_map = [], inverse(T_map_base)
+        for reading in readings:
+            policy = self.policy_of(reading.kind)
+            seen = sight(frame, reading, keyframe, T_map_base, policy)
+            new.append(Track(policy, [seen.moved(T_base_map)], [seen], float(T_map_base[2, 3])))
+        self.add(new, frame, T_map_base @ frame.T_base_camera)
+
+
+def one_per_person(
+    finds: Sequence[Find], people: Sequence[Track], suspected: Sequence[Track], reach: Mapping[str, float]
+) -> Iterator[Find]:
+    """The finds, with the heat that parts of one person give off merged into one find in the middle of the person.
+
+    Clothes, blankets and objects in front leave several warm regions of a person. A warm region where no person was
+    seen stays where it is. An extinguisher or lever on a person is left out, because it is a part of the person. The
+    heat of a person who is only ``suspected`` is merged too, because it supports the suspicion.
+
+    Args:
+        finds: finds to report; none of them are people.
+        people: the confirmed people.
+        suspected: people who are not confirmed.
+        reach: maximum distance from a person at which a find belongs to that person, by kind, m.
+    """
+    everyone = [*people, *suspected]
+    trees = [cKDTree(person.points) for person in everyone]
+    warm: dict[int, Find] = {}
+    for find in finds:
+        among = trees if find.kind == HEAT else trees[: len(people)] if find.kind in reach else []
+        distances = [float(tree.query(find.position)[0]) for tree in among]
+        if min(distances, default=np.inf) > reach.get(find.kind, 0):
+            yield find
+        elif find.kind == HEAT:
+            nearest = int(np.argmin(distances))
+            first = warm.get(nearest, find)
+            warm[nearest] = first if first.time_s <= find.time_s else find
+    for k, find in warm.items():
+        person = everyone[k]
+        yield replace(find, text="", position=person.position, covariance=person.covariance, of_person=True)

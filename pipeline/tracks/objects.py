@@ -1,0 +1,172 @@
+"""Signs, codes, objects and heat: how they are located in an image's depth, and how they are tracked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.special import expit, logit
+
+from pipeline.arrays import Mask, PixelMask, Points, Pose
+from pipeline.frame import Frame
+from pipeline.geometry.thinning import first_in_voxels
+from pipeline.sensor import SensorModel
+from pipeline.tracks.config import WEIGHED, LikelihoodConfig, ObjectConfig, TracksConfig
+from pipeline.tracks.find import FIND_KINDS, Reading
+from pipeline.tracks.likelihood import weigh
+from pipeline.tracks.pictures import photo_of
+from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.transforms import inverse, transform_points
+
+FLAT = ("hazmat_sign", "qr_code", "april_tag")
+"""Kinds that show the same from all directions."""
+CHECKED = ("qr_code", "april_tag")
+"""Kinds that are decoded correctly or not at all, because they have checksums."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectPolicy(ObjectConfig, TrackPolicy):
+    """How objects are tracked: a frame shows each once; those that are small or without depth get a nearer look."""
+
+    def locate(self, placed: Sequence[Observation]) -> Location:
+        """The information-weighted mean; the covariance is that of the best observation, as errors are correlated."""
+        counting = with_depth(placed)
+        total = sum(seen.information for seen in counting)
+        position = np.linalg.solve(total, sum(seen.information @ seen.position for seen in counting))
+        best = max(counting, key=lambda seen: np.linalg.det(seen.information))
+        covariance = np.asarray(np.linalg.inv(best.information), np.float64)
+        return Location(np.asarray(position, np.float64), covariance, position[None].astype(np.float32))
+
+    def shows(self, observation: Observation) -> float:
+        """Side of the object in the image, pixels, times the confidence."""
+        return observation.reading.confidence * observation.reading.side
+
+    def distance(self, track: Track, new: Track) -> float:
+        """Squared Mahalanobis distance; infinite for codes with different texts."""
+        is_other = self.has_checksum and bool(track.text and new.text) and track.text != new.text
+        return np.inf if is_other else mahalanobis(track, new)
+
+    def separation(self, one: Track, other: Track) -> float:
+        """Distance within the gate, else infinite; flat objects that one keyframe shows side by side are two."""
+        if self.is_flat and one.keyframes & other.keyframes:
+            return np.inf
+        distance = self.distance(one, other)
+        return distance if distance <= self.gate else np.inf
+
+    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
+        """Whether the object is in the image, as near as in some earlier view, from a similar side and not hidden."""
+        if not track.is_placed:
+            return False
+        here = inverse(T_camera_map)[:3, 3]
+        position, cameras = track.position, np.array(track.cameras)
+        ways = cameras - position
+        if np.linalg.norm(here - position) > np.linalg.norm(ways, axis=1).max():
+            return False
+        bearing = (here - position) @ ways.T / np.linalg.norm(here - position) / np.linalg.norm(ways, axis=1)
+        if bearing.max() < np.cos(self.same_side):
+            return False
+        point = transform_points(T_camera_map, position[None])
+        pixels, inside = frame.intrinsics.project(point)
+        if not inside.any() or point[0, 2] <= 0:
+            return False
+        row, column = pixels[inside][0]
+        measured = float(frame.depth[row, column])
+        return measured > 0 and abs(measured - point[0, 2]) < self.sigmas * np.sqrt(track.covariance.trace())
+
+    def is_worth_a_look(self, track: Track) -> bool:
+        """Whether it never had depth, could not be read or was always small, and was missed less often than seen.
+
+        The robot does not go anywhere to see a shape again: where there was nothing to find, that took a quarter more
+        time than exploration alone.
+        """
+        largest = max(seen.reading.side for seen in track.seen)
+        is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
+        return (is_unread or not track.is_placed) and track.missed < len(track.seen)
+
+    def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
+        """Minimum and maximum distance, m, at which it is in range and, if it was too small, near enough to read."""
+        nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
+        way = float(np.linalg.norm(nearest.position - nearest.camera))
+        share = max(nearest.reading.side / self.readable, self.nearer)
+        readable = way * share if track.is_placed else sensor.farthest
+        return sensor.nearest, min(sensor.farthest - sensor.margin, max(readable, sensor.nearest + sensor.margin))
+
+
+def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
+    """The observations with depth, or all if there are none: without depth, the object's distance is a guess."""
+    return [seen for seen in placed if seen.has_depth] or placed
+
+
+def shown(track: Track) -> Points:
+    """The object's returns in the observation with the best photo, with depth if any has depth."""
+    return max(with_depth(track.placed), key=track.policy.shows).points
+
+
+def policy_of(kind: str, config: TracksConfig) -> ObjectPolicy:
+    """The policy for a kind of find other than people."""
+    numbers: ObjectConfig = getattr(config, kind) if kind in FIND_KINDS else config.other
+    return ObjectPolicy(
+        kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, likelihood=config.likelihood, **vars(numbers)
+    )
+
+
+def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
+    """An observation in ``map`` of what was read in a frame's image.
+
+    A flat object's depth is the median within its outline. Another object is located at the middle of its own
+    returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction; so may
+    one with returns in at most half of its outline, because these may be from the rim of something nearer.
+    """
+    outline = _inside(frame, reading)
+    inside = outline & frame.returns
+    inside &= inside.sum() > outline.sum() / 2
+    depth = frame.depth[inside]
+    z = float(np.median(depth)) if depth.size else frame.sensor.farthest
+    k, (u, v) = frame.intrinsics, reading.corners.mean(axis=0)
+    in_camera = np.array([(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0]) * z
+    # The uncertainty along the ray is that of the depth, or the whole range; across the ray, it is a pixel.
+    along = frame.sensor.sigma(z) if depth.size else z
+    ray = in_camera / np.linalg.norm(in_camera)
+    covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + policy.pose_sigma**2)
+    T_map_camera = T_map_base @ frame.T_base_camera
+    points = k.rays[inside] * depth[:, None]
+    if depth.size:
+        reading, belongs = _weighed(
+            reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy.likelihood
+        )
+        if not policy.is_flat:
+            points = points[belongs if belongs.any() else np.abs(depth - z) < policy.gap]
+            own = points.astype(np.float64)
+            in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
+            covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
+    points = points.astype(np.float32)
+    seen = Observation(
+        reading=reading,
+        keyframe=keyframe,
+        position=in_camera,
+        information=np.linalg.inv(covariance).astype(np.float64),
+        camera=np.zeros(3),
+        has_depth=depth.size > 0,
+        time=frame.time,
+        photo=photo_of(frame.rgb, reading.box, policy.photo_margin),
+        points=points[first_in_voxels(points, 1 / policy.kept_voxel)],
+    )
+    return seen.moved(T_map_camera)
+
+
+def _weighed(
+    reading: Reading, points: Points, T_map_camera: Pose, ground: float, config: LikelihoodConfig
+) -> tuple[Reading, Mask]:
+    """A reading with its confidence updated from its points, and which of these belong to the object."""
+    if reading.kind not in WEIGHED:
+        return reading, np.zeros(len(points), np.bool_)
+    weighed = weigh(reading.kind, points, ground, config, camera=T_map_camera[:3, 3])
+    return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
+
+
+def _inside(frame: Frame, reading: Reading) -> PixelMask:
+    """The pixels within a reading's outline."""
+    mask = np.zeros(frame.depth.shape, np.uint8)
+    outline = cv2.convexHull(reading.corners.astype(np.float32) - np.float32(0.5))
+    cv2.fillConvexPoly(mask, np.round(outline).astype(np.int32), 1)
+    return mask.astype(np.bool_)

@@ -1,0 +1,104 @@
+"""Read frames in a separate thread, while they are added to the maps and the robot drives on."""
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import torch
+
+from pipeline.frame import Frame
+from pipeline.tracks.find import Reading, is_same
+from pipeline.victims.config import HeatConfig
+from pipeline.victims.detection.detection import Detection, Detector, check_detections
+from pipeline.victims.heat import warm_regions
+
+
+class FindReader(Protocol):
+    """Finds objects of some kinds in a frame; users may write their own."""
+
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
+        """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
+        ...
+
+
+class SeveralReaders:
+    """Combines several readers; of an object that several find, the first one's reading counts."""
+
+    def __init__(self, readers: Sequence[FindReader]):
+        """``readers``: in the order in which they read."""
+        self._readers = readers
+
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
+        """What a frame shows, given a detector's boxes in its image."""
+        found: list[Reading] = []
+        for reader in self._readers:
+            found += not_among(reader.read(frame, detections), found)
+        return found
+
+
+def not_among(readings: Sequence[Reading], read: Sequence[Reading]) -> list[Reading]:
+    """The readings of objects other than those already ``read``."""
+    return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in read)]
+
+
+@dataclass(frozen=True, eq=False)
+class ReadFrame:
+    """A frame and what it shows.
+
+    Attributes:
+        frame: the frame of a keyframe.
+        keyframe: index of the keyframe.
+        detections: detections in the frame's image.
+        readings: readings in the frame.
+    """
+
+    frame: Frame
+    keyframe: int
+    detections: list[Detection]
+    readings: list[Reading]
+
+
+class BackgroundReader:
+    """Reads one frame at a time; the caller decides when to take the result, so that episodes repeat exactly."""
+
+    def __init__(self, heat: HeatConfig = HeatConfig()) -> None:
+        """``heat``: which regions of a thermal image are warm."""
+        self._thread, self._heat = ThreadPoolExecutor(1, initializer=_compute_alone), heat
+        self._begun: Future[ReadFrame] | None = None
+
+    def begin(self, frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> None:
+        """Begin to read the frame of a keyframe; the previous one must have been taken with :meth:`end`.
+
+        Without a detector, no people and no heat are found; without readers, nothing else is.
+        """
+        assert self._begun is None
+        self._begun = self._thread.submit(_read, frame, keyframe, detector, readers, self._heat)
+
+    def end(self) -> ReadFrame | None:
+        """Wait until the frame that was begun has been read, and return what it shows; None if none was begun."""
+        begun, self._begun = self._begun, None
+        return None if begun is None else begun.result()
+
+
+def _read(
+    frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None, heat: HeatConfig
+) -> ReadFrame:
+    detections = [] if detector is None else detector.detect(frame.rgb)
+    check_detections(detections, detector)
+    readings = [] if readers is None else readers.read(frame, detections)
+    if detector is not None and frame.thermal is not None:
+        readings += warm_regions(frame.thermal, len(frame.rgb), heat)
+    return ReadFrame(frame, keyframe, detections, readings)
+
+
+def _compute_alone() -> None:
+    """Make OpenCV and PyTorch start no threads of their own for this one: those wait for work in a busy loop.
+
+    On two cores, while another thread computes as well, that makes an image take up to seven times as long. PyTorch
+    counts threads for each thread that calls it, OpenCV for the whole process: from now on, it computes everything
+    in the thread that calls it.
+    """
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)

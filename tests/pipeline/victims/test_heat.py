@@ -1,0 +1,19 @@
+"""Warm regions of a thermal image."""
+
+import numpy as np
+
+from pipeline.victims.config import HeatConfig
+from pipeline.victims.heat import warm_regions
+
+CONFIG = HeatConfig(warmer=5.0, least_outline=4)
+
+
+def test_what_is_warm_is_outlined_in_the_colour_image_and_noise_is_not():
+    thermal = 20 + np.random.default_rng(0).normal(0, 0.05, (60, 80)).astype(np.float32)
+    thermal[20:26, 30:40] = 34
+    thermal[50, 70] = 90  # one hot spot
+    thermal[0, 0] = np.nan
+    (reading,) = warm_regions(thermal, 480, CONFIG)
+    assert reading.kind == "heat"
+    assert reading.box == (244, 164, 316, 204)  # through the middles of its outermost pixels
+    assert list(warm_regions(np.full((60, 80), 30, np.float32), 480, CONFIG)) == []

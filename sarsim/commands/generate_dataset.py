@@ -14,7 +14,7 @@ from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig, check
 from sarsim.flags import Given
-from sarsim.jobs.engines import make_engine
+from sarsim.jobs import make_engine
 from sarsim.opengl import check_rendering
 
 

@@ -23,8 +23,7 @@ from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.sweeps.names import GRID, check_sweep
 from sarsim.flags import Given
-from sarsim.jobs.engines import make_engine
-from sarsim.jobs.folder_lock import FolderLock, locked
+from sarsim.jobs import FolderLock, locked, make_engine
 from sarsim.opengl import check_rendering
 from sarsim.settings import METHODS
 
@@ -154,10 +153,10 @@ def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: Folde
     failed: dict[SweepJob, str] = {}
     work = partial(run_episode, settings.steps, settings.limit)
     engine = make_engine(settings.engine, settings.workers)
-    with progress() as bars, closing(engine.run(work, todo, lock)) as outcomes:
+    with progress() as bars, closing(engine(work, todo, lock)) as outcomes:
         bar = bars.add_task("episodes", total=len(todo))
-        for job, outcome in outcomes:
-            if error := outcome.exception():
+        for job, _, error in outcomes:
+            if error is not None:
                 failed[job] = " ".join(str(error).split())
             bars.advance(bar)
     return failed

@@ -12,8 +12,7 @@ from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene
 from sarsim.dataset.summary import write_summary
-from sarsim.jobs.engine import Engine
-from sarsim.jobs.folder_lock import FolderLock, locked
+from sarsim.jobs import Engine, FolderLock, locked
 
 _log = logging.getLogger(__name__)
 
@@ -35,11 +34,11 @@ def generate(
         manifest.write(folder)
         on_frames(len(manifest.scenes) * recipe.frames)
         todo = [index for index in range(scenes) if index not in manifest.scenes]
-        with closing(engine.run(partial(make_scene, recipe), todo, lock)) as outcomes:
-            for index, outcome in outcomes:
-                if error := outcome.exception():
+        with closing(engine(partial(make_scene, recipe), todo, lock)) as outcomes:
+            for index, entry, error in outcomes:
+                if error is not None:
                     raise type(error)(f"scene {index}: {error}") from error
-                manifest.scenes[index] = outcome.result()
+                manifest.scenes[index] = entry
                 manifest.write(folder)
                 on_frames(len(manifest.scenes) * recipe.frames)
         write_summary(folder)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sarsim.assets import asset
 from sarsim.commands.cli import tracked
-from sarsim.jobs.processes import connected
+from sarsim.jobs import start_worker
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
@@ -47,7 +47,7 @@ def measure(settings: CameraSettings) -> Result:
     at_least(1, settings, "frames", "width", "height")
     width, height = settings.width, settings.height
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-    workers = {name: connected(_serve, name, width, height, environment={}) for name in CONTENDERS}
+    workers = {name: start_worker(_serve, name, width, height, environment={}) for name in CONTENDERS}
     for i in tracked(range(UNCOUNTED_ROUNDS + settings.frames), "camera"):
         for name, (_, connection) in workers.items():
             connection.send(POSES[i % len(POSES)])

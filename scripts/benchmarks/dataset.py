@@ -9,8 +9,6 @@ import os
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
-from functools import partial
 from itertools import count
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -21,9 +19,7 @@ from numpy.typing import NDArray
 from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
-from sarsim.jobs.folder_lock import locked
-from sarsim.jobs.local_engine import Worker
-from sarsim.jobs.processes import connected
+from sarsim.jobs import start_worker
 from scripts.benchmarks.common import RENDERERS, Result, at_least
 from scripts.benchmarks.settings import DatasetSettings
 
@@ -54,7 +50,7 @@ def measure(settings: DatasetSettings) -> Result:
 
 def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
     """Seconds of every frame; the first frame of a scene includes making its arena and drive."""
-    contenders = {name: connected(_serve, name, recipe) for name in RENDERERS}
+    contenders = {name: start_worker(_serve, name, recipe) for name in RENDERERS}
     times: dict[str, list[float]] = {name: [] for name in RENDERERS}
     for frame in tracked(range((1 + scenes) * recipe.frames), "frames"):
         for name, (_, connection) in contenders.items():
@@ -74,33 +70,36 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
             folder.mkdir()
-        with ExitStack() as stack:
-            workers = [Worker(stack.enter_context(locked(folder))) for folder in folders]
-            for worker in workers:
-                stack.callback(worker.end)
-            alone, both = workers[:1], workers
-            _make(recipe, both, 0)
-            numbers = tracked(range(1, rounds + 1), "rounds")
-            ratios = [2 * _make(recipe, alone, index) / _make(recipe, both, index) for index in numbers]
+        workers = [start_worker(_make_scenes, recipe, folder) for folder in folders]
+        both = [connection for _, connection in workers]
+        alone = both[:1]
+        _make(both, 0)
+        numbers = tracked(range(1, rounds + 1), "rounds")
+        ratios = [2 * _make(alone, index) / _make(both, index) for index in numbers]
+        for process, _ in workers:
+            process.kill()
+            process.join()
     return np.array(ratios)
 
 
-def _make(recipe: Recipe, workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
+def _make(workers: Sequence[Connection], index: int) -> NDArray[np.float64]:
     """(2,) seconds until every worker has made the same scene in its own folder: undisturbed and wall-clock time."""
     start = time.perf_counter()
     for worker in workers:
-        worker.begin(partial(_timed, recipe), index)
-    took = max(worker.outcome().result() for worker in workers)
+        worker.send(index)
+    took = max(worker.recv() for worker in workers)
     clock = time.perf_counter() - start
     # With fewer than two processors the workers wait for each other, and that time must count.
     return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
-def _timed(recipe: Recipe, index: int, folder: Path) -> float:
-    """Undisturbed seconds that this process takes to make a scene."""
-    start = undisturbed_seconds()
-    make_scene(recipe, index, folder)
-    return undisturbed_seconds() - start
+def _make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:
+    """The loop of a worker: receive a scene's index, make the scene, and send the undisturbed seconds."""
+    while True:
+        index = connection.recv()
+        start = undisturbed_seconds()
+        make_scene(recipe, index, folder)
+        connection.send(undisturbed_seconds() - start)
 
 
 def undisturbed_seconds() -> float:

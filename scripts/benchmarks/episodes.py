@@ -28,8 +28,7 @@ from pipeline.robot import Motion
 from pipeline.sink import Sink
 from sarsim.commands.cli import progress
 from sarsim.episode import Episode
-from sarsim.jobs.engines import make_engine
-from sarsim.jobs.folder_lock import locked
+from sarsim.jobs import locked, make_engine
 from sarsim.methods.perception import make_classifier
 from sarsim.scoring.progress import MOST
 from sarsim.settings import EpisodeConfig
@@ -136,7 +135,7 @@ def run_jobs(
         waiting = [job for job in jobs if job.result(folder) is None]
         bar = bars.add_task("episodes", total=len(waiting))
         work = partial(_run_with, run or run_job, args)
-        with closing(make_engine(workers=workers).run(work, waiting, lock)) as outcomes:
+        with closing(make_engine(workers=workers)(work, waiting, lock)) as outcomes:
             for _ in outcomes:
                 bars.advance(bar)
     return [job.result(folder) for job in jobs]

@@ -6,13 +6,10 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline.errors import InputError
 from sarsim.commands import export_dataset, generate_dataset
 from sarsim.commands.generate_dataset import GenerateDataset
 from sarsim.commands.generate_dataset import generate_dataset as command
 from sarsim.commands.settings import run_with_settings
-from sarsim.jobs.engines import make_engine
-from sarsim.jobs.local_engine import LocalEngine
 from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess, toys
 
@@ -45,13 +42,6 @@ def test_bad_flags_are_status_2_and_one_line(
     errors = capsys.readouterr().err.strip().splitlines()
     assert message in errors[-1]
     assert list(tmp_path.iterdir()) == []
-
-
-def test_ray_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match=r"Ray .*pip install 'sarsim\[ray\]'"):
-        make_engine("ray", None)
-    assert isinstance(make_engine("local", None), LocalEngine)
 
 
 def test_the_command_says_where_the_dataset_lies(

@@ -1,7 +1,6 @@
 """Small datasets to test with."""
 
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -14,7 +13,7 @@ from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
-from sarsim.jobs.folder_lock import FolderLock
+from sarsim.jobs import FolderLock
 
 RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
 """Makes a scene in some tenths of a second."""
@@ -78,17 +77,15 @@ class InProcess:
         self.toys = toys
         self.made: list[Any] = []
 
-    def run(
+    def __call__(
         self, work: Callable[[Any, Path], Any], jobs: Iterable[Any], lock: FolderLock
-    ) -> Generator[tuple[Any, Future[Any]]]:
+    ) -> Generator[tuple[Any, Any, Exception | None]]:
         for job in jobs:
             self.made.append(job)
-            outcome: Future[Any] = Future()
             try:
-                outcome.set_result(toy(job, lock.folder) if self.toys else work(job, lock.folder))
+                yield job, toy(job, lock.folder) if self.toys else work(job, lock.folder), None
             except InputError as error:
-                outcome.set_exception(error)
-            yield job, outcome
+                yield job, None, error
 
 
 def toy(index: int, folder: Path) -> SceneEntry:

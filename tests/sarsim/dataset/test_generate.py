@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
+from sarsim import jobs
 from sarsim.commands import generate_dataset
 from sarsim.commands.generate_dataset import GenerateDataset
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import Manifest, scene_path
-from sarsim.jobs import folder_lock
-from sarsim.jobs.folder_lock import locked
+from sarsim.jobs import locked
 from tests.sarsim.dataset.small import RECIPE, InProcess, files, toys
 from tests.source_tree import ROOT
 
@@ -163,7 +163,7 @@ def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) 
 
 def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     toys(tmp_path)
-    monkeypatch.setattr(folder_lock, "PATIENCE", 0.1)
+    monkeypatch.setattr(jobs, "PATIENCE", 0.1)
     with locked(tmp_path), pytest.raises(InputError, match=tmp_path.name):
         toys(tmp_path)
 

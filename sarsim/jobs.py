@@ -1,0 +1,293 @@
+"""Many independent jobs at once, in processes on this machine or as tasks on a Ray cluster."""
+
+import logging
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import Pipe, get_context, parent_process, resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from filelock import lock_descriptor
+
+from pipeline.errors import InputError
+from pipeline.files import atomic_write, uninterrupted
+
+ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
+CLEANING = 3.0  # s for workers to clean up before they are killed
+PATIENCE = 10.0  # s to wait for the workers of a killed command, which end by themselves
+PAUSE = 0.05  # s between two attempts to acquire a lock
+ONE_THREAD = {
+    "LP_NUM_THREADS": "0",  # Of Mesa's software renderer
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
+"""Environment of a worker: workers share the cores best if each uses only one."""
+
+_log = logging.getLogger(__name__)
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+Work = Callable[[Job, Path], Result]
+"""A picklable function that does a job and writes files into a folder; InputError if the job cannot be done."""
+Outcomes = Generator[tuple[Job, Any, Exception | None]]
+"""Yields each job when it has ended, with its result or its error; closing the generator ends the workers."""
+
+
+@dataclass(frozen=True)
+class FolderLock:
+    """A lock held by this process and by every worker that receives it, until the last of them has ended.
+
+    Attributes:
+        folder: the locked folder.
+        held: the folder's descriptor, in the form in which multiprocessing can pass it on to a worker.
+    """
+
+    folder: Path
+    held: Connection
+
+
+Engine = Callable[[Work[Job, Any], Iterable[Job], FolderLock], Outcomes[Job]]
+"""Runs jobs; their files go into the locked folder, and every process that writes there holds the lock."""
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[FolderLock]:
+    """Lock a folder, so that one command at a time uses it; wait until no other process holds the lock.
+
+    Raises:
+        InputError: another process holds the lock for longer than ``PATIENCE``.
+    """
+    deadline = time.monotonic() + PATIENCE
+    with Connection(os.open(folder, os.O_RDONLY), writable=False) as held:
+        while not lock_descriptor(held.fileno(), blocking=False):
+            if time.monotonic() > deadline:
+                raise InputError(
+                    f"{folder}: another command is using this folder; wait until it ends, or choose another folder"
+                )
+            time.sleep(PAUSE)
+        yield FolderLock(folder, held)
+
+
+def make_engine(name: str = "local", workers: int | None = None) -> Engine[Any]:
+    """The engine that ``--engine`` names; by default with one worker per core.
+
+    Raises:
+        InputError: Ray is not installed, or there is no cluster at ``RAY_ADDRESS``.
+    """
+    workers = workers or len(os.sched_getaffinity(0))
+    if name == "ray":
+        return partial(_run_on_ray, _connect_to_ray(workers, os.environ.get("RAY_ADDRESS")), workers)
+    return partial(_run_locally, workers)
+
+
+def _run_locally(count: int, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job]:
+    """Run jobs in processes, each with its own OpenGL context; one that dies is replaced and its job tried again."""
+    todo = deque((job, 1) for job in jobs)
+    workers: dict[Connection, SpawnProcess] = {}
+    idle: list[Connection] = []
+    running: dict[Connection, tuple[Job, int]] = {}
+    try:
+        while todo or running:
+            # Give every worker a job. One that has died meanwhile is noticed below.
+            while todo and len(running) < count:
+                if not idle:
+                    with _signals_blocked():  # Else an interrupt may come before the worker is noted
+                        process, pipe = start_worker(_do_jobs, lock)
+                        workers[pipe] = process
+                        idle.append(pipe)
+                pipe = idle.pop()
+                job, attempt = todo.popleft()
+                running[pipe] = job, attempt
+                with suppress(ConnectionError):
+                    pipe.send((work, job))
+            for pipe in cast(list[Connection], wait(list(running))):
+                job, attempt = running.pop(pipe)
+                try:
+                    result, error = pipe.recv()
+                except (EOFError, OSError):  # The worker died, perhaps in the middle of its answer
+                    process = workers.pop(pipe)
+                    _end([process])
+                    pipe.close()
+                    if attempt < ATTEMPTS:
+                        _log.warning("the worker process of job %s died; trying again", job)
+                        todo.appendleft((job, attempt + 1))
+                    else:
+                        died = f"{attempt} worker processes died, the last one with exit status {process.exitcode}"
+                        yield job, None, InputError(f"{died}; if memory is short, reduce --workers")
+                else:
+                    idle.append(pipe)
+                    yield job, result, error
+    finally:
+        with uninterrupted():
+            _end(workers.values())
+
+
+def _do_jobs(pipe: Connection, lock: FolderLock) -> None:
+    """In a worker: do the jobs received through the pipe until its other end is closed, and answer each."""
+    with suppress(EOFError, ConnectionError):
+        while True:
+            work, job = pipe.recv()
+            try:
+                pipe.send((_done(work, job, lock.folder), None))
+            except (InputError, RuntimeError) as error:
+                pipe.send((None, error))
+
+
+def _done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
+    """Do a job in a worker. Exceptions other than InputError become RuntimeErrors, which can always be pickled."""
+    try:
+        return work(job, folder)
+    except InputError:
+        raise
+    except Exception:
+        raise RuntimeError(traceback.format_exc()) from None
+
+
+def start_worker(
+    function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD
+) -> tuple[SpawnProcess, Connection]:
+    """Call a function in a new process with one end of a pipe as its first argument; return the other end.
+
+    The process ends with this one, however this one ends. Ctrl-C and a closed terminal reach this process only. If it
+    is terminated, its clean-up code (``finally``, ``with``) runs first.
+    """
+    ours, theirs = Pipe()
+    process = get_context("spawn").Process(target=_work, args=(function, theirs, *args), daemon=True)
+    before = {name: os.environ.get(name) for name in environment}
+    resource_tracker.ensure_running()  # Else multiprocessing starts it with the first process and unblocks Ctrl-C
+    with _signals_blocked():
+        os.environ.update(environment)
+        try:
+            process.start()  # It inherits the environment and the blocked signals
+        finally:
+            for name, value in before.items():
+                del os.environ[name]
+                os.environ.update({} if value is None else {name: value})
+    theirs.close()
+    return process, ours
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Let Ctrl-C and a closed terminal wait until the end of the block."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _work(function: Callable[..., object], *args: Any) -> None:
+    """In a worker: call a function; SIGTERM ends it like an exception."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(signal.SIGTERM, _clean_up_and_end)
+    try:
+        function(*args)
+    except SystemExit:
+        os._exit(1)  # At once, because exit handlers may take long
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _clean_up_and_end(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # A second SIGTERM must not cut off the clean-up
+    sys.exit(1)
+
+
+def _end_with_parent() -> None:
+    """In a worker: end it when its parent has ended, since a killed parent cannot end it."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(CLEANING)
+    os._exit(1)
+
+
+def _end(processes: Collection[SpawnProcess]) -> None:
+    """End workers: together they have ``CLEANING`` s to clean up, then they are killed."""
+    deadline = time.monotonic() + CLEANING
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join(max(0.0, deadline - time.monotonic()))
+        process.kill()
+        process.join()
+
+
+def _connect_to_ray(workers: int, address: str | None) -> Any:
+    """The module ``ray``, connected to the cluster at ``address`` or to a new one on this machine.
+
+    Raises:
+        InputError: Ray is not installed, or there is no cluster at ``address``.
+    """
+    try:
+        import ray
+    except ImportError as error:
+        raise InputError("--engine ray: Ray is not installed; run: pip install 'sarsim[ray]'") from error
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    own = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    options: dict[str, Any] = own if address is None else {"address": address}
+    try:
+        ray.init(log_to_driver=False, runtime_env={"env_vars": ONE_THREAD}, **options)
+    except ConnectionError as error:
+        raise InputError(
+            f"RAY_ADDRESS={address}: found no Ray cluster; correct the address, or unset it to use this machine"
+        ) from error
+    return ray
+
+
+def _run_on_ray(
+    ray: Any, count: int, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock
+) -> Outcomes[Job]:
+    """Run jobs as tasks, which Ray restarts if their workers die; only this process writes into the folder.
+
+    Ray's pools use actors instead, and wait forever for an actor whose node is lost if no other node has room for it.
+    """
+    task = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_do_remotely)
+    todo = deque(jobs)
+    shared = ray.put(work)
+    running: dict[Any, Job] = {}
+    try:
+        while todo or running:
+            while todo and len(running) < count:
+                job = todo.popleft()
+                running[task.remote(shared, job)] = job
+            (ended,), _ = ray.wait(list(running))
+            job = running.pop(ended)
+            try:
+                result, files = ray.get(ended)
+            except ray.exceptions.RayTaskError as error:
+                yield job, None, error.cause
+            except ray.exceptions.RayError as error:
+                yield job, None, InputError(f"a Ray worker failed: {' '.join(str(error).split())}")
+            else:
+                for name, content in files.items():
+                    (lock.folder / name).parent.mkdir(parents=True, exist_ok=True)
+                    with atomic_write(lock.folder / name) as part:
+                        part.write_bytes(content)
+                yield job, result, None
+    finally:
+        ray.shutdown()
+
+
+def _do_remotely(work: Work[Job, Result], job: Job) -> tuple[Result, dict[Path, bytes]]:
+    """Do a job and return its result and the contents of its files, which are not kept on the task's machine."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        result = _done(work, job, folder)
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        return result, {path.relative_to(folder): path.read_bytes() for path in files}

@@ -53,7 +53,7 @@ leaderboard: develop ## compare all explorers on the frozen 2D maps, and write t
 	$(PYTHON) scripts/results.py --write
 
 claims: develop ## check the claims in the section Reproduce of README, and report which hold
-	$(PYTHON) scripts/claims.py
+	$(PYTHON) scripts/results.py --claims
 
 docs: develop .venv/docs-installed ## build the documentation site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet

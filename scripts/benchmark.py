@@ -2,14 +2,12 @@
 
 import importlib.metadata
 import json
-import shutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 try:
     from rich.console import Console
@@ -17,104 +15,44 @@ except ModuleNotFoundError as error:
     raise SystemExit(
         f"error: {error.name} is not installed; run: make develop && source .venv/bin/activate"
     ) from None
-from rich.table import Table
+from rich.markdown import Markdown
 
 from pipeline.files import atomic_write
-from sarsim.commands.cli import check_folder_of
+from sarsim.commands.cli import check_folder_of, is_verbose
 from sarsim.commands.provenance import instructions, machine, processor
 from sarsim.commands.settings import run_one_of, save_settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
-from scripts.benchmarks.settings import (
-    BarnSettings,
-    CameraSettings,
-    CorrectionSettings,
-    CostSettings,
-    DatasetSettings,
-    ExplorationSettings,
-    FindsSettings,
-    GoalsSettings,
-    LanesSettings,
-    LocalisationSettings,
-    MetricMapSettings,
-    NetworksSettings,
-    PlanningSettings,
-    SemanticSettings,
-    SubjectSettings,
-    TasksSettings,
-    VictimsSettings,
-    WorldsSettings,
-)
-
-if TYPE_CHECKING:
-    from scripts.benchmarks.common import Result
-
-
-SUBJECTS: dict[str, type[SubjectSettings]] = {
-    "barn": BarnSettings,
-    "camera": CameraSettings,
-    "correction": CorrectionSettings,
-    "cost": CostSettings,
-    "dataset": DatasetSettings,
-    "exploration": ExplorationSettings,
-    "finds": FindsSettings,
-    "goals": GoalsSettings,
-    "lanes": LanesSettings,
-    "localisation": LocalisationSettings,
-    "metric-map": MetricMapSettings,
-    "networks": NetworksSettings,
-    "planning": PlanningSettings,
-    "semantic": SemanticSettings,
-    "tasks": TasksSettings,
-    "victims": VictimsSettings,
-    "worlds": WorldsSettings,
-}
+from scripts.benchmarks.settings import SUBJECTS, SubjectSettings
+from scripts.results import plan, table_of, tables_of
 
 
 def benchmark(settings: SubjectSettings, subject: str) -> None:
-    """Measure a subject, print the figures, and write them to --json."""
+    """Measure a subject, print the tables of its page, and write all figures to --json."""
     if settings.json:
         check_folder_of("json", settings.json)
     result = import_module(f"scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
-    Console().print(result.table or table(subject, result.figures))
+    tables = [] if is_verbose() else tables_of(plan()["pages"].get(subject, {"tables": []}), result.figures)
+    tables = tables or [every_figure(subject, result.figures)]
+    origin = f"{processor()}, {instructions()}"
+    Console().print(*(Markdown(text) for text in tables), *result.notes, origin, sep="\n", highlight=False)
     if settings.json:
-        write(settings.json, report(subject, settings, result), result.pictures)
+        content = {
+            "subject": subject,
+            "version": importlib.metadata.version("sarsim"),
+            "machine": machine(),
+            "config": {name: value for name, value in asdict(settings).items() if name != "json"},
+            "figures": result.figures,
+            **result.details,
+        }
+        with atomic_write(settings.json) as part:
+            part.write_text(json.dumps(content, indent=2, default=str) + "\n")
         save_settings(settings, settings.json.with_suffix(".yaml"))
 
 
-def report(subject: str, settings: SubjectSettings, result: "Result") -> dict[str, Any]:
-    """The figures, with the version, the machine and the settings of the measurement."""
-    config = {name: value for name, value in asdict(settings).items() if name != "json"}
-    return {
-        "subject": subject,
-        "version": importlib.metadata.version("sarsim"),
-        "machine": machine(),
-        "config": config,
-        "figures": result.figures,
-        **result.details,
-    }
-
-
-def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> None:
-    """Write the figures and, next to them, the pictures, whose names get the file's stem as a prefix.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
-    with atomic_write(file) as part:
-        part.write_text(json.dumps(content, indent=2, default=str) + "\n")
-    for picture in pictures:
-        with atomic_write(file.with_name(f"{file.stem}-{picture.name}")) as part:
-            shutil.copyfile(picture, part)
-
-
-def table(name: str, figures: Mapping[str, float]) -> Table:
-    """The figures as a table to print."""
-    result = Table("figure", title=name, caption=f"{processor()}, {instructions()}")
-    result.add_column("value", justify="right")
-    for key, value in figures.items():
-        result.add_row(key, f"{value:,.4g}")
-    return result
+def every_figure(subject: str, figures: Mapping[str, float]) -> str:
+    """A table of all figures, as Markdown."""
+    return table_of({"title": subject, "rows": {name: name for name in figures}}, figures)
 
 
 def main() -> None:

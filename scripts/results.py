@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import date
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,17 +59,22 @@ class Results:
         again: measure again even if figures for this state of the code exist.
         write: measure nothing; write the pages from the figures that exist.
         flags: additional flags for the benchmark, such as --flags="--frames 8"; the page lists them.
+        claims: write nothing; run the commands of README's section Reproduce, and say which of its claims hold.
     """
 
     pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     again: bool = False
     write: bool = False
     flags: str = ""
+    claims: bool = False
 
 
 def results(settings: Results) -> None:
     """Measure each page without figures for this state of the code, and write all pages and README's table."""
     known = plan()["pages"]
+    if settings.claims:
+        check_claims()
+        return
     if unknown := set(settings.pages) - known.keys():
         raise InputError(f"{', '.join(sorted(unknown))}: no such results page; use {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
@@ -208,9 +214,8 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
         return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
     whole, done = shown(page["command"]), shown(record["command"])
     part = [f"The complete measurement is `{whole}`."] if done != whole else []
-    tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
     every = f"All figures are in [{name}.json]({name}.json)."
-    return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)
+    return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables_of(page, record["figures"]), every)
 
 
 def markdown(title: str, about: str, command: str, *parts: str) -> str:
@@ -233,6 +238,11 @@ def shown(command: str) -> str:
         if command.startswith("run")
         else f"python scripts/{command}"
     )
+
+
+def tables_of(page: Mapping[str, Any], figures: Mapping[str, float]) -> list[str]:
+    """The tables of a page that have figures, as Markdown."""
+    return [text for table in page["tables"] if (text := table_of(table, figures))]
 
 
 def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
@@ -284,6 +294,26 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
 def expected(claim: Mapping[str, Any]) -> str:
     """The figures that a claim allows."""
     return f"≥ {claim['least']:g}" if "least" in claim else f"≤ {claim['most']:g}"
+
+
+def check_claims() -> None:
+    """Run the commands of all claims, report which claims hold, and end with status 1 unless all do."""
+    content, failed = plan(), 0
+    for name, group in groupby(content["claims"], lambda claim: claim["page"]):
+        figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
+        for claim in group:
+            failed += not holds(claim, figures)
+            value = number(figures[claim["figure"]]) if claim["figure"] in figures else "missing"
+            word = "holds" if holds(claim, figures) else "FAILS"
+            print(f"{word}  {claim['claim']}: {value}, expected {expected(claim)}", flush=True)
+    if failed:
+        raise SystemExit(1)
+
+
+def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
+    """Whether the figure that a claim names exists and is within its bounds."""
+    figure = figures.get(claim["figure"], float("nan"))
+    return bool(claim.get("least", figure) <= figure <= claim.get("most", figure))
 
 
 def number(value: float) -> str:

@@ -21,7 +21,7 @@ from sarsim.sensors.rendering import Renderer
 from sarsim.settings import DETECTOR
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
-from scripts.benchmarks.victims_frames import recipe, with_lighting
+from scripts.benchmarks.victims import recipe, with_lighting
 
 IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000

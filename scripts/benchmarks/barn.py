@@ -10,7 +10,6 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.robot import Motion
@@ -23,7 +22,7 @@ from sarsim.scoring.barn import GOAL, START, BarnJudge, optimal_seconds, read_pa
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import Job, leave, run_jobs
+from scripts.benchmarks.runs import Job, run_all
 from scripts.benchmarks.settings import BarnSettings
 
 PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
@@ -39,17 +38,16 @@ def measure(settings: BarnSettings) -> Result:
     Raises:
         InputError: the folder has no world, a world has no reference path, a run failed, or a setting is wrong.
     """
-    at_least(1, settings, "seeds", "workers")
+    at_least(1, settings, "seeds")
     worlds = worlds_in(settings.worlds)
     robot_model(settings.robot)
-    jobs = [job for name in worlds for job in jobs_of(settings, name)]
-    results = run_jobs(jobs, settings.runs, settings.workers, run_job)
-    if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
-        raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
-    runs = [result["run"] for result in results if result]
+    jobs = [job for name in worlds for job in jobs_in(settings, name)]
+    runs = [result["run"] for result in run_all(jobs, settings, run_job)]
     by_world = {name: runs[n * settings.seeds : (n + 1) * settings.seeds] for n, name in enumerate(worlds)}
-    found = figures(by_world, worlds)
-    return Result(found, {"runs": by_world, "published": PUBLISHED}, table(by_world, found))
+    ended = Counter(run["ended"] for run in runs)
+    notes = ["how runs ended: " + ", ".join(f"{count} {how}" for how, count in ended.items())]
+    notes += [f"{who}: {value:g}" for who, value in PUBLISHED.items()]
+    return Result(figures(by_world, worlds), {"runs": by_world, "published": PUBLISHED}, notes)
 
 
 def worlds_in(folder: Path) -> dict[str, float]:
@@ -66,43 +64,34 @@ def worlds_in(folder: Path) -> dict[str, float]:
     return {f"world_{n}": optimal_seconds(read_path(folder / f"path_{n}.npy")) for n in numbers}
 
 
-def jobs_of(settings: BarnSettings, world: str) -> list[Job]:
+def jobs_in(settings: BarnSettings, world: str) -> list[Job]:
     """The runs in a world, one per seed."""
-    configs = [
-        EpisodeConfig(
-            arena=str(settings.worlds / f"{world}.world"),
-            start=START,
-            goals=(GOAL,),
-            robot=settings.robot,
-            seed=seed,
-            speed=settings.speed,
-            labels="rules",
-            detector=None,
-            pipeline=settings.pipeline,
-        )
-        for seed in range(settings.seeds)
-    ]
-    return [Job("barn", "ours", config) for config in configs]
+    config = EpisodeConfig(
+        arena=str(settings.worlds / f"{world}.world"),
+        start=START,
+        goals=(GOAL,),
+        robot=settings.robot,
+        speed=settings.speed,
+        labels="rules",
+        detector=None,
+        pipeline=settings.pipeline,
+    )
+    return [Job("barn", replace(config, seed=seed)) for seed in range(settings.seeds)]
 
 
-def run_job(job: Job, folder: Path) -> None:
-    """Cross a world and write the result to a folder."""
-    leave(job, folder, lambda: {"run": _run(job.config)})
-
-
-def _run(config: EpisodeConfig) -> Run:
+def run_job(job: Job) -> dict[str, Any]:
+    """Cross a world."""
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
-        crossing = Crossing(config, Path(out))
+        crossing = Crossing(replace(job.config, out=Path(out)))
         crossing.episode.run(show_progress=False)
-    return crossing.result
+    return {"run": crossing.result}
 
 
 class Crossing(Sink):
     """An episode with BARN's goal, which the judge ends."""
 
-    def __init__(self, config: EpisodeConfig, out: Path):
-        """``out``: folder for the episode's files."""
-        self.episode = Episode(replace(config, out=out))
+    def __init__(self, config: EpisodeConfig):
+        self.episode = Episode(config)
         self._robot: SimulatedRobot = self.episode.robot
         self.judge = BarnJudge(self._robot.time)
         self.episode.explorer.watch(self)
@@ -145,22 +134,3 @@ def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> 
         "score.high": mean.high,
         **found,
     }
-
-
-def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
-    """A row for each world and one for all; the note says how failed runs ended."""
-    result = Table("world", title="BARN")
-    for column in ("success", "s, median", "score"):
-        result.add_column(column, justify="right")
-    result.add_column("note")
-    for world, made in runs.items():
-        ended = Counter(run["ended"] for run in made)
-        seconds = found.get(f"{world}.time_s")
-        failed = ", ".join(f"{count} {how}" for how, count in ended.items() if how != "reached")
-        shown = "–" if seconds is None else f"{seconds:.1f}"
-        result.add_row(world, f"{ended['reached']}/{len(made)}", shown, f"{found[f'{world}.score']:.3f}", failed)
-    interval = f"{found['score.low']:.3f} to {found['score.high']:.3f}"
-    score = f"{found['score.mean']:.3f}"
-    result.add_row("all", f"{found['success']:.1%}", "", score, f"{interval}; {found['contacts']:.1%} contact")
-    result.caption = "; ".join(f"{who}: {value:g}" for who, value in PUBLISHED.items())
-    return result

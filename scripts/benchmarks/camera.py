@@ -25,6 +25,7 @@ POSES = [
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
 CAMERA_HEIGHT = 0.75  # m; the height of the robot's mast above the decks
+SIZE = 640, 480  # pixels
 UNCOUNTED_ROUNDS = 2  # Warm-up rounds, not timed
 
 
@@ -44,10 +45,9 @@ def measure(settings: CameraSettings) -> Result:
     Raises:
         InputError: a number is below 1.
     """
-    at_least(1, settings, "frames", "width", "height")
-    width, height = settings.width, settings.height
+    at_least(1, settings, "frames")
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-    workers = {name: start_worker(_serve, name, width, height, environment={}) for name in CONTENDERS}
+    workers = {name: start_worker(_serve, name, *SIZE, environment={}) for name in CONTENDERS}
     for i in tracked(range(UNCOUNTED_ROUNDS + settings.frames), "camera"):
         for name, (_, connection) in workers.items():
             connection.send(POSES[i % len(POSES)])

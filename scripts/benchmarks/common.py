@@ -1,16 +1,14 @@
 """Code shared by the subjects of the benchmark."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from pipeline.arrays import Depth, Rgb
 from pipeline.errors import InputError
@@ -27,14 +25,12 @@ class Result:
     Attributes:
         figures: figures by name; ratios compare contenders within this run.
         details: further content of the JSON file, under its own keys.
-        table: the table to print instead of all figures, if they are too many.
-        pictures: files to copy next to the JSON file.
+        notes: lines to print below the figures, such as which episodes failed.
     """
 
     figures: dict[str, float]
     details: dict[str, Any] = field(default_factory=dict)
-    table: Table | None = None
-    pictures: tuple[Path, ...] = ()
+    notes: Sequence[str] = ()
 
 
 def at_least(least: int, settings: SubjectSettings, *names: str) -> None:

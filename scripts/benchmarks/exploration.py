@@ -1,32 +1,23 @@
 """Exploration of many arenas, against two baselines: the nearest frontier on straight lines, and a random walk."""
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError
-from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import GROUPS, Job, Results, Strategy, configs, run_jobs
-from scripts.benchmarks.exploration_table import (
-    BASELINES,
-    RATIO,
-    group_figures,
-    pairs,
-    reports,
-    rich_table,
-    sections,
-    seen90_ratio,
-)
+from scripts.benchmarks.common import Result
+from scripts.benchmarks.reports import group_figures, pairs, reports
+from scripts.benchmarks.runs import RANDOM_WALK, Job, Results, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import ExplorationSettings
 
+NEAREST_FRONTIER = "nearest_frontier"
+BASELINES = (NEAREST_FRONTIER, RANDOM_WALK)
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""
-PICTURES = 2  # Number of worst runs per group whose pictures are copied next to the JSON file
-
-Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
+RATIO = "seen90_vs_nearest_frontier"
+PENALTY = 10.0  # A run that never saw 90 % counts with this multiple of its duration (PAR10)
+WORST = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
@@ -35,94 +26,80 @@ def measure(settings: ExplorationSettings) -> Result:
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    at_least(0, settings, "nist", "esogu", "random")
-    at_least(1, settings, "workers")
-    jobs, runs = jobs_of(settings), settings.runs
-    if not jobs:
-        raise InputError("no arenas to explore; set --nist, --esogu or --random above 0, or give --raf")
-    results = run_jobs(jobs, runs, settings.workers)
-    found: dict[tuple[str, Strategy], list[dict[str, Any] | None]] = defaultdict(list)
+    jobs = list(jobs_of(settings.episode, settings))
+    groups = list(dict.fromkeys(job.group for job in jobs))
+    if settings.baselines:
+        jobs += [job_of_baseline(job, baseline) for job in jobs for baseline in BASELINES]
+    results = run_jobs(jobs, settings, run_episode)
+    found: dict[str, list[dict[str, Any] | None]] = {}
     for job, result in zip(jobs, results, strict=True):
-        found[job.group, job.strategy].append(result)
-    figures, details = figures_of(found), _details(jobs, results)
-    table = rich_table("exploration", figures, sections(figures, BASELINES if settings.baselines else ()))
-    table.caption = _caption(figures, details)
-    pictures = tuple(runs / f"{name}.png" for names in details["worst"].values() for name in names)
-    return Result(figures, details, table, pictures)
+        found.setdefault(job.group, []).append(result)
+    figures = {}
+    for group, of_group in found.items():
+        figures |= figures_of(group, of_group)
+    figures |= ratios(found, groups)
+    left_out = {
+        job.config.arena: r["left_out"] for job, r in zip(jobs, results, strict=True) if r and "left_out" in r
+    }
+    failed = failures(jobs, results)
+    worst = {group: names for group in groups if (names := worst_of(group, jobs, results))}
+    notes = [f"{arena} skipped: {reason}" for arena, reason in left_out.items()]
+    notes += [f"{name} failed; see its log" for name in failed]
+    return Result(figures, {"left_out": left_out, "failed": failed, "worst": worst}, notes)
 
 
-def jobs_of(settings: ExplorationSettings) -> list[Job]:
-    """The episodes of our strategy and of each baseline."""
-    strategies: tuple[Strategy, ...] = ("ours", *(BASELINES if settings.baselines else ()))
-    return [
-        Job(group, strategy, config if strategy == "ours" else replace(config, detector=None))
-        for group, config in configs(settings.episode, settings, settings.raf)
-        for strategy in strategies
-    ]
+def job_of_baseline(job: Job, baseline: str) -> Job:
+    """The episode of a baseline in the same arena with the same seed; its figures begin with the baseline's name."""
+    return Job(f"{baseline}.{job.group}", replace(job.config, exploration=baseline, detector=None))
 
 
-def figures_of(runs: Runs) -> dict[str, float]:
-    """All figures of every group; those of a baseline begin with the baseline's name."""
-    figures: dict[str, float] = {}
-    for (group, strategy), results in runs.items():
-        scored = reports(results)
-        prefix = group if strategy == "ours" else f"{strategy}.{group}"
-        if strategy != "ours":
-            scored = [{stage: report[stage] for stage in BASELINE_STAGES} for report in scored]
-        figures[f"{prefix}.runs"] = len(scored)
-        figures[f"{prefix}.failed"] = sum(result is None for result in results)
-        figures[f"{prefix}.seen90_runs"] = sum("t90_s" in report["exploration"] for report in scored)
-        figures |= {f"{prefix}.{key}": value for key, value in group_figures(scored).items()}
-    ratios = {group: _ratios(runs, group) for group in GROUPS}
-    for group, values in ratios.items():
-        if values:
+def figures_of(group: str, results: Results) -> dict[str, float]:
+    """The figures of a group."""
+    scored = reports(results)
+    if group.startswith(BASELINES):
+        scored = [{stage: report[stage] for stage in BASELINE_STAGES} for report in scored]
+    counts = {
+        "runs": len(scored),
+        "failed": sum(result is None for result in results),
+        "seen90_runs": sum("t90_s" in report["exploration"] for report in scored),
+    }
+    return {f"{group}.{key}": value for key, value in {**counts, **group_figures(scored)}.items()}
+
+
+def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
+    """Our time to see 90 % over the nearest frontier's, by group and over all pairs in which theirs saw 90 %."""
+    figures, every = dict[str, float](), list[float]()
+    for group in groups:
+        both = pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))
+        if values := [ratio for pair in both if (ratio := seen90_ratio(*pair)) is not None]:
             figures[f"{group}.{RATIO}.mean"] = float(np.mean(values))
             figures[f"{group}.{RATIO}.median"] = float(np.median(values))
             figures[f"{group}.{RATIO}.worst"] = max(values)
             figures[f"{group}.{RATIO}.pairs"] = len(values)
-    if every := [ratio for values in ratios.values() for ratio in values]:
+            every += values
+    if every:
         figures[RATIO] = float(np.median(every))
         figures[f"{RATIO}.pairs"] = len(every)
     return figures
 
 
-def _ratios(runs: Runs, group: str) -> list[float]:
-    """Our time to see 90 % over the nearest frontier's, for each pair in which the nearest frontier saw 90 %."""
-    both = pairs(runs.get((group, "ours"), ()), runs.get((group, "nearest_frontier"), ()))
-    ratios = [seen90_ratio(ours, theirs) for ours, theirs in both]
-    return [ratio for ratio in ratios if ratio is not None]
+def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | None:
+    """Our time to see 90 % of the drivable area over theirs, in the same arena with the same seed.
+
+    If we never saw 90 %, ten times our duration counts; if they never did, the ratio is None.
+    """
+    t_theirs = theirs["exploration"].get("t90_s")
+    if t_theirs is None:
+        return None
+    return ours["exploration"].get("t90_s", PENALTY * ours["sim_time_s"]) / t_theirs
 
 
-def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
-    """The results that are not numbers: arenas left out, failed runs, and the worst runs of each group."""
-    pairs = list(zip(jobs, results, strict=True))
-    return {
-        "left_out": {job.config.arena: r["left_out"] for job, r in pairs if r and "left_out" in r},
-        "failed": [job.name for job, result in pairs if result is None],
-        "worst": {
-            group: worst
-            for group in GROUPS
-            if (worst := _worst([(j, r) for j, r in pairs if (j.group, j.strategy) == (group, "ours")]))
-        },
-    }
-
-
-def _worst(pairs: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
+def worst_of(group: str, jobs: Sequence[Job], results: Results) -> list[str]:
     """Names of the worst runs, by how often the robot tipped, then by explored fraction, then by collisions."""
-
-    def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
-        navigation = report["navigation"]
-        return -navigation["tipped"], report["exploration"]["explored_fraction"], -navigation["collisions"]
-
-    named = {job.name: goodness(r["report"]) for job, r in pairs if r and "report" in r}
-    return sorted(named, key=lambda name: named[name])[:PICTURES]
-
-
-def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
-    """The text below the table: arenas left out, failed runs, and the median ratio of times."""
-    lines = [f"{arena} skipped: {reason}" for arena, reason in details["left_out"].items()]
-    lines += [f"{name} failed; see its log" for name in details["failed"]]
-    if RATIO in figures:
-        count = figures[f"{RATIO}.pairs"]
-        lines.append(f"time to see 90 % relative to nearest frontier: {figures[RATIO]:.2f}, median of {count:.0f}")
-    return "\n".join(lines)
+    goodness = {}
+    for job, result in zip(jobs, results, strict=True):
+        if job.group == group and result and "report" in result:
+            report = result["report"]
+            navigation, explored = report["navigation"], report["exploration"]["explored_fraction"]
+            goodness[job.name] = (-navigation["tipped"], explored, -navigation["collisions"])
+    return sorted(goodness, key=lambda name: goodness[name])[:WORST]

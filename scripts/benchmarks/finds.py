@@ -1,35 +1,55 @@
-"""Finds: how many of each kind the robot finds and reads in complete episodes, or what is found in real photos."""
+"""Finds: how many of each kind the robot finds and reads in complete episodes, or what is found in real photos.
 
+A folder of photos has ``arena/`` (boards named ``board<number>_<distance>cm``, nobody in them), ``people/``,
+``rooms/`` (nobody in them) and ``truth.json``.
+"""
+
+import json
+import re
+from collections import Counter, defaultdict
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from pipeline.tracks.find import FIND_KINDS, VICTIM
+from pipeline.errors import InputError
+from pipeline.files import read_text
+from pipeline.plugins.finds.readers import FindReaders
+from pipeline.frame import decoded
+from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
+from pipeline.victims.detection.boxes import overlaps
+from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.detection.detector import VictimDetector
+from sarsim.commands.cli import tracked
 from sarsim.methods.perception import shipped_readers
-from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import Job, configs, run_jobs
-from scripts.benchmarks.finds_photos import photo_figures
+from scripts.benchmarks.common import Result
+from scripts.benchmarks.runs import failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import FindsSettings
+
+SURE, LIKELY = 0.5, 0.25  # Minimum confidences of a detected box
+CLEAR, LONG = 0.6, 0.15
+"""A reference box counts from this confidence on, and from this ratio of its longer side to the photo's."""
+OVERLAP = 0.5  # IoU above which a person is found
+BOARD = re.compile(r"board(\w+)_(\d+)cm")
+ENDINGS = (".jpg", ".jpeg", ".png")
 
 
 def measure(settings: FindsSettings) -> Result:
     """Shares found and read, false alarms per episode and position errors by kind; for photos, only ``real.*``.
 
     Raises:
-        InputError: a number is too low, a network is broken, or a folder cannot be used.
+        InputError: a network is broken, or a folder cannot be used.
     """
     readers = shipped_readers(settings)
     if settings.photos is not None:
         assert readers is not None
         return Result(photo_figures(settings.photos, VictimDetector.load(*settings.detector), readers))
-    at_least(0, settings, "nist", "esogu", "random", "things")
-    at_least(1, settings, "workers")
-    jobs = [Job(group, "ours", config) for group, config in configs(settings.episode, settings)]
-    results = run_jobs(jobs, settings.runs, settings.workers)
-    failed = [job.name for job, result in zip(jobs, results, strict=True) if result is None]
-    return Result(figures_of([result for result in results if result and "report" in result]), {"failed": failed})
+    jobs = list(jobs_of(settings.episode, settings))
+    results = run_jobs(jobs, settings, run_episode)
+    figures = figures_of([result for result in results if result and "report" in result])
+    return Result(figures, {"failed": failures(jobs, results)})
 
 
 def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -50,3 +70,89 @@ def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
         if every := [error for some in errors for error in some]:
             figures[f"{kind}.position_error_m.median"] = float(np.median(every))
     return figures
+
+
+def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dict[str, float]:
+    """All figures ``real.*``; figures with nothing to count are left out.
+
+    Raises:
+        InputError: the folder, a photo or truth.json is missing or broken.
+    """
+    truth = _truth(folder)
+    score = PhotoScore()
+    photos = [path for kind in ("arena", "people", "rooms") for path in sorted((folder / kind).glob("*"))]
+    photos = [path for path in photos if path.suffix.lower() in ENDINGS]
+    for path in tracked(photos, "photos"):
+        rgb = decoded(path.read_bytes(), cv2.IMREAD_COLOR)[..., ::-1].copy()
+        detections = detector.detect(rgb)
+        people = [found for found in detections if found.kind == VICTIM]
+        readings = readers.read_image(rgb, detections)
+        if path.parent.name == "people":
+            score.add_people(people, truth["people"].get(path.name, {}).get("coco_person", ()), max(rgb.shape))
+        else:
+            score.add_empty(people)
+        board = BOARD.fullmatch(path.stem) if path.parent.name == "arena" else None
+        if board is not None and board[1] in truth["boards"]:
+            score.add_board(readings, truth["boards"][board[1]], board[2])
+        elif path.parent.name != "arena":
+            score.add_without_signs(readings)
+    return {"real.images": float(len(photos))} | score.figures()
+
+
+class PhotoScore:
+    """Counts, by figure, what is found in photos, and out of how many."""
+
+    def __init__(self) -> None:
+        self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
+
+    def figures(self) -> dict[str, float]:
+        """The share found, for every figure with something to count."""
+        return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
+
+    def _add(self, name: str, hits: int, number: int) -> None:
+        self._hits[name] += hits
+        self._of[name] += number
+
+    def add_empty(self, people: Sequence[Detection]) -> None:
+        """Add a photo without people, with the people and dolls detected in it."""
+        for name, least in (("empty_alarms_50", SURE), ("empty_alarms_25", LIKELY)):
+            self._add(name, any(person.confidence >= least for person in people), 1)
+
+    def add_people(self, people: Sequence[Detection], reference: Sequence[Sequence[float]], side: int) -> None:
+        """Add a photo with people.
+
+        Args:
+            people: the people detected.
+            reference: x, y, width and height of each true person, pixels, and a confidence.
+            side: the photo's longer side, pixels.
+        """
+        clear = [(x, y, x + w, y + h) for x, y, w, h, sure in reference if sure >= CLEAR and max(w, h) >= LONG * side]
+        for name, least in (("people_found_50", SURE), ("people_found_25", LIKELY)):
+            found = np.array([p.box for p in people if p.confidence >= least], np.float64).reshape(-1, 4)
+            hits = sum(bool((overlaps(np.array([box]), found) > OVERLAP).any()) for box in clear)
+            self._add(name, hits, len(clear))
+
+    def add_board(self, readings: Sequence[Reading], board: dict[str, Any], distance: str) -> None:
+        """Add a photo of a board with known content, taken from a distance in cm."""
+        signs = Counter(r.text for r in readings if r.kind == "hazmat_sign" and r.confidence >= SURE)
+        found = min(signs.total(), len(board["hazmat"]))
+        self._add(f"hazmat_found.{distance}cm", found, len(board["hazmat"]))
+        self._add("hazmat_right", min(found, (signs & Counter(board["hazmat"])).total()), found)
+        codes = len({r.text for r in readings if r.kind == "qr_code" and r.text})
+        self._add(f"qr_read.{distance}cm", min(codes, board["qr"]), board["qr"])
+
+    def add_without_signs(self, readings: Sequence[Reading]) -> None:
+        """Add a photo that shows no hazmat sign."""
+        self._add("hazmat_false", any(r.kind == "hazmat_sign" and r.confidence >= SURE for r in readings), 1)
+
+
+def _truth(folder: Path) -> dict[str, Any]:
+    """The content of the boards and the people in the photos; InputError if either is missing."""
+    file = folder / "truth.json"
+    try:
+        truth = json.loads(read_text(file))
+        return {"boards": dict(truth["boards"]), "people": dict(truth["people"])}
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{file}: must contain a JSON object with the objects 'boards' and 'people' ({error!r})"
+        ) from error

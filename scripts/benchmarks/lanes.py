@@ -11,7 +11,6 @@ from statistics import median
 
 import numpy as np
 from dm_control import mjcf
-from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.exploration.mission import Goals
@@ -75,10 +74,14 @@ def measure(settings: LanesSettings) -> Result:
                 while len(tries[lane]) < settings.repetitions:
                     tries[lane].append(repetitions.next_try())
                     bars.update(bar, advance=1, description=f"lanes/{lane}")
+    notes = [f"{lane}: cannot: {reason}" for lane, reason in forbidden.items()]
+    for lane, made in tries.items():
+        ended = Counter(t.ended for t in made if t.seconds is None)
+        notes += [f"{lane}: tries without a traverse: {count} {how}" for how, count in ended.items()]
     return Result(
         figures(tries, settings.repetitions),
         {"cannot": forbidden, "tries": {lane: [asdict(t) for t in made] for lane, made in tries.items()}},
-        table(tries, forbidden, settings),
+        notes,
     )
 
 
@@ -183,28 +186,3 @@ def figures(tries: dict[str, list[LaneTry]], repetitions: int) -> dict[str, floa
         if seconds:
             found[f"{lane}.seconds.median"] = median(seconds)
     return found
-
-
-def table(tries: dict[str, list[LaneTry]], forbidden: dict[str, str], settings: LanesSettings) -> Table:
-    """A row for each lane; the note says why the robot cannot drive it, or how tries without a traverse ended."""
-    result = Table(title=f"lanes, {settings.robot}")
-    result.add_column("lane", no_wrap=True)
-    for column in ("traverses", "s, median", "posts", "resets", "tipped"):
-        result.add_column(column, justify="right")
-    result.add_column("note")
-    found = figures(tries, settings.repetitions)
-    for lane, made in tries.items():
-        if lane in forbidden:
-            result.add_row(lane, "–", "–", "–", "–", "–", f"cannot: {forbidden[lane]}")
-            continue
-        seconds = found.get(f"{lane}.seconds.median")
-        counts = [f"{found[f'{lane}.{name}']}" for name in ("posts", "resets", "tipped")]
-        failed = Counter(t.ended for t in made if t.seconds is None)
-        result.add_row(
-            lane,
-            f"{found[f'{lane}.successful']}/{len(made)}",
-            f"{seconds:.0f}" if seconds is not None else "–",
-            *counts,
-            ", ".join(f"{count} {ended}" for ended, count in failed.items()),
-        )
-    return result

@@ -1,25 +1,40 @@
-"""Localisation on recorded drives, against odometry, KISS-ICP and Open3D's RGB-D odometry.
+"""Localisation along drives, against odometry, KISS-ICP and Open3D's RGB-D odometry.
 
-All methods get the same frames, in turn, in a single-threaded process; processor time is measured.
+The robot explores using its true pose, so that a drive does not depend on the method measured with it. All methods
+get the same frames, in turn, in a single-threaded process; processor time is measured. The trajectories stay in the
+folder ``--runs`` as TUM files, which evo can draw.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
-from rich.table import Table
+from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
+from pipeline.explorer import Explorer
+from pipeline.frame import Frame
+from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.trajectory import write_tum
+from pipeline.robot import Motion
+from pipeline.sink import Sink
+from pipeline.transforms import inverse
+from sarsim.arenas.load import load_arena
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
-from scripts.benchmarks.exploration_table import Rows, group_figures, groups_in, reports, rich_table, rows_of
-from scripts.benchmarks.localisation_drives import DriveJob, record_job
-from scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
-from scripts.benchmarks.localisation_replay import replay_job
+from scripts.benchmarks.kidnappings import kidnap
+from scripts.benchmarks.localisation_methods import METHODS, is_blind
+from scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
+from scripts.benchmarks.reports import Report, group_figures, reports
+from scripts.benchmarks.runs import Job, failures, jobs_of, run_jobs
 from scripts.benchmarks.settings import LocalisationSettings
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
@@ -27,80 +42,149 @@ REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """The arena in which the robot is kidnapped, by group."""
-METHOD_ROWS: Mapping[str, str] = {
-    "ATE, m, median": "ate_m.median",
-    "ATE, m, worst": "ate_m.worst",
-    "heading, °, median": "heading_deg.median",
-    "drift, %, median": "drift_percent.median",
-    "error over 1 m, m, median": "rpe_m.median",
-    "error over 1 m, °, median": "rpe_deg.median",
-    "time of a frame, ms": "frame_ms.median",
-}
-"""Names of each method's table rows, and the figures in them."""
+FRAMES = 3000  # Maximum number of frames of a drive
+SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad between frames
+AGREEMENT = 1e-6  # m, tolerated difference between our ATE and evo's, which is computed from rounded files
 
 
 def measure(settings: LocalisationSettings) -> Result:
-    """Record the missing drives, and replay all of them.
+    """Run the missing drives, and summarise all of them.
 
     Raises:
         InputError: there is nothing to drive, a package is missing, or a folder cannot be used.
     """
-    at_least(0, settings, "nist", "esogu", "random", "kidnappings")
-    at_least(1, settings, "frames", "workers")
+    at_least(0, settings, "kidnappings")
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         are = "is" if len(missing) == 1 else "are"
         raise InputError(f"{' and '.join(missing)} {are} not installed; run: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
-    jobs = [
-        DriveJob(group, "ours", replace(config, seed=seed), settings.frames)
-        for group, config in configs(base, settings, settings.raf)
-        for seed in settings.seeds or (config.seed,)
-    ]
-    jobs = list(dict.fromkeys(jobs))  # Several episodes in one arena yield the same jobs if seeds are given
-    kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
-    if not jobs and not kidnappings:
-        raise InputError(
-            "no arenas to drive in; set --nist, --esogu, --random or --kidnappings above 0, or give --raf"
-        )
-    drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
-    recorded = [job for job, drive in drives.items() if drive and "frames" in drive]
-    replayed = _replay(recorded, runs, workers, settings.baselines)
-    details: dict[str, Any] = {
-        "left_out": {job.config.arena: r["left_out"] for job, r in drives.items() if r and "left_out" in r},
-        "failed": [job.name for job in jobs if not drives[job] or (job in replayed and not replayed[job])],
-        "worst": _worst(replayed),
-        "drives": {job.name: result["report"] for job, result in replayed.items() if result},
+    names = (*OURS, *(PEERS if settings.baselines else ()))
+    jobs = list(jobs_of(base, settings))
+    results = run_jobs(jobs, settings, partial(run_job, names, settings.runs))
+    by_group: dict[str, list[dict[str, Any] | None]] = {}
+    for job, result in zip(jobs, results, strict=True):
+        by_group.setdefault(job.group, []).append(result)
+    figures = {}
+    for group, of_group in by_group.items():
+        figures |= figures_of(group, reports(of_group))
+    figures |= overall(reports(results))
+    for group, arena in KIDNAPPED_IN.items() if settings.kidnappings else ():
+        config = replace(base, arena=arena, odometry="wheel")
+        counts = kidnap(config, settings.kidnappings, settings.runs / f"kidnapped-{group}")
+        figures |= {f"{group}.kidnapped.{outcome}": float(count) for outcome, count in counts.items()}
+    drives = {job.name: r["report"] for job, r in zip(jobs, results, strict=True) if r and "report" in r}
+    left_out = {
+        job.config.arena: r["left_out"] for job, r in zip(jobs, results, strict=True) if r and "left_out" in r
     }
-    figures = figures_of(replayed) | _kidnapped(base, kidnappings, runs)
-    pictures = tuple(runs / "replays" / f"{name}.png" for name in details["worst"].values())
-    return Result(figures, details, _table(figures, details), pictures)
+    failed = failures(jobs, results)
+    notes = [drive_line(name, report["ours"]) for name, report in drives.items()]
+    notes += [f"{arena} skipped: {reason}" for arena, reason in left_out.items()]
+    notes += [f"{name} failed; see its log" for name in failed]
+    return Result(figures, {"left_out": left_out, "failed": failed, "drives": drives}, notes)
 
 
-def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -> dict[Job, dict[str, Any] | None]:
-    """The result of every drive. Earlier results are deleted, because older code may have produced them."""
-    folder = runs / "replays"
-    for job in jobs:
-        (folder / f"{job.name}.json").unlink(missing_ok=True)
-    names = (*OURS, *(PEERS if peers else ()))
-    return dict(zip(jobs, run_jobs(jobs, folder, workers, replay_job, runs, names), strict=True))
+def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
+    """Drive through an arena with the named methods; writes ``<job>-<method>.tum`` and ``<job>-true.tum``.
+
+    Raises:
+        ArithmeticError: our ATE differs from evo's.
+    """
+    try:
+        followed = drive(job.config, names)
+    except InputError as error:
+        return {"left_out": str(error)}
+    true = np.array(followed.true)
+    files = {name: folder / f"{job.name}-{name}.tum" for name in (*names, "true")}
+    write_tum(files["true"], followed.times, followed.true)
+    report: dict[str, Any] = {"frames": len(true), "way_m": float(way_driven(true)[-1])}
+    for name, method in followed.methods.items():
+        online = np.array(followed.poses[name])
+        final = method.corrected(online)
+        write_tum(files[name], followed.times, list(final))
+        scores = trajectory_scores(true, final)
+        if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= AGREEMENT:
+            raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m differs from evo's")
+        frame_ms = 1e3 * float(np.median(followed.seconds[name]))
+        report[name] = {**scores, "frame_ms": frame_ms, **method.report(true, online)}
+    return {"report": report}
 
 
-def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, float]:
-    """All figures of every group, the ratios to the peers, and the figures over all drives."""
-    figures: dict[str, float] = {}
-    for group in GROUPS:
-        scored = reports([result for job, result in replayed.items() if job.group == group])
-        if not scored:
-            continue
-        figures[f"{group}.runs"] = len(scored)
-        figures |= {f"{group}.{key}": value for key, value in group_figures(scored).items()}
-        for peer in PEERS:
-            if (ate := figures.get(f"{group}.{peer}.ate_m.median")) is not None:
-                figures[f"{group}.{peer}_vs_ours"] = ate / figures[f"{group}.ours.ate_m.median"]
-    return figures | _overall(reports(list(replayed.values())))
+def drive(config: EpisodeConfig, names: Sequence[str]) -> "Followed":
+    """Explore an arena using the true pose while the named methods estimate the pose of each frame."""
+    simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
+    robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
+    followed = Followed(robot, names)
+    mapper = make_mapper(TRUE_LABELS, robot.model, config.seed, OdometryLocalisation())
+    explorer = Explorer(robot, mapper)
+    explorer.watch(followed)
+    step = explorer.step()
+    followed.take(step.keyframe.frame)
+    while step.plan is not None and explorer.steps < config.most_steps and len(followed.times) < FRAMES:
+        explorer.drive(step)
+        step = explorer.step()
+        followed.take(step.keyframe.frame)
+    robot.close()
+    return followed
 
 
-def _overall(scored: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+class Followed(Sink):
+    """Gives all methods a frame whenever the robot has moved ``SPACING`` or turned ``TURN`` since the last one.
+
+    Attributes:
+        methods: the methods by name.
+        times: time of each frame, s.
+        true: true pose (4, 4) of each frame.
+        poses: by method, its estimate (4, 4) of each frame's pose, made during the drive.
+        seconds: by method, processor time of each frame with enough returns, s.
+    """
+
+    def __init__(self, robot: SimulatedRobot, names: Sequence[str]):
+        self._robot = robot
+        self._last = robot.trajectory[-1]
+        self.methods = {name: METHODS[name](self._last.T_world_base) for name in names}
+        self.times: list[float] = []
+        self.true: list[Pose] = []
+        self.poses: dict[str, list[Pose]] = {name: [] for name in names}
+        self.seconds: dict[str, list[float]] = {name: [] for name in names}
+
+    def on_motion(self, motion: Motion) -> None:
+        """Take a frame if the robot has moved or turned far enough."""
+        moved = inverse(self._last.T_world_base) @ self._robot.trajectory[-1].T_world_base
+        turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
+        if np.linalg.norm(moved[:3, 3]) >= SPACING or turned >= TURN:
+            self.take(self._robot.sense())
+
+    def take(self, frame: Frame) -> None:
+        """Localise a frame, with its wheel odometry, unless that is done already or the robot has moved since.
+
+        A robot that plans while rolling may have come to rest after the frame was taken.
+        """
+        pose = self._robot.trajectory[-1]
+        if pose.time != frame.time or (self.times and pose.time <= self._last.time):
+            return
+        self._last = pose
+        self.times.append(pose.time)
+        self.true.append(pose.T_world_base)
+        frame = replace(frame, T_odom_base=self._robot.T_wheel_base, label=None)
+        for name, method in self.methods.items():
+            start = process_time()
+            self.poses[name].append(method.localise(frame))
+            if not is_blind(frame):
+                self.seconds[name].append(process_time() - start)
+
+
+def figures_of(group: str, scored: Sequence[Report]) -> dict[str, float]:
+    """The figures of a group's drives, and the ratios to the peers."""
+    if not scored:
+        return {}
+    figures: dict[str, float] = {"runs": len(scored), **group_figures(scored)}
+    for peer in PEERS:
+        if (ate := figures.get(f"{peer}.ate_m.median")) is not None:
+            figures[f"{peer}_vs_ours"] = ate / figures["ours.ate_m.median"]
+    return {f"{group}.{key}": value for key, value in figures.items()}
+
+
+def overall(scored: Sequence[Report]) -> dict[str, float]:
     """Times, loops and NEES over all drives."""
     figures: dict[str, float] = {}
     for key in ("keyframe_ms", "correction_ms", "nees", "within_3_sigma"):
@@ -110,43 +194,10 @@ def _overall(scored: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         if values := [report["ours"][key] for report in scored if key in report["ours"]]:
             figures[key] = float(sum(values))
     for peer in REGISTERING:
-        both = [r for r in scored if peer in r and "keyframe_ms" in r["ours"]]
-        if both:
-            ratios = [r[peer]["frame_ms"] / r["ours"]["keyframe_ms"] for r in both]
+        if both := [report for report in scored if peer in report]:
+            ratios = [report[peer]["frame_ms"] / report["ours"]["keyframe_ms"] for report in both]
             figures[f"{peer}_vs_ours_time"] = float(np.median(ratios))
     return figures
-
-
-def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
-    """Number of kidnappings with each outcome, out of ``times``, in each arena of ``KIDNAPPED_IN``."""
-    figures: dict[str, float] = {}
-    for group, arena in KIDNAPPED_IN.items() if times else ():
-        config = replace(base, arena=arena, odometry="wheel")
-        for outcome, count in kidnap(config, times, runs / f"kidnapped-{group}").items():
-            figures[f"{group}.kidnapped.{outcome}"] = float(count)
-    return figures
-
-
-def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
-    """The name of the drive with our largest ATE, by group."""
-    worst: dict[str, tuple[float, str]] = {}
-    for job, result in replayed.items():
-        if result:
-            worst[job.group] = max(worst.get(job.group, (0.0, "")), (result["report"]["ours"]["ate_m"], job.name))
-    return {group: name for group, (_, name) in worst.items()}
-
-
-def sections_of(figures: Mapping[str, float]) -> list[Rows]:
-    """The table's sections: the drives, each method, the kidnappings, and the ratios."""
-    sections = [rows_of(figures, {"drives": "runs", "path length of a drive, m, median": "way_m.median"})]
-    for method in (*OURS, *PEERS):
-        rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in METHOD_ROWS.items()}
-        sections.append(rows_of(figures, rows))
-    sections.append(
-        rows_of(figures, {f"kidnapped: {name.replace('_', ' ')}": f"kidnapped.{name}" for name in OUTCOMES})
-    )
-    ratios = {f"ATE of {peer.replace('_', ' ')} over ours": f"{peer}_vs_ours" for peer in PEERS}
-    return [*sections, rows_of(figures, ratios)]
 
 
 def drive_line(name: str, ours: Mapping[str, float]) -> str:
@@ -155,14 +206,3 @@ def drive_line(name: str, ours: Mapping[str, float]) -> str:
     if "nees" in ours:
         line += f", NEES {ours['nees']:.2f}, within 3 σ {ours['within_3_sigma']:.1%}"
     return f"{line}, false loops {ours['false_loops']:.0f} of {ours['loops']:.0f}"
-
-
-def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
-    """A table with a section for each method; its caption has the figures over all drives."""
-    table = rich_table("localisation", figures, sections_of(figures))
-    lines = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
-    lines += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]
-    lines += [f"{arena} skipped: {reason}" for arena, reason in details["left_out"].items()]
-    lines += [f"{name} failed; see its log" for name in details["failed"]]
-    table.caption = "\n".join(lines)
-    return table

@@ -18,7 +18,7 @@ from sarsim.commands.cli import tracked
 from sarsim.scoring.voxels import VoxelScore
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.recorded_frames import RecordedFrames, record
-from scripts.benchmarks.settings import MetricMapSettings
+from scripts.benchmarks.settings import ARENAS, MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
@@ -35,9 +35,9 @@ def measure(settings: MetricMapSettings) -> Result:
     """
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
-    first, *others = settings.arenas
+    first, *others = ARENAS
     recording = record(first, settings.seed, settings.frames)
-    figures, sizes = _speed(recording, settings.baselines), _sizes(recording)
+    figures, sizes = _speed(recording), _sizes(recording)
     figures["large_over_small"] = sizes[-1]["over_small"]
     figures |= _accuracy(recording)
     for arena in others:
@@ -46,7 +46,7 @@ def measure(settings: MetricMapSettings) -> Result:
     return Result(figures, {"sizes": sizes})
 
 
-def _speed(recording: RecordedFrames, slow: bool) -> dict[str, float]:
+def _speed(recording: RecordedFrames) -> dict[str, float]:
     """Milliseconds per frame and bytes of each contender, and ratios of times."""
     contenders: dict[str, Callable[[], Contender]] = {
         "ours": lambda: Projective(0.1),
@@ -54,9 +54,8 @@ def _speed(recording: RecordedFrames, slow: bool) -> dict[str, float]:
         "rays": lambda: Rays(0.1),
         "octomap_discretized": lambda: OctoMap(0.1, discretize=True),
         "octomap_discretized_5cm": lambda: OctoMap(0.05, discretize=True),
+        "octomap": lambda: OctoMap(0.1, discretize=False),
     }
-    if slow:
-        contenders["octomap"] = lambda: OctoMap(0.1, discretize=False)
     times, figures = {}, {}
     for name, make in contenders.items():
         contender = make()

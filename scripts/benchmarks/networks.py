@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from statistics import mean
+from time import perf_counter
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.table import Table
 
 from pipeline.arrays import Probabilities
 from pipeline.errors import InputError
@@ -18,17 +18,24 @@ from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.networks.blocks import CHANNELS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.networks.inference import for_inference
-from pipeline.semantic_map.networks.network import BlockClassifier
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.commands.cli import tracked
 from scripts.benchmarks.common import Result, at_least, seconds
-from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
-from scripts.benchmarks.semantic import LIGHTINGS, SPARSE_KEYFRAMES
-from scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
-from scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
-from scripts.benchmarks.settings import NetworksSettings
+from scripts.benchmarks.labelled_drives import (
+    KINDS,
+    LIGHTINGS,
+    SPARSE_KEYFRAMES,
+    Change,
+    PosedFrame,
+    Scores,
+    drive_through,
+    scores,
+)
+from scripts.benchmarks.semantic import THREADS, classifier_of, thesis_blocks
+from scripts.benchmarks.settings import ARENAS, NetworksSettings
 
+TIMED_FRAMES = 5  # Frames of nist_6x4
 FIRST_RANDOM = 90_000
 """Seed of the first random arena. Datasets draw their arenas' seeds from a range of two thousand million."""
 
@@ -41,7 +48,7 @@ def measure(settings: NetworksSettings) -> Result:
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
     """
-    at_least(1, settings, "rounds", "timed_frames")
+    at_least(1, settings, "rounds")
     at_least(0, settings, "frames", "raf_frames", "random")
     if not settings.weights.is_dir():
         raise InputError(
@@ -49,7 +56,7 @@ def measure(settings: NetworksSettings) -> Result:
         )
     paths = {name: settings.weights / f"{name}.safetensors" for name in NETWORKS}
     files = {name: path for name, path in paths.items() if path.is_file()}
-    timed = list(drive_through("nist_6x4", settings.timed_frames, settings.seed))
+    timed = list(drive_through("nist_6x4", TIMED_FRAMES, settings.seed))
     figures = _sizes(files) | _times(files, timed, settings.rounds)
     groups = _groups(settings)
     lit = {suffix: value for suffix, value in LIGHTINGS.items() if settings.lighting in (None, value.name)}
@@ -62,12 +69,12 @@ def measure(settings: NetworksSettings) -> Result:
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))
-    return Result(figures, {"iou": details}, table(figures, list(groups)))
+    return Result(figures, {"iou": details})
 
 
 def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
     """The arenas to label, by group of figures."""
-    groups = {Path(arena).stem: [arena] * bool(settings.frames) for arena in settings.arenas}
+    groups = {Path(arena).stem: [arena] * bool(settings.frames) for arena in ARENAS}
     count = settings.random if settings.raf_frames else 0
     groups["raf_mean"] = [str(path) for path in sorted(settings.raf.glob("*.raf"))] * bool(settings.raf_frames)
     groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(count)]
@@ -121,7 +128,10 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
     times: dict[str, list[float]] = {}
     for turn in tracked(range(-1, rounds), "blocks"):
         for name, network in ready.items():
-            took = seconds(_run, network, [blocks[turn % len(blocks)]] * THREADS) / THREADS
+            block = [blocks[turn % len(blocks)]] * THREADS
+            begin = perf_counter()
+            list(network.of_blocks(block))
+            took = (perf_counter() - begin) / THREADS
             times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))
     classifiers = {
         name: NetworkClassifier(files[name], threads=THREADS) if name in files else classifier_of(network)
@@ -132,19 +142,3 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
             took = seconds(classifier.classify, frame.frame, frame.points, frame.T_map_camera)
             times.setdefault(f"{name}.frame_s", []).append(took)
     return {name: float(np.median(values)) for name, values in times.items()}
-
-
-def _run(network: BlockClassifier, blocks: list[NDArray[np.float32]]) -> None:
-    list(network.of_blocks(blocks))
-
-
-def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
-    """A column for each network: size, times, and mean IoU over the four classes, by group and kind."""
-    rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
-    rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in KINDS}
-    result = Table("", *NETWORKS)
-    for row, form in rows.items():
-        values = [figures.get(f"{name}.{row}") for name in NETWORKS]
-        if any(value is not None for value in values):
-            result.add_row(row, *("–" if value is None else form.format(value) for value in values))
-    return result

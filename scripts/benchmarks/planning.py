@@ -29,7 +29,7 @@ from sarsim.commands.cli import tracked
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.settings import PlanningSettings
+from scripts.benchmarks.settings import ARENAS, PlanningSettings
 
 WARM_UP = 2  # Steps that are not counted
 GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
@@ -43,13 +43,12 @@ def measure(settings: PlanningSettings) -> Result:
     """Median milliseconds of a step and of its stages in each arena."""
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
-    arenas = settings.arenas
     figures: dict[str, float] = {}
-    for arena in arenas:
+    for arena in ARENAS:
         seconds = _Floor(arena, settings.seed).steps(settings.frames)
         figures[f"{arena}.step_ms"] = 1e3 * float(np.median(np.sum(list(seconds.values()), axis=0)))
         figures |= {f"{arena}.{stage}_ms": 1e3 * float(np.median(times)) for stage, times in seconds.items()}
-    figures["large_over_small"] = figures[f"{arenas[-1]}.step_ms"] / figures[f"{arenas[0]}.step_ms"]
+    figures["large_over_small"] = figures[f"{ARENAS[-1]}.step_ms"] / figures[f"{ARENAS[0]}.step_ms"]
     return Result(figures)
 
 

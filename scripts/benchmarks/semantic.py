@@ -1,75 +1,190 @@
-"""The semantic map: speed and accuracy of the robot's network, against plain DGCNN and a baseline."""
+"""The semantic map: speed and accuracy of the robot's network, against plain DGCNN and rules on height and slope."""
 
+import tempfile
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import mean
-from typing import Any
 
-from pipeline.semantic_map.networks.classifier import NetworkClassifier
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pipeline.geometry.thinning import VoxelCloud
+from pipeline.semantic_map.classifier import CLASSES, PointClassifier
+from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
+from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
+from pipeline.semantic_map.networks.dgcnn import Dgcnn
+from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
+from pipeline.semantic_map.networks.inference import for_inference
+from pipeline.semantic_map.networks.network import PointNetwork
+from pipeline.semantic_map.networks.weights import load_weights
+from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.commands.cli import tracked
-from sarsim.sensors.lighting import Lighting
-from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.labelled_drives import drive_through
-from scripts.benchmarks.semantic_accuracy import accuracy
-from scripts.benchmarks.semantic_confusion import confusion
-from scripts.benchmarks.semantic_speed import THREADS, agreement, speed
-from scripts.benchmarks.settings import SemanticSettings
+from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.labelled_drives import LIGHTINGS, SPARSE_KEYFRAMES, PosedFrame, drive_through, scores
+from scripts.benchmarks.settings import ARENAS, SHARED, SemanticSettings
 
-LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By suffix of the figures' names
-SPARSE_KEYFRAMES = (2.0, 0.8)
-"""m and rad between the frames that are compared: far apart, so that they show more than an arena's start."""
+POINTS = 4096
+THREADS = 2
+TIMED_FRAMES = 10  # Frames of nist_6x4
+CHECKPOINT = SHARED / "dgcnn"
+"""Folder of a published checkpoint and its logits; without it, agreement is not measured."""
 
 
 def measure(settings: SemanticSettings) -> Result:
     """DGCNN's speed and agreement with a published checkpoint, and the network's accuracy in unseen arenas.
 
-    Figures of missing files are left out. If an episode's folder is given, only the confusion of its map is measured.
+    Figures of missing files are left out.
 
     Raises:
-        InputError: there is nothing to measure, or an arena, the weights or the episode are broken.
+        InputError: there is nothing to measure, or an arena or the weights are broken.
     """
-    if settings.confusion is not None:
-        return confusion(settings.confusion)
-    at_least(1, settings, "rounds", "timed_frames")
+    at_least(1, settings, "rounds")
     at_least(0, settings, "frames", "raf_frames")
-    weights, seed = settings.weights, settings.seed
-    network = NetworkClassifier(weights, threads=THREADS) if weights.exists() else None
-    figures = speed(list(drive_through("nist_6x4", settings.timed_frames, seed)), settings.rounds, network)
-    if settings.checkpoint.is_dir():
-        figures |= agreement(settings.checkpoint)
-    jobs = [(arena, settings.frames) for arena in settings.arenas if settings.frames]
-    jobs += [(str(path), settings.raf_frames) for path in sorted(settings.raf.glob("*.raf")) if settings.raf_frames]
-    lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]
-    details = {
-        _name(arena) + suffix: accuracy(
-            drive_through(arena, number, seed, LIGHTINGS[suffix], SPARSE_KEYFRAMES), network
+    seed = settings.seed
+    network = NetworkClassifier(settings.weights, threads=THREADS) if settings.weights.exists() else None
+    figures = speed(list(drive_through("nist_6x4", TIMED_FRAMES, seed)), settings.rounds, network)
+    if CHECKPOINT.is_dir():
+        figures |= agreement(CHECKPOINT)
+    # Accuracy in each arena, by the arena's name, in normal light and in the dark.
+    arenas = {arena: (arena, settings.frames) for arena in ARENAS}
+    arenas |= {f"raf.{path.stem}": (str(path), settings.raf_frames) for path in sorted(settings.raf.glob("*.raf"))}
+    details = dict[str, dict[str, dict[str, float]]]()
+    jobs = [(name, suffix) for suffix in LIGHTINGS for name, (_, frames) in arenas.items() if frames]
+    for name, suffix in tracked(jobs, "arenas"):
+        arena, frames = arenas[name]
+        details[name + suffix] = accuracy(
+            drive_through(arena, frames, seed, LIGHTINGS[suffix], SPARSE_KEYFRAMES), network
         )
-        for arena, number, suffix in tracked(lit, "arenas")
-    }
+    return Result(figures | accuracy_figures(details), {"iou": details})
+
+
+def accuracy(frames: Iterable[PosedFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
+    """IoU by label, and ``miou_four``, of the network, its fused map and the baseline in one arena.
+
+    Without a network, only the baseline is scored.
+    """
+    classifiers: dict[str, PointClassifier] = {"baseline": RuleClassifier()}
+    if network is not None:
+        classifiers["network"] = network
+    reached = scores(frames, classifiers)
+    scored = {name: of["frame"] for name, of in reached.items()}
+    if network is not None:
+        scored["fused"] = reached["network"]["fused"]
+    return {name: score for name, score in scored.items() if score}
+
+
+def accuracy_figures(details: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, float]:
+    """``miou_four.<arena>.<contender>``, with ".dark" at the end in the dark, and the means over all .raf arenas."""
+    figures, rafs = dict[str, float](), dict[str, list[float]]()
     for name, contenders in details.items():
-        figures |= {key(name, contender): values["miou_four"] for contender, values in contenders.items()}
-    return Result(figures | raf_means(details), {"iou": details})
+        arena, dark, _ = name.partition(".dark")
+        for contender, values in contenders.items():
+            figures[f"miou_four.{arena}.{contender}{dark}"] = values["miou_four"]
+            if arena.startswith("raf."):
+                rafs.setdefault(f"miou_four.raf_mean.{contender}{dark}", []).append(values["miou_four"])
+    return figures | {name: mean(values) for name, values in rafs.items()}
 
 
-def _name(arena: str) -> str:
-    path = Path(arena)
-    return f"raf.{path.stem}" if path.suffix == ".raf" else path.stem
+def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
+    """Seconds per block and frame, and their ratios; DGCNN has random weights, which do not affect its time.
+
+    DGCNN is timed on ``rounds`` blocks. Complete frames are timed only if the robot's ``classifier`` is given.
+    """
+    torch.manual_seed(0)
+    network = Dgcnn(CHANNELS, len(CLASSES)).eval()
+    blocks = [block for frame in frames for block in thesis_blocks(frame)]
+    figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
+    return figures | (_frame_times(network, classifier, frames) if classifier else {})
 
 
-def key(name: str, contender: str) -> str:
-    """The name of a figure, given an arena's name with or without ".dark"."""
-    arena, dark, _ = name.partition(".dark")
-    return f"miou_four.{arena}.{contender}{dark}"
+def agreement(folder: Path) -> dict[str, float]:
+    """Share of points with the same class as the published network, and median absolute difference of the logits."""
+    network, _ = load_weights(folder / "s3dis_area6.safetensors")
+    fast = for_inference(network, THREADS)
+    with np.load(folder / "reference.npz") as file:
+        points, expected = file["input"], file["logits"]
+    logits = {"": np.stack([fast(block.T).T for block in points])}
+    logits["plain_"] = np.stack([_plain(network, block.T).T for block in points])
+    figures = {}
+    for name, given in logits.items():
+        same = given.argmax(axis=1) == expected.argmax(axis=1)
+        figures[f"{name}checkpoint_agreement"] = float(same.mean())
+        figures[f"{name}checkpoint_logit_difference"] = float(np.median(np.abs(given - expected)))
+    return figures
 
 
-def raf_means(details: dict[str, Any]) -> dict[str, float]:
-    """Means over all .raf arenas, by contender and lighting."""
-    means = {}
-    for suffix in LIGHTINGS:
-        ours = [
-            values
-            for name, values in details.items()
-            if name.startswith("raf.") and name.endswith(".dark") == bool(suffix)
+def thesis_blocks(frame: PosedFrame) -> list[Block]:
+    """The columns of a frame as in the thesis, each subsampled or oversampled to 4,096 points."""
+    points = frame.points
+    config, rng = BlockConfig(points=len(points)), np.random.default_rng(0)
+    columns = cut(points, frame.T_map_camera[:3, 3], config, 0.0, 1, rng)
+    return [_resampled(column, rng) for column in columns]
+
+
+def _resampled(column: Block, rng: np.random.Generator) -> Block:
+    count = len(column.index)
+    chosen = rng.permutation(count)[:POINTS]
+    chosen = np.append(chosen, rng.choice(count, POINTS - len(chosen)))
+    return Block(column.index[chosen], column.points[chosen])
+
+
+def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[str, float]:
+    fast = FastDgcnn(network, THREADS)
+    fast(blocks[0])
+    _plain(network, blocks[0])
+    rows = [(seconds(fast, block), seconds(_plain, network, block)) for block in tracked(blocks, "blocks")]
+    ours, theirs = np.array(rows).T
+    return {
+        "fast_vs_plain": float(np.median(theirs / ours)),
+        "fast_block_s": float(np.median(ours)),
+        "plain_block_s": float(np.median(theirs)),
+    }
+
+
+def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[PosedFrame]) -> dict[str, float]:
+    """Seconds from a frame's point cloud to its labels, with the robot's classifier and with plain DGCNN.
+
+    Plain DGCNN is timed with the robot's blocks and with those of the thesis.
+    """
+    clouds = [frame.points for frame in frames]
+    classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
+    times = [
+        seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
+        for frame, cloud in zip(frames, clouds, strict=True)
+    ]
+    plain, thesis = (
+        [
+            sum(seconds(_plain, network, block.points) for block in blocks(frame))
+            for frame in tracked(frames, "as written")
         ]
-        for contender in ours[0] if ours else ():
-            means[f"miou_four.raf_mean.{contender}{suffix}"] = mean(v[contender]["miou_four"] for v in ours)
-    return means
+        for blocks in (robot_blocks, thesis_blocks)
+    )
+    return {
+        "frame_s": float(np.median(times)),
+        "frame_s_worst": float(np.max(times)),
+        "plain_frame_s": float(np.median(plain)),
+        "plain_thesis_frame_s": float(np.median(thesis)),
+        "frame_vs_plain_thesis": sum(thesis) / sum(times),
+    }
+
+
+def classifier_of(network: PointNetwork) -> NetworkClassifier:
+    """A network with random weights, as a classifier like the robot's."""
+    with tempfile.TemporaryDirectory() as folder:
+        weights = Path(folder) / "random.safetensors"
+        save_classifier(weights, network, BlockConfig(), {})
+        return NetworkClassifier(weights, threads=THREADS)
+
+
+def robot_blocks(frame: PosedFrame) -> list[Block]:
+    """The blocks into which the robot cuts a frame."""
+    config, rng = BlockConfig(), np.random.default_rng(0)
+    cloud = VoxelCloud.of(frame.points, config.voxel_size)
+    return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))
+
+
+def _plain(network: PointNetwork, block: NDArray[np.float32]) -> NDArray[np.float32]:
+    with torch.inference_mode():
+        logits: torch.Tensor = network(torch.from_numpy(np.ascontiguousarray(block)), [len(block)])
+        return logits.numpy()

@@ -12,6 +12,8 @@ from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odom
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
 ARENAS = "nist_6x4", "esogu_52x15"
+RANDOM = tuple(f"random:{seed}" for seed in (0, 1, 2, 4, 5, 6, 8, 9, 10, 12))
+"""Random arenas of difficulties 0 to 2: an arena's difficulty is its seed modulo 4."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +33,9 @@ class CameraSettings(SubjectSettings):
 
     Attributes:
         frames: number of frames; more give more stable figures.
-        width: width of the images, pixels.
-        height: height of the images, pixels.
     """
 
     frames: int = 60
-    width: Fixed[int] = 640
-    height: Fixed[int] = 480
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,14 +90,10 @@ class MetricMapSettings(SubjectSettings):
     Attributes:
         frames: number of frames of an arena.
         seed: seed of the drives.
-        arenas: arenas in which accuracy is measured; times are measured in the first.
-        baselines: also measure OctoMap without discretize, which takes 0.1 s per frame.
     """
 
     frames: int = 160
     seed: int = 0
-    arenas: Fixed[tuple[str, ...]] = ARENAS
-    baselines: FlagConversionOff[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,66 +103,43 @@ class PlanningSettings(SubjectSettings):
     Attributes:
         frames: number of steps on each floor.
         seed: seed of the robot's positions.
-        arenas: arenas to plan in, the smallest first.
     """
 
     frames: int = 24
     seed: int = 0
-    arenas: Fixed[tuple[str, ...]] = ARENAS
 
 
 @dataclass(frozen=True, kw_only=True)
-class LabelSettings(SubjectSettings):
-    """Settings of the subjects that label frames of drives.
+class SemanticSettings(SubjectSettings):
+    """Time of DGCNN, its agreement with a published checkpoint, and the accuracy of the network's labels.
 
     Attributes:
         rounds: number of timed rounds.
         seed: seed of the drives.
-        arenas: arenas that have figures of their own.
+        frames: number of frames of an arena; 0 for no arena.
+        raf_frames: number of frames of a .raf arena; 0 for none.
         raf: folder of .raf arenas to label as well.
+        weights: weights of the network that labels the points.
     """
 
     rounds: int = 7
     seed: int = 0
-    arenas: Fixed[tuple[str, ...]] = ARENAS
-    raf: Path = SHARED / "arenas" / "raf"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SemanticSettings(LabelSettings):
-    """Time of DGCNN, its agreement with a published checkpoint, and the accuracy of the network's labels.
-
-    Attributes:
-        timed_frames: number of frames of nist_6x4 that are timed.
-        frames: number of frames of an arena; 0 for no arena.
-        raf_frames: number of frames of a .raf arena; 0 for none.
-        checkpoint: folder of a published checkpoint and its logits; without it, agreement is not measured.
-        weights: weights of the network that labels the points.
-        confusion: folder of an episode; only list which objects its semantic map confuses with which class.
-    """
-
-    timed_frames: Fixed[int] = 10
     frames: int = 40
     raf_frames: int = 10
-    checkpoint: Fixed[Path] = SHARED / "dgcnn"
+    raf: Path = SHARED / "arenas" / "raf"
     weights: Path = WEIGHTS
-    confusion: Given[Path] = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworksSettings(LabelSettings):
+class NetworksSettings(SemanticSettings):
     """Size, time and accuracy of all five networks.
 
     Attributes:
-        timed_frames: number of frames of nist_6x4 that are timed.
-        frames: number of frames of an arena; 0 for no arena.
-        raf_frames: number of frames of a .raf or random arena; 0 for none.
         random: number of random arenas, of all four difficulties.
         lighting: light in the frames; by default normal and dark.
         weights: folder of weights files named after their networks.
     """
 
-    timed_frames: Fixed[int] = 5
     frames: int = 24
     raf_frames: int = 8
     random: int = 20
@@ -177,45 +148,44 @@ class NetworksSettings(LabelSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrivesSettings(SubjectSettings):
-    """Settings of the subjects that drive in many arenas.
+class RunsSettings(SubjectSettings):
+    """Settings of the subjects that run episodes.
 
     Attributes:
-        nist: number of episodes in nist_6x4.
-        esogu: number of episodes in esogu_52x15.
-        random: number of random arenas of difficulties 0, 1 and 2, with an episode in each.
-        lighting: light in the arenas.
-        baselines: run the baselines too.
         workers: number of episodes at the same time. By default one per core.
         runs: folder for the result of each episode; finished episodes in it are not repeated.
     """
 
-    nist: int = 10
-    esogu: int = 2
-    random: int = 30
-    lighting: LightingName = "normal"
-    baselines: FlagConversionOff[bool] = True
     workers: Given[int] = None
     runs: Path
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocalisationSettings(DrivesSettings):
-    """Localisation on recorded drives, against odometry, KISS-ICP and Open3D; each drive takes 0.5 GB in --runs.
+class DrivesSettings(RunsSettings):
+    """Settings of the subjects that drive in many arenas.
 
     Attributes:
-        raf: folder of .raf arenas to drive in as well.
-        frames: maximum number of frames of a drive.
-        seeds: seeds of the drives in each arena. By default one drive, with the number of the
-            episode or of the random arena as its seed.
+        arenas: names or files of arenas, or folders of .raf arenas.
+        seeds: seeds of the episodes in each arena.
+        lighting: light in the arenas.
+        baselines: run the baselines too.
+    """
+
+    arenas: tuple[str, ...] = (*ARENAS, *RANDOM)
+    seeds: tuple[int, ...] = (0, 1)
+    lighting: LightingName = "normal"
+    baselines: FlagConversionOff[bool] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalisationSettings(DrivesSettings):
+    """Localisation along drives, against odometry, KISS-ICP and Open3D.
+
+    Attributes:
         kidnappings: number of times that the robot is carried elsewhere in each of nist_6x4 and random:1.
     """
 
-    esogu: int = 1
-    random: int = 9
-    raf: Given[Path] = None
-    frames: Fixed[int] = 3000
-    seeds: tuple[int, ...] = ()
+    seeds: tuple[int, ...] = (0,)
     kidnappings: int = 0
     runs: Path = Path("runs/benchmark-localisation")
 
@@ -244,13 +214,8 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorationSettings(EpisodesSettings):
-    """Whole episodes, against the nearest frontier and a random walk.
+    """Whole episodes, against the nearest frontier and a random walk."""
 
-    Attributes:
-        raf: folder of .raf arenas to explore as well.
-    """
-
-    raf: Given[Path] = None
     runs: Path = Path("runs/benchmark-exploration")
 
 
@@ -260,22 +225,19 @@ class FindsSettings(EpisodesSettings):
 
     Attributes:
         photos: folder of real photos with arena/, people/, rooms/ and truth.json; no episodes are run.
-        things: number of objects in an arena, besides people.
     """
 
-    nist: int = 0
-    esogu: int = 0
-    random: int = 10
+    arenas: tuple[str, ...] = RANDOM
+    seeds: tuple[int, ...] = (0,)
     baselines: Fixed[bool] = False
     photos: Given[Path] = None
-    things: Fixed[int] = 12
     detector: tuple[Path, Path] | tuple[Path] = DETECTOR
     runs: Path = Path("runs/benchmark-finds")
 
     @property
     def episode(self) -> EpisodeConfig:
         """Settings that all episodes have."""
-        return replace(super().episode, random=RandomArenaConfig(things=self.things))
+        return replace(super().episode, random=RandomArenaConfig(things=12))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,7 +261,7 @@ class VictimsSettings(EpisodesSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GoalsSettings(SubjectSettings):
+class GoalsSettings(RunsSettings):
     """Goals 5 to 15 m away in unseen ground of random arenas: path length over the shortest possible.
 
     The search for people and objects is off, and labels come from height and slope.
@@ -308,14 +270,11 @@ class GoalsSettings(SubjectSettings):
         arenas: number of random arenas with such goals, from random:0 on.
         goals: number of goals in each arena, one per run.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
-        workers: number of runs at the same time. By default one per core.
-        runs: folder for the result of each run; finished runs in it are not repeated.
     """
 
     arenas: int = 10
     goals: int = 10
     robot: Robot = "pioneer3at"
-    workers: Given[int] = None
     runs: Path = Path("runs/benchmark-goals")
 
 
@@ -337,7 +296,7 @@ class LanesSettings(PerceptionConfig, SubjectSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BarnSettings(SubjectSettings):
+class BarnSettings(RunsSettings):
     """BARN's cylinder worlds, crossed autonomously with the robot's own camera.
 
     The search for people and objects is off, and labels come from height and slope.
@@ -347,8 +306,6 @@ class BarnSettings(SubjectSettings):
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seeds: number of runs in each world.
         speed: top speed on level, seen ground with enough clearance, m/s.
-        workers: number of runs at the same time. By default one per core.
-        runs: folder for the result of each run; finished runs in it are not repeated.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
@@ -356,30 +313,24 @@ class BarnSettings(SubjectSettings):
     robot: Robot = "jackal"
     seeds: int = 3
     speed: float | None = EpisodeConfig.speed
-    workers: Given[int] = None
     runs: Path = Path("runs/benchmark-barn")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorldsSettings(SubjectSettings):
-    """Missions in worlds of the rescue leagues' virtual robots, one mission in each world.
+class WorldsSettings(RunsSettings):
+    """Missions of 20 minutes in worlds of the rescue leagues' virtual robots, one mission in each world.
 
     Attributes:
         worlds: folder with the worlds and their models; a model.sdf that no world includes counts as a world.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
-        minutes: time limit of each mission in simulated minutes.
         seed: seed of every random number.
-        workers: number of missions at the same time. By default one per core.
-        runs: folder for the result of each mission; finished missions in it are not repeated.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "worlds"
     robot: Robot = "pioneer3at"
-    minutes: Fixed[float] = 20.0
     seed: int = 0
-    workers: int | None = None
     runs: Path = Path("runs/benchmark-worlds")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
@@ -397,3 +348,25 @@ class TasksSettings(SubjectSettings):
     steps: Fixed[int] = 2000
     drawn: int = 100
     maps: Given[Path] = None
+
+
+SUBJECTS: dict[str, type[SubjectSettings]] = {
+    "barn": BarnSettings,
+    "camera": CameraSettings,
+    "correction": CorrectionSettings,
+    "cost": CostSettings,
+    "dataset": DatasetSettings,
+    "exploration": ExplorationSettings,
+    "finds": FindsSettings,
+    "goals": GoalsSettings,
+    "lanes": LanesSettings,
+    "localisation": LocalisationSettings,
+    "metric-map": MetricMapSettings,
+    "networks": NetworksSettings,
+    "planning": PlanningSettings,
+    "semantic": SemanticSettings,
+    "tasks": TasksSettings,
+    "victims": VictimsSettings,
+    "worlds": WorldsSettings,
+}
+"""The settings of each subject; its module in this folder has its name and a function ``measure``."""

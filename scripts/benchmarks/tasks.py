@@ -5,13 +5,12 @@ timed by wall clock.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import gymnasium
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 from scipy.stats import bootstrap
 
 from sarsim.commands.cli import tracked
@@ -42,7 +41,7 @@ def measure(settings: TasksSettings) -> Result:
     for group, scenes in groups.items():
         if len(scenes) > 1:
             figures |= {f"{group}.{name}": value for name, value in compare(scenes, group).items()}
-    return Result(figures, table=_table(figures))
+    return Result(figures)
 
 
 def steps_per_s(steps: int) -> float:
@@ -135,15 +134,3 @@ def interval(name: str, above: NDArray[np.float64], below: NDArray[np.float64]) 
         rng=np.random.default_rng(0),
     ).confidence_interval
     return {name: float(ratio(above, below)), f"{name}.low": float(found.low), f"{name}.high": float(found.high)}
-
-
-def _table(figures: Mapping[str, float]) -> Table:
-    """A row for each figure, with its interval."""
-    table = Table("figure", title="tasks")
-    table.add_column("value", justify="right")
-    table.add_column("95 % interval", justify="right")
-    for name, value in figures.items():
-        if not name.endswith((".low", ".high")):
-            low, high = figures.get(f"{name}.low"), figures.get(f"{name}.high")
-            table.add_row(name, f"{value:,.4g}", "" if low is None else f"{low:,.4g} – {high:,.4g}")
-    return table

@@ -1,41 +1,42 @@
-"""Victims: the detector's average precision and speed, and how many the robot finds in complete episodes."""
+"""Victims: the detector's average precision and speed, and how many the robot finds in complete episodes.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+Average precision is that in frames of arenas that no network was trained on.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from rich.table import Table
+from numpy.typing import NDArray
 
-from pipeline.arrays import Rgb
+from pipeline.arrays import Mask, Rgb, Values
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.victims.config import DetectorConfig
+from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.commands.cli import tracked
+from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.render import World, find_scene
+from sarsim.dataset.settings import HarderArenaRange
+from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.lighting import Lighting
+from sarsim.sensors.rendering import Renderer
 from scripts.benchmarks.common import Result, at_least, seconds
-from scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
-from scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
+from scripts.benchmarks.reports import group_figures, pairs
+from scripts.benchmarks.runs import Job, Results, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import VictimsSettings
-from scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 
 THREADS = 2
 LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
+MOST_HIDDEN = 0.6  # Maximum occluded share of a person who should be found
+DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
+"""Bounds, m, of the intervals of distance from camera to person's centre that have their own average precision."""
+HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Likewise, of a person's occluded share
 BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
 """Bounds of the intervals with separate average precision, by attribute of people."""
-ROWS: Mapping[str, str] = {
-    "episodes": "runs",
-    "victims": "victims.present.sum",
-    "found": "victims.found.sum",
-    "visible within 3.5 m": "victims.visible.sum",
-    "of these, found": "visible_found_share",
-    "false alarms per episode": "victims.false_alarms.mean",
-    "position error, m, median": "position_error_m.median",
-    "time to see 90 %, relative to without": "seen90_vs_without",
-    "time of the episode, relative to without": "sim_time_vs_without",
-}
-"""Names of the table's rows, and the figures in them."""
 
 
 def measure(settings: VictimsSettings) -> Result:
@@ -44,52 +45,37 @@ def measure(settings: VictimsSettings) -> Result:
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
     """
-    at_least(0, settings, "scenes", "rounds", "nist", "esogu", "random", "seed")
-    at_least(1, settings, "frames", "workers")
-    rounds, precise = settings.rounds, DetectorConfig(confidence=LEAST_CONFIDENCE)
-    jobs = [Job(group, "ours", config) for group, config in configs(settings.episode, settings)]
+    at_least(0, settings, "scenes", "rounds", "seed")
+    at_least(1, settings, "frames")
     detector = VictimDetector.load(*settings.detector)
-    figures = speed(detector, rounds, settings.seed) if rounds else {}
-    precision, by = _precision(_frames(VictimDetector.load(*settings.detector, config=precise), settings))
-    figures |= precision
-    episodes, failed = _episodes(jobs, settings)
-    figures |= episodes
-    return Result(figures, {"ap50_by": by, "failed": failed}, _table(figures))
-
-
-def _frames(detector: VictimDetector, settings: VictimsSettings) -> dict[str, list[PeopleInFrame]]:
-    """People and detections in the frames of all scenes, by lighting."""
-    arenas = recipe(settings.seed, settings.frames)
-    result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if settings.scenes}
-    for index in tracked(range(settings.scenes), "frames"):
-        for light in Lighting:
-            result[light.name] += scene_frames(arenas, index, light, detector)
-    return result
-
-
-def _precision(frames: Mapping[str, Sequence[PeopleInFrame]]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Average precision by lighting, and within each lighting by distance and by occluded share."""
-    figures, by = {}, {}
-    for light, seen in frames.items():
+    precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=LEAST_CONFIDENCE))
+    figures = speed(detector, settings.rounds, settings.seed) if settings.rounds else {}
+    arenas, by = recipe(settings.seed, settings.frames), dict[str, Any]()
+    for light in tracked(Lighting if settings.scenes else (), "frames"):
+        seen = [one for n in range(settings.scenes) for one in scene_frames(arenas, n, light, precise)]
         if np.isfinite(value := ap50(seen)):
-            figures[f"ap50.{light}"] = value
-        figures[f"ap50.{light}.people"] = sum(int(people.counts.sum()) for people in seen)
-        by[light] = {name: ap50_by(seen, name, bounds) for name, bounds in BOUNDS.items()}
-    return figures, by
+            figures[f"ap50.{light.name}"] = value
+        figures[f"ap50.{light.name}.people"] = sum(int(people.counts.sum()) for people in seen)
+        by[light.name] = {name: ap50_by(seen, name, bounds) for name, bounds in BOUNDS.items()}
+    episodes, failed = episode_figures(settings)
+    return Result(figures | episodes, {"ap50_by": by, "failed": failed}, [f"{name} failed" for name in failed])
 
 
-def _episodes(jobs: Sequence[Job], settings: VictimsSettings) -> tuple[dict[str, float], list[str]]:
-    """Figures by group, and the names of the failed episodes."""
-    if not jobs:
+def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[str]]:
+    """Figures by group, and the names of the failed episodes; the baseline has no detector."""
+    if not settings.arenas:
         return {}, []
-    found = run_jobs(jobs, settings.runs, settings.workers)
-    bare = [replace(job, config=replace(job.config, detector=None)) for job in jobs if settings.baselines]
-    others = run_jobs(bare, settings.runs / "without", settings.workers) if bare else []
+    jobs = list(jobs_of(settings.episode, settings))
+    bare = [Job(f"without.{job.group}", replace(job.config, detector=None)) for job in jobs if settings.baselines]
+    results = run_jobs([*jobs, *bare], settings, run_episode)
     figures: dict[str, float] = {}
     for group in dict.fromkeys(job.group for job in jobs):
-        members = [number for number, job in enumerate(jobs) if job.group == group]
-        figures |= figures_of(group, [found[n] for n in members], [others[n] for n in members if others])
-    return figures, [job.name for job, result in zip(jobs, found, strict=True) if result is None]
+        found, without = (
+            [result for job, result in zip([*jobs, *bare], results, strict=True) if job.group == name]
+            for name in (group, f"without.{group}")
+        )
+        figures |= figures_of(group, found, without)
+    return figures, failures([*jobs, *bare], results)
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
@@ -116,16 +102,6 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
     return {f"{group}.{name}": float(np.median(values)) for name, values in ratios.items() if values}
 
 
-def _table(figures: Mapping[str, float]) -> Table | None:
-    """A table with a column for each group, and speed and precision below; None without episodes."""
-    if not groups_in(figures):
-        return None
-    table = rich_table("victims", figures, [rows_of(figures, ROWS)])
-    general = {name: value for name, value in figures.items() if name.split(".")[0] not in GROUPS}
-    table.caption = "\n".join(f"{name} {value:.4g}" for name, value in general.items())
-    return table
-
-
 def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
     """Mean ms of the detector over frames of a random arena, as its time depends on the image's content."""
     times: list[float] = []
@@ -144,3 +120,96 @@ def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
         for _ in scene_frames(recipe(seed, rounds), 0, Lighting.normal, Timed()):
             pass
     return {"detector_ms": float(1e3 * np.mean(times))}
+
+
+@dataclass(frozen=True, eq=False)
+class PeopleInFrame:
+    """The people in one frame, and a detector's boxes.
+
+    Attributes:
+        boxes: (V, 4) true boxes, pixels.
+        area: (V,) number of pixels that show each person.
+        hidden: occluded share of each person's area within the image.
+        distance: distance from the camera to each person's centre, m.
+        found: (N, 4) detected boxes, pixels.
+        confidence: confidence of each detected box.
+    """
+
+    boxes: NDArray[np.float64]
+    area: NDArray[np.int64]
+    hidden: Values
+    distance: Values
+    found: NDArray[np.float64]
+    confidence: Values
+
+    @property
+    def counts(self) -> Mask:
+        """The people who should be found."""
+        return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
+
+
+def recipe(seed: int, frames: int) -> Recipe:
+    """Arenas with people, as in the training data but with another seed; three in four scenes have clear air."""
+    arenas = HarderArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
+    return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
+
+
+def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
+    """The people and detections in each frame of a scene; ``lighting`` changes nothing else in the scene."""
+    scene, arena = find_scene(with_lighting(recipe, lighting), index)
+    noise = recipe.rng(index, "noise")
+    with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
+        content = world.content()
+        middle = content.victim_box.mean(axis=1)
+        places = np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
+        for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
+            frame = world.capture(pose, noise)
+            seen = np.flatnonzero(frame.victim_area > 0)
+            alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
+            camera = (frame.pose_true @ frame.frame.T_base_camera)[:3, 3]
+            detections = detector.detect(frame.frame.rgb)
+            yield PeopleInFrame(
+                boxes=frame.victim_pixels[seen].astype(np.float64),
+                area=frame.victim_area[seen].astype(np.int64),
+                hidden=1 - frame.victim_area[seen] / np.maximum(alone, frame.victim_area[seen]),
+                distance=np.linalg.norm(places[seen] - camera, axis=1),
+                found=np.array([d.box for d in detections], np.float64).reshape(-1, 4),
+                confidence=np.array([d.confidence for d in detections], np.float64),
+            )
+
+
+def ap50(frames: Sequence[PeopleInFrame]) -> float:
+    """Average precision at an IoU of 0.5; NaN if no person should be found."""
+    return _average_precision(frames, [people.counts for people in frames])
+
+
+def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
+    """Average precision and number of people by interval of an attribute."""
+    result = {}
+    for low, high in pairwise(bounds):
+        chosen = [_between(people, attribute, low, high) for people in frames]
+        number = sum(int(c.sum()) for c in chosen)
+        if number:
+            result[f"{low:g}-{high:g}"] = {"ap50": _average_precision(frames, chosen), "people": number}
+    return result
+
+
+def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> Mask:
+    """People in an interval of an attribute who should be found; for "hidden", whatever their occluded share."""
+    value = getattr(people, attribute)
+    counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
+    return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
+
+
+def _average_precision(frames: Sequence[PeopleInFrame], counts: Sequence[NDArray[np.bool_]]) -> float:
+    """Average precision for the people in ``counts``; detections of other people are ignored."""
+    result = AveragePrecision()
+    for people, chosen in zip(frames, counts, strict=True):
+        result.add(people.found, people.confidence, people.boxes, ~chosen)
+    return result.value
+
+
+def with_lighting(recipe: Recipe, lighting: Lighting) -> Recipe:
+    """The recipe with the same lighting in all scenes."""
+    normal, dim, dark = (float(kind is lighting) for kind in Lighting)
+    return replace(recipe, lighting=(normal, dim, dark))

@@ -7,18 +7,16 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-from rich.table import Table
-
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.commands.settings import wanted_mission
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
-from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import Job, leave, run_jobs, world_name
+from scripts.benchmarks.common import Result
+from scripts.benchmarks.runs import Job, arena_name, run_all
 from scripts.benchmarks.settings import WorldsSettings
 
+MINUTES = 20.0  # Time limit of each mission in simulated minutes
 FIGURES: Mapping[str, Sequence[str]] = {
     "explored": ("exploration", "explored_fraction"),
     "victims": ("victims", "present"),
@@ -43,15 +41,10 @@ def measure(settings: WorldsSettings) -> Result:
     Raises:
         InputError: there is no world, a mission failed, or a setting is wrong.
     """
-    at_least(1, settings, "workers")
-    wanted_mission("virtual", settings.minutes)
     jobs = [job_of(settings, world) for world in worlds_in(settings.worlds)]
-    results = run_jobs(jobs, settings.runs, settings.workers, run_job, settings.minutes)
-    if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
-        raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
-    runs = {world_name(job.config.arena): run for job, run in zip(jobs, results, strict=True) if run}
-    found = {f"{name}.{key}": value for name, run in runs.items() for key, value in figures(run).items()}
-    return Result(found, runs, table(runs))
+    names = [arena_name(job.config.arena) for job in jobs]
+    runs = dict(zip(names, run_all(jobs, settings, run_job), strict=True))
+    return Result({f"{name}.{key}": value for name, run in runs.items() for key, value in figures(run).items()}, runs)
 
 
 def worlds_in(folder: Path) -> list[Path]:
@@ -73,20 +66,16 @@ def job_of(settings: WorldsSettings, world: Path) -> Job:
     config = EpisodeConfig(
         arena=str(world), robot=settings.robot, seed=settings.seed, mission="virtual", pipeline=settings.pipeline
     )
-    return Job("worlds", "ours", config)
+    return Job("worlds", config)
 
 
-def run_job(job: Job, folder: Path, minutes: float) -> None:
-    """Play a mission and write its figures to a folder."""
-    leave(job, folder, lambda: _run(job.config, minutes))
-
-
-def _run(config: EpisodeConfig, minutes: float) -> dict[str, Any]:
+def run_job(job: Job) -> dict[str, Any]:
+    """Play a mission."""
     begin = perf_counter()
-    load_arena(config.arena)
+    load_arena(job.config.arena)
     load_s = perf_counter() - begin
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
-        episode = Episode(replace(config, out=Path(out)), wanted_mission("virtual", minutes))
+        episode = Episode(replace(job.config, out=Path(out)), wanted_mission("virtual", MINUTES))
         episode.run()
     surface = episode.score.coverage.surface
     ground_m2 = float(surface.drivable.sum()) * surface.grid.cell**2
@@ -104,25 +93,3 @@ def figures(run: Mapping[str, Any]) -> dict[str, float]:
             found[name] = float(value)
     found["minutes"] /= 60
     return found | {"explored_m2": found["explored"] * found["ground_m2"]}
-
-
-def table(runs: Mapping[str, Mapping[str, Any]]) -> Table:
-    """A row for each world."""
-    result = Table("world", title="Missions in worlds of the leagues")
-    for column in ("loaded, s", "explored", "m²", "victims", "contacts", "S", "score", "ATE, m", "x real time"):
-        result.add_column(column, justify="right")
-    for name, run in runs.items():
-        found = dict.fromkeys(FIGURES, np.nan) | figures(run)
-        result.add_row(
-            name,
-            f"{found['load_s']:.1f}",
-            f"{found['explored']:.0%}",
-            f"{found['explored_m2']:.0f}",
-            f"{found['found']:.0f}/{found['victims']:.0f}",
-            f"{found['contacts']:.0f}",
-            f"{found['discovered']:.0f}/{found['portals']:.0f}",
-            f"{found['score']:.2f}",
-            f"{found['ate_m']:.3f}",
-            f"{found['real_time_factor']:.2f}",
-        )
-    return result

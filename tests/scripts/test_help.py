@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from scripts.benchmark import SUBJECTS
+from scripts.benchmarks.settings import SUBJECTS
 from tests.source_tree import ROOT
 
 SUBCOMMANDS = {"train": ["pointnext", "yolo"], "benchmark": ["", *SUBJECTS]}

@@ -1,4 +1,4 @@
-"""Pages of results: what is kept of a measurement, what is measured again, and how figures become tables."""
+"""Pages of results: what is kept of a measurement, what is measured again, how figures become tables, and claims."""
 
 import json
 from collections.abc import Mapping
@@ -9,13 +9,26 @@ import pytest
 
 from pipeline.errors import InputError
 from scripts import results
-from scripts.results import Results, claim_row, kept, readme_row, renew, table_of
+from scripts.results import (
+    Results,
+    check_claims,
+    claim_row,
+    holds,
+    kept,
+    plan,
+    readme_row,
+    record_of,
+    renew,
+    table_of,
+)
 
 PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
 RECORD: dict[str, Any] = {
     "command": "benchmark.py camera --frames 8", "commit": "abc", "date": "2026-11-24", "figures": {"a.ms": 2.0},
     "machine": {"cores": 2, "processor": "P", "instructions": "AVX2"}, "processor_s": 240, "version": "0.1",
 }  # fmt: skip
+LEAST = {"claim": "fast", "page": "camera", "figure": "times", "least": 2}
+MOST = {"claim": "exact", "page": "camera", "figure": "error", "most": 0.5}
 
 
 def test_numbers_are_kept_with_five_digits() -> None:
@@ -32,7 +45,7 @@ def test_a_table_has_the_rows_that_have_a_figure() -> None:
     assert table_of(table, {}) == ""
 
 
-def test_a_row_of_the_readme_takes_its_figures_from_braces() -> None:
+def test_rows_of_the_readme() -> None:
     row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
     end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
     assert readme_row(row, RECORD) == f"| speed | 2.0 ms | – | {end}"
@@ -40,12 +53,8 @@ def test_a_row_of_the_readme_takes_its_figures_from_braces() -> None:
     unknown = readme_row(row | {"ours": "{b.ms:.1f} ms"}, RECORD)
     assert "not measured yet" in unknown and "make results PAGE=camera" in unknown
     assert readme_row(row, None) == unknown
-
-
-def test_a_claim_shows_what_is_expected_and_what_was_measured() -> None:
     claim = {"claim": "fast", "page": "camera", "figure": "a.ms", "most": 2.5}
     assert claim_row(claim, PAGE, RECORD) == "| fast | `python scripts/benchmark.py camera` | 2.0 | ≤ 2.5 | 2 |"
-    assert claim_row(claim, PAGE, None).endswith("| ≤ 2.5 | not measured yet |")
 
 
 @pytest.mark.parametrize(
@@ -57,28 +66,19 @@ def test_figures_of_this_state_are_not_measured_again(
 ) -> None:
     commands: list[str] = []
 
-    def measured(command: str, folder: Path) -> dict[str, Any]:
+    def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
         commands.append(command)
-        return RECORD | {"command": command}
+        return RECORD | {"command": command, "figures": {"ms": float(environment.get("SLOW", 1))}}
 
     monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(results, "state_of_code", lambda: new)
     monkeypatch.setattr(results, "measured", measured)
     (tmp_path / "camera.json").write_text(json.dumps(RECORD | {"commit": old}))
-    renew("camera", PAGE, Results(again=again, flags="--frames 8"))
-    assert commands == ["benchmark.py camera --frames 8"] * runs
-    assert json.loads((tmp_path / "camera.json").read_text())["commit"] == new
-
-
-def test_a_page_has_the_figures_of_other_environments_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
-        return RECORD | {"figures": {"ms": float(environment.get("SLOW", 1))}}
-
-    monkeypatch.setattr(results, "FOLDER", tmp_path)
-    monkeypatch.setattr(results, "state_of_code", lambda: "abc")
-    monkeypatch.setattr(results, "measured", measured)
-    renew("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results())
-    assert json.loads((tmp_path / "camera.json").read_text())["figures"] == {"ms": 1.0, "old.ms": 3.0}
+    renew("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results(again=again, flags="--frames 8"))
+    assert commands == ["benchmark.py camera --frames 8"] * 2 * runs
+    record = json.loads((tmp_path / "camera.json").read_text())
+    assert record["commit"] == new
+    assert not runs or record["figures"] == {"ms": 1.0, "old.ms": 3.0}
 
 
 def test_an_environment_reaches_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,3 +96,36 @@ def test_an_environment_reaches_the_command(tmp_path: Path, monkeypatch: pytest.
 def test_a_page_that_is_not_there_is_refused_with_those_that_are() -> None:
     with pytest.raises(InputError, match=r"speed: .*metric-map"):
         results.results(Results(pages=("speed",)))
+
+
+@pytest.mark.parametrize(("figure", "held"), [(1.9, False), (2.0, True), (2.1, True), (float("nan"), False)])
+def test_a_claim_holds_from_its_bound_on(figure: float, held: bool) -> None:
+    assert holds(LEAST, {"times": figure}) is held
+    assert holds({"figure": "times", "most": 2}, {"times": 4 - figure}) is held
+    assert not holds(LEAST, {})
+
+
+def test_all_claims_of_a_command_are_checked_by_one_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands: list[str] = []
+
+    def measured(command: str, folder: Path) -> dict[str, Any]:
+        commands.append(command)
+        return {"figures": {"times": 3.0, "error": 0.6}}
+
+    content = {"pages": {"camera": {"command": "benchmark.py camera"}}, "claims": [LEAST, MOST]}
+    monkeypatch.setattr(results, "plan", lambda: content)
+    monkeypatch.setattr(results, "measured", measured)
+    with pytest.raises(SystemExit):
+        check_claims()
+    assert commands == ["benchmark.py camera"]
+    assert capsys.readouterr().out.splitlines() == [
+        "holds  fast: 3, expected ≥ 2", "FAILS  exact: 0.6, expected ≤ 0.5",
+    ]  # fmt: skip
+
+
+def test_every_claim_held_when_its_page_was_measured() -> None:
+    for claim in plan()["claims"]:
+        record = record_of(claim["page"])
+        assert record and holds(claim, record["figures"]), claim["claim"]

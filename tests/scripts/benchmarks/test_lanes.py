@@ -1,17 +1,15 @@
 """Repetitions in lanes: who drives where, what is counted, and one true traverse."""
 
-import io
 from contextlib import closing
 
 import mujoco
 import numpy as np
 import pytest
-from rich.console import Console
 
 from pipeline.errors import InputError
 from sarsim.arenas.lanes import LANES
 from scripts.benchmarks import lanes
-from scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure, table
+from scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure
 from scripts.benchmarks.settings import LanesSettings
 
 REACHED, FALLEN = LaneTry(1, "reached", 30.0, 0), LaneTry(-1, "tipped", None, 2)
@@ -40,16 +38,6 @@ def test_figures_of_tries():
     }
     assert found["krails.attempted"] == found["door.successful"] == 0
     assert "door.seconds.median" not in found
-
-
-def test_the_table_says_why_there_is_no_traverse():
-    out = io.StringIO()
-    Console(file=out, width=120).print(table(TRIES, {"krails": "a step"}, LanesSettings(repetitions=4)))
-    rows = {line.split("│")[1].strip(): line for line in out.getvalue().splitlines() if "│" in line}
-    assert [cell.strip() for cell in rows["centre"].split("│")[2:8]] == [
-        "2/4", "40", "3", "3", "1", "1 tipped, 1 given_up",
-    ]  # fmt: skip
-    assert "cannot: a step" in rows["krails"] and "0/1" in rows["door"]
 
 
 def test_directions_alternate_and_a_reset_sets_up_anew(monkeypatch):

@@ -27,16 +27,11 @@ def wandering(seed, n=60):
     return np.array(poses)
 
 
-def test_a_perfect_trajectory_has_no_error():
-    scores = trajectory_scores(line(), line())
-    assert set(scores) == {"ate_m", "max_m", "heading_deg", "drift_percent", "rpe_m", "rpe_deg"}
-    assert scores == pytest.approx(dict.fromkeys(scores, 0.0), abs=1e-6)
-
-
 def test_an_offset_is_an_absolute_error_and_no_relative_one():
     moved = line()
     moved[:, 1, 3] += 0.3
     scores = trajectory_scores(line(), moved)
+    assert way_driven(line(3)) == pytest.approx([0, 0.1, 0.2])
     expected = {"ate_m": 0.3, "max_m": 0.3, "heading_deg": 0, "rpe_m": 0, "rpe_deg": 0, "drift_percent": 10}
     assert scores == pytest.approx(expected, abs=1e-6)  # 0.3 m after 3 m
 
@@ -51,14 +46,6 @@ def test_a_wrong_scale_is_a_relative_error_over_a_metre():
 def test_a_wrong_heading_counts_across_the_half_turn():
     scores = trajectory_scores(line(yaw=np.deg2rad(179)), line(yaw=np.deg2rad(-179)))
     assert scores["heading_deg"] == pytest.approx(2)
-
-
-def test_a_drive_of_less_than_a_metre_has_no_relative_error():
-    assert "rpe_m" not in trajectory_scores(line(5), line(5))
-
-
-def test_the_way_is_that_of_the_positions():
-    assert way_driven(line(3)) == pytest.approx([0, 0.1, 0.2])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config import PipelineConfig
 from pipeline.explorer import Explorer
 from pipeline.sink import Step
 from sarsim.commands import cli, names, settings
@@ -187,13 +186,6 @@ def test_the_explorer_of_the_page_of_sweeps_sees_more_than_a_random_walk() -> No
 
     (own,) = (thing for thing in space.values() if isinstance(thing, type))
     assert seen(own()) > seen(EXPLORERS["random_walk"])
-
-
-def test_five_drives_in_vain_are_as_many_as_the_page_of_driving_says() -> None:
-    page, numbers = " ".join((ROOT / "docs" / "driving.md").read_text().split()), PipelineConfig()
-    words = dict(enumerate(["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]))
-    assert f"After {words[numbers.explorer.patience]} failed drives" in page
-    assert f"- {words[numbers.exploration.patience]} drives in a row" in page
 
 
 def calls(page: Path) -> list[list[str]]:

@@ -261,24 +261,6 @@ class VictimsSettings(EpisodesSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GoalsSettings(RunsSettings):
-    """Goals 5 to 15 m away in unseen ground of random arenas: path length over the shortest possible.
-
-    The search for people and objects is off, and labels come from height and slope.
-
-    Attributes:
-        arenas: number of random arenas with such goals, from random:0 on.
-        goals: number of goals in each arena, one per run.
-        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
-    """
-
-    arenas: int = 10
-    goals: int = 10
-    robot: Robot = "pioneer3at"
-    runs: Path = Path("runs/benchmark-goals")
-
-
-@dataclass(frozen=True, kw_only=True)
 class LanesSettings(PerceptionConfig, SubjectSettings):
     """Autonomous traverses of RoboCup Rescue's lanes, in both directions.
 
@@ -358,7 +340,6 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "dataset": DatasetSettings,
     "exploration": ExplorationSettings,
     "finds": FindsSettings,
-    "goals": GoalsSettings,
     "lanes": LanesSettings,
     "localisation": LocalisationSettings,
     "metric-map": MetricMapSettings,

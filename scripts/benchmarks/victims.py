@@ -5,8 +5,6 @@ Average precision is that in frames of arenas that no network was trained on.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +30,6 @@ from scripts.benchmarks.settings import VictimsSettings
 THREADS = 2
 LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
 MOST_HIDDEN = 0.6  # Maximum occluded share of a person who should be found
-DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
-"""Bounds, m, of the intervals of distance from camera to person's centre that have their own average precision."""
-HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Likewise, of a person's occluded share
-BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
-"""Bounds of the intervals with separate average precision, by attribute of people."""
 
 
 def measure(settings: VictimsSettings) -> Result:
@@ -50,15 +43,14 @@ def measure(settings: VictimsSettings) -> Result:
     detector = VictimDetector.load(*settings.detector)
     precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=LEAST_CONFIDENCE))
     figures = speed(detector, settings.rounds, settings.seed) if settings.rounds else {}
-    arenas, by = recipe(settings.seed, settings.frames), dict[str, Any]()
+    arenas = recipe(settings.seed, settings.frames)
     for light in tracked(Lighting if settings.scenes else (), "frames"):
         seen = [one for n in range(settings.scenes) for one in scene_frames(arenas, n, light, precise)]
         if np.isfinite(value := ap50(seen)):
             figures[f"ap50.{light.name}"] = value
         figures[f"ap50.{light.name}.people"] = sum(int(people.counts.sum()) for people in seen)
-        by[light.name] = {name: ap50_by(seen, name, bounds) for name, bounds in BOUNDS.items()}
     episodes, failed = episode_figures(settings)
-    return Result(figures | episodes, {"ap50_by": by, "failed": failed}, [f"{name} failed" for name in failed])
+    return Result(figures | episodes, {"failed": failed}, [f"{name} failed; see its log" for name in failed])
 
 
 def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[str]]:
@@ -130,7 +122,6 @@ class PeopleInFrame:
         boxes: (V, 4) true boxes, pixels.
         area: (V,) number of pixels that show each person.
         hidden: occluded share of each person's area within the image.
-        distance: distance from the camera to each person's centre, m.
         found: (N, 4) detected boxes, pixels.
         confidence: confidence of each detected box.
     """
@@ -138,7 +129,6 @@ class PeopleInFrame:
     boxes: NDArray[np.float64]
     area: NDArray[np.int64]
     hidden: Values
-    distance: Values
     found: NDArray[np.float64]
     confidence: Values
 
@@ -159,53 +149,25 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
-        content = world.content()
-        middle = content.victim_box.mean(axis=1)
-        places = np.einsum("vij,vj->vi", content.victim_pose[:, :3, :3], middle) + content.victim_pose[:, :3, 3]
         for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
             alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
-            camera = (frame.pose_true @ frame.frame.T_base_camera)[:3, 3]
             detections = detector.detect(frame.frame.rgb)
             yield PeopleInFrame(
                 boxes=frame.victim_pixels[seen].astype(np.float64),
                 area=frame.victim_area[seen].astype(np.int64),
                 hidden=1 - frame.victim_area[seen] / np.maximum(alone, frame.victim_area[seen]),
-                distance=np.linalg.norm(places[seen] - camera, axis=1),
                 found=np.array([d.box for d in detections], np.float64).reshape(-1, 4),
                 confidence=np.array([d.confidence for d in detections], np.float64),
             )
 
 
 def ap50(frames: Sequence[PeopleInFrame]) -> float:
-    """Average precision at an IoU of 0.5; NaN if no person should be found."""
-    return _average_precision(frames, [people.counts for people in frames])
-
-
-def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
-    """Average precision and number of people by interval of an attribute."""
-    result = {}
-    for low, high in pairwise(bounds):
-        chosen = [_between(people, attribute, low, high) for people in frames]
-        number = sum(int(c.sum()) for c in chosen)
-        if number:
-            result[f"{low:g}-{high:g}"] = {"ap50": _average_precision(frames, chosen), "people": number}
-    return result
-
-
-def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> Mask:
-    """People in an interval of an attribute who should be found; for "hidden", whatever their occluded share."""
-    value = getattr(people, attribute)
-    counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
-    return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
-
-
-def _average_precision(frames: Sequence[PeopleInFrame], counts: Sequence[NDArray[np.bool_]]) -> float:
-    """Average precision for the people in ``counts``; detections of other people are ignored."""
+    """Average precision at an IoU of 0.5, ignoring detections of other people; NaN if no person should be found."""
     result = AveragePrecision()
-    for people, chosen in zip(frames, counts, strict=True):
-        result.add(people.found, people.confidence, people.boxes, ~chosen)
+    for people in frames:
+        result.add(people.found, people.confidence, people.boxes, ~people.counts)
     return result.value
 
 

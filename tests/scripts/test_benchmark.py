@@ -60,7 +60,6 @@ def test_the_file_says_what_was_measured_where_and_how(
         (["barn", "--worlds", "/no"], "--worlds /no"),
         (["barn", "--robot", "none.xml"], "--robot none.xml"),
         (["worlds", "--worlds", "/no"], "--worlds /no"),
-        (["goals", "--arenas", "0"], "--arenas 0"),
         (["lanes", "--lanes", "moat"], "--lanes moat"),
     ],
 )

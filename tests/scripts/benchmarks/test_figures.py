@@ -5,9 +5,9 @@ import pytest
 
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.victims.detection.detection import Detection
-from scripts.benchmarks import barn, camera, exploration, finds, goals, localisation, networks, semantic, victims
+from scripts.benchmarks import barn, camera, exploration, finds, localisation, networks, semantic, victims
 from scripts.benchmarks.reports import flat, group_figures
-from scripts.benchmarks.victims import PeopleInFrame, ap50, ap50_by
+from scripts.benchmarks.victims import PeopleInFrame, ap50
 
 
 def report(explored=1.0, seen90=None, time=100.0, collisions=0, tipped=0):
@@ -80,19 +80,6 @@ def test_barn():
     assert "world_7.time_s" not in nobody and nobody["score.mean"] == nobody["score.high"] == 0
 
 
-def test_only_goals_that_were_reached_have_a_way():
-    runs = [
-        {"way_m": 6.0, "shortest_m": 5.0, "time_s": 20.0, "refused": [], "collisions": 0},
-        {"way_m": 2.0, "shortest_m": 8.0, "time_s": 90.0, "refused": ["it is blocked"], "collisions": 1},
-        {"way_m": 14.0, "shortest_m": 10.0, "time_s": 40.0, "refused": [], "collisions": 0},
-    ]
-    found = goals.figures(runs)
-    assert found["goals"] == 3
-    assert found["reached"] == pytest.approx(2 / 3) and found["contacts"] == pytest.approx(1 / 3)
-    assert found["way_over_shortest.median"] == pytest.approx(1.3)
-    assert found["way_over_shortest.worst"] == pytest.approx(1.4)
-
-
 def test_a_renderer_is_compared_round_by_round():
     ours, theirs = [10.0, 20.0, 40.0], [30.0, 80.0, 100.0]
     times = {name: [{"frame": t, "part": t / 2} for t in theirs] for name in camera.CONTENDERS}
@@ -143,7 +130,6 @@ def people(found: list[int], area: int = 500) -> PeopleInFrame:
         boxes=BOXES,
         area=np.full(3, area),
         hidden=np.array([0.0, 0.7, 0.5]),
-        distance=np.array([1.0, 2.0, 3.0]),
         found=BOXES[found],
         confidence=np.linspace(0.9, 0.6, len(found)),
     )
@@ -153,12 +139,6 @@ def test_a_person_mostly_hidden_need_not_be_found_and_does_not_count_if_found():
     assert ap50([people([0, 2])]) == ap50([people([0, 1, 2])]) == 1
     assert ap50([people([0])]) == 0.5
     assert np.isnan(ap50([people([0], area=399)]))
-    assert ap50_by([people([0])], "distance", (0, 1.5, 2.5, np.inf)) == {
-        "0-1.5": {"ap50": 1.0, "people": 1},
-        "2.5-inf": {"ap50": 0.0, "people": 1},
-    }
-    by_hidden = ap50_by([people([0])], "hidden", (0, 0.4, 0.6, 1.0))
-    assert {name: row["people"] for name, row in by_hidden.items()} == {"0-0.4": 1, "0.4-0.6": 1, "0.6-1": 1}
 
 
 def victims_result(visible, found, alarms, errors, time):

@@ -5,10 +5,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.arenas.load import load_arena
 from sarsim.scoring import barn as rules
 from sarsim.settings import EpisodeConfig
-from scripts.benchmarks import barn, correction, goals, kidnappings, runs, worlds
+from scripts.benchmarks import barn, correction, kidnappings, runs, worlds
 from scripts.benchmarks.labelled_drives import drive_through
 from scripts.benchmarks.runs import Job, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.semantic import accuracy
@@ -96,13 +95,6 @@ def test_the_challenges_own_worlds_have_paths(shared):
     times = barn.worlds_in(shared / "barn")
     assert len(times) == 20
     assert all(5.0 < seconds < 10.0 for seconds in times.values())
-
-
-def test_goals_lie_on_drivable_ground_as_far_away_as_they_should_and_are_the_same_again():
-    places = goals.sample("random:1", 5, 1, "pioneer3at")
-    away = np.linalg.norm(places - load_arena("random:1").T_world_start[:2, 3], axis=1)
-    assert len(places) == 5 and (away >= 5).all() and (away <= 15).all()
-    np.testing.assert_array_equal(places, goals.sample("random:1", 5, 1, "pioneer3at"))
 
 
 def test_a_mission_in_a_world_of_others(tmp_path, monkeypatch):

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pipeline.geometry.thinning import VoxelCloud
 from pipeline.semantic_map.classifier import CLASSES, PointClassifier
 from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
@@ -95,7 +94,13 @@ def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier |
     network = Dgcnn(CHANNELS, len(CLASSES)).eval()
     blocks = [block for frame in frames for block in thesis_blocks(frame)]
     figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
-    return figures | (_frame_times(network, classifier, frames) if classifier else {})
+    if classifier is not None:
+        clouds = [(frame.frame, frame.points, frame.T_map_camera) for frame in frames]
+        classifier.classify(*clouds[0])
+        times = [seconds(classifier.classify, *cloud) for cloud in clouds]
+        figures["frame_s"] = float(np.median(times))
+        figures["frame_s_worst"] = float(np.max(times))
+    return figures
 
 
 def agreement(folder: Path) -> dict[str, float]:
@@ -104,14 +109,11 @@ def agreement(folder: Path) -> dict[str, float]:
     fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:
         points, expected = file["input"], file["logits"]
-    logits = {"": np.stack([fast(block.T).T for block in points])}
-    logits["plain_"] = np.stack([_plain(network, block.T).T for block in points])
-    figures = {}
-    for name, given in logits.items():
-        same = given.argmax(axis=1) == expected.argmax(axis=1)
-        figures[f"{name}checkpoint_agreement"] = float(same.mean())
-        figures[f"{name}checkpoint_logit_difference"] = float(np.median(np.abs(given - expected)))
-    return figures
+    given = np.stack([fast(block.T).T for block in points])
+    return {
+        "checkpoint_agreement": float((given.argmax(axis=1) == expected.argmax(axis=1)).mean()),
+        "checkpoint_logit_difference": float(np.median(np.abs(given - expected))),
+    }
 
 
 def thesis_blocks(frame: PosedFrame) -> list[Block]:
@@ -142,46 +144,12 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
     }
 
 
-def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[PosedFrame]) -> dict[str, float]:
-    """Seconds from a frame's point cloud to its labels, with the robot's classifier and with plain DGCNN.
-
-    Plain DGCNN is timed with the robot's blocks and with those of the thesis.
-    """
-    clouds = [frame.points for frame in frames]
-    classifier.classify(frames[0].frame, clouds[0], frames[0].T_map_camera)
-    times = [
-        seconds(classifier.classify, frame.frame, cloud, frame.T_map_camera)
-        for frame, cloud in zip(frames, clouds, strict=True)
-    ]
-    plain, thesis = (
-        [
-            sum(seconds(_plain, network, block.points) for block in blocks(frame))
-            for frame in tracked(frames, "as written")
-        ]
-        for blocks in (robot_blocks, thesis_blocks)
-    )
-    return {
-        "frame_s": float(np.median(times)),
-        "frame_s_worst": float(np.max(times)),
-        "plain_frame_s": float(np.median(plain)),
-        "plain_thesis_frame_s": float(np.median(thesis)),
-        "frame_vs_plain_thesis": sum(thesis) / sum(times),
-    }
-
-
 def classifier_of(network: PointNetwork) -> NetworkClassifier:
     """A network with random weights, as a classifier like the robot's."""
     with tempfile.TemporaryDirectory() as folder:
         weights = Path(folder) / "random.safetensors"
         save_classifier(weights, network, BlockConfig(), {})
         return NetworkClassifier(weights, threads=THREADS)
-
-
-def robot_blocks(frame: PosedFrame) -> list[Block]:
-    """The blocks into which the robot cuts a frame."""
-    config, rng = BlockConfig(), np.random.default_rng(0)
-    cloud = VoxelCloud.of(frame.points, config.voxel_size)
-    return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))
 
 
 def _plain(network: PointNetwork, block: NDArray[np.float32]) -> NDArray[np.float32]:

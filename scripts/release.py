@@ -1,8 +1,8 @@
 """Check that a tag can be released, and print its notes: ``release.py v0.1.0``. It needs no installed package."""
 
 import re
-import sys
 import tomllib
+from argparse import ArgumentParser
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -15,11 +15,12 @@ ROW = re.compile(rf"^\|.*?(?:, {DATE}, ([0-9a-f]{{7,40}}\+?) )?\|$", re.MULTILIN
 
 def main() -> None:
     """Entry point: print the notes, or print all faults to stderr and exit with status 1."""
-    if len(sys.argv) != 2:
-        raise SystemExit("usage: release.py TAG, such as release.py v0.1.0")
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("tag", help="tag to be released, such as v0.1.0")
+    tag = parser.parse_args().tag
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     texts = [(ROOT / name).read_text() for name in ("CHANGELOG.md", "CITATION.cff", "README.md")]
-    notes, wrong = checked(sys.argv[1], version, *texts)
+    notes, wrong = checked(tag, version, *texts)
     if wrong:
         raise SystemExit("\n".join(f"error: {fault}" for fault in wrong))
     print(notes)

@@ -16,8 +16,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.plugins.finds.readers import FindReaders
 from pipeline.frame import decoded
+from pipeline.plugins.finds.readers import FindReaders
 from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.detection import Detection, Detector

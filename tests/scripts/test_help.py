@@ -11,7 +11,7 @@ import pytest
 from scripts.benchmarks.settings import SUBJECTS
 from tests.source_tree import ROOT
 
-SUBCOMMANDS = {"train": ["pointnext", "yolo"], "benchmark": ["", *SUBJECTS]}
+SUBCOMMANDS = {"train": ["pointnext"], "benchmark": ["", *SUBJECTS]}
 COMMANDS = [
     f"{path.stem} {sub}".strip()
     for path in sorted((ROOT / "scripts").glob("*.py"))

@@ -126,7 +126,7 @@ class Episode(ExplorerRun):
         return f"{self._explored_share():.0%} of the drivable ground seen"
 
     def _explored_share(self) -> float:
-        return self.score.coverage.fraction
+        return self.score.explored_so_far
 
     def run(
         self,

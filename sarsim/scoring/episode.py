@@ -22,9 +22,8 @@ from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.oracle import Oracle
 from sarsim.scoring.progress import MOST, ExploredCurve, progress_figures
 from sarsim.scoring.segments import SegmentScore
-from sarsim.scoring.semantics import KeyframeTruth, compared
+from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, compared
 from sarsim.scoring.sight import Sight
-from sarsim.scoring.surfaces import SurfaceScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_length
 from sarsim.scoring.trajectory import TrajectoryScore, driven, ways_driven
@@ -110,6 +109,11 @@ class EpisodeScore(Sink):
         self._pending.clear()
 
     @property
+    def explored_so_far(self) -> float:
+        """Share of the drivable ground seen in the keyframes compared so far; does not wait for the newest ones."""
+        return self._coverage.fraction
+
+    @property
     def coverage(self) -> Coverage:
         """True ground seen by noise-free returns and by the kept returns of an earlier episode."""
         self._wait()
@@ -139,6 +143,7 @@ class EpisodeScore(Sink):
         """Add the figures of all stages that have any to the report."""
         if result.is_reported:
             result.add(self.report())
+        self._thread.shutdown()
 
     def report(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""

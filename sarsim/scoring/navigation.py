@@ -1,17 +1,22 @@
-"""Scores of the robot's driving."""
+"""Scores of the robot's driving, and where its time goes."""
 
+from collections.abc import Sequence
+from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from pipeline.arrays import Mask, Places, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.navigator import Navigator
+from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import GroundTruthSurface
+from sarsim.robots.pose import Pose
 from sarsim.scoring.oracle import true_traversability
-from sarsim.scoring.pace import time_figures
-from sarsim.scoring.trajectory import driven, motion_figures
+from sarsim.scoring.trajectory import LIFT, STILL, driven, motion_figures
 from sarsim.simulated_robot import SimulatedRobot
 
 
@@ -40,18 +45,83 @@ class NavigationScore:
 
 def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: int) -> dict[str, Any]:
     """The figures of all drives for report.json; ``kidnaps``: how often the robot was carried."""
+    ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
     return {
         "legs": len(navigator.legs),
         "reached": sum(leg.outcome is Outcome.REACHED for leg in navigator.legs),
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
         "recovered": navigator.recovered,
-        **_time_figures(navigator),
+        **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),  # if it moved on planned drives
         **score.report(),
     }
 
 
-def _time_figures(navigator: Navigator) -> dict[str, float]:
-    """The median ratio of planned to driven time; empty if the robot moved on no planned drive."""
-    ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
-    return {"planned_over_driven": float(np.median(ratios))} if ratios else {}
+class Doing(IntEnum):
+    """What a robot does in a control period."""
+
+    DRIVING = 0
+    TURNING = 1
+    """In place: the centre of rotation lies between the wheels, so those of one side stop or run backwards."""
+    BACKING = 2
+    STILL = 3
+
+
+def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str, float]:
+    """``navigation.time_s`` for report.json.
+
+    Args:
+        trajectory: true poses, one per control period.
+        ground: the true ground, assessed for the robot that was driven.
+
+    Returns:
+        Times, s, spent driving, backing, turning in place and still, which sum to the total; and the parts of the
+        driving time where the room on both sides together is less than the robot's width, and on ramps.
+    """
+    doing, lasted = what_it_does(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
+    is_driving = doing == Doing.DRIVING
+    places = np.array([[*pose.T_world_base[:2, 3], yaw_of(pose.T_world_base)] for pose in trajectory[1:]])
+    places, driving = places[is_driving], lasted[is_driving]
+    on_ramp = ground.grid.at(ground.ramp, places)
+    each = {kind.name.lower(): float(lasted[doing == kind].sum()) for kind in Doing}
+    return each | {"narrow": float(driving[is_narrow(ground, places)].sum()), "ramp": float(driving[on_ramp].sum())}
+
+
+def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
+    """(N - 1,) :class:`Doing` between N true poses; a robot that is carried counts as still."""
+    T = np.array([pose.T_world_base for pose in trajectory])
+    steps = np.diff(T[:, :2, 3], axis=0)
+    moved = np.linalg.norm(steps, axis=1)
+    ahead = np.einsum("ij,ij->i", steps, T[:-1, :2, 0])
+    headings = np.arctan2(T[:, 1, 0], T[:, 0, 0])
+    swung = np.abs(wrap_angle(np.diff(headings))) * robot.half_width
+    doing = np.where(ahead < 0, Doing.BACKING, Doing.DRIVING)
+    doing[swung > moved] = Doing.TURNING
+    doing[(np.maximum(moved, swung) <= STILL) | (moved >= LIFT)] = Doing.STILL
+    return doing
+
+
+def is_narrow(ground: Traversability, places: Places) -> Mask:
+    """Whether the room on both sides of a robot together is less than its width.
+
+    ``places``: (N, 3) x and y in m, heading in rad.
+    """
+    return room_on(ground, places, 1.0) + room_on(ground, places, -1.0) < ground.robot.width
+
+
+def room_on(ground: Traversability, places: Places, side: float) -> Values:
+    """(N,) m between the footprint and the nearest obstacle on its left (1) or right (-1), at most its width.
+
+    Accurate to half a cell, because obstacles are sampled at intervals of one cell.
+    """
+    robot, cell = ground.robot, ground.grid.cell
+    cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])
+    ahead, left = np.column_stack([cos, sin]), side * np.column_stack([-sin, cos])
+    away = np.arange(0.0, robot.width, cell)
+    room = np.full(len(places), robot.width)
+    for along in np.arange(-robot.half_length, robot.half_length + cell, cell):
+        beside = places[:, :2] + along * ahead
+        points = beside[:, None] + (robot.half_width + away + cell / 2)[:, None] * left[:, None]
+        blocked = ground.grid.at(ground.obstacle, points, outside=1) != 0
+        room = np.minimum(room, np.where(blocked.any(axis=1), away[blocked.argmax(axis=1)], robot.width))
+    return room

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
-from math import ceil, inf
+from itertools import groupby, pairwise
+from math import atan2, ceil, hypot, inf, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from pipeline.arrays import Mask, Values
+from pipeline.arrays import Mask, Places, Values
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
@@ -22,7 +22,6 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.skid_steer import DriveModel
-from sarsim.scoring.physical import Drive, least_seconds
 from sarsim.scoring.set_cover import cells_shown
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours
@@ -39,6 +38,38 @@ def true_traversability(surface: GroundTruthSurface, robot: RobotModel) -> Trave
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
     none = np.zeros(surface.grid.shape, np.bool_)
     return assess(surface.grid, elevation, none, none.astype(np.uint16), robot, TraversabilityConfig())
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive of straight lines and turns from one viewpoint to the next.
+
+    Attributes:
+        stops: (N, 2) m, the ends of the lines, beginning with the start of the drive.
+        backwards: (N - 1,) which of the lines are driven backwards.
+        first, last: headings at the two viewpoints, rad.
+    """
+
+    stops: Places
+    backwards: Mask
+    first: float
+    last: float
+
+    @property
+    def lines(self) -> list[tuple[float, bool, float]]:
+        """Length in m of each line, whether it is driven backwards, and the robot's heading on it, rad."""
+        steps = [(b - a).tolist() for a, b in pairwise(self.stops)]
+        return [
+            (hypot(x, y), bool(back), atan2(y, x) + pi * bool(back))
+            for (x, y), back in zip(steps, self.backwards, strict=True)
+            if x or y
+        ]
+
+    @property
+    def turned(self) -> float:
+        """Sum of all turns, rad."""
+        headings = [self.first, *(heading for _, _, heading in self.lines), self.last]
+        return float(sum(abs(wrap_angle(b - a)) for a, b in pairwise(headings)))
 
 
 @dataclass(eq=False)
@@ -166,3 +197,24 @@ def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> li
     """Keyframe poses on a straight drive, including one at its end."""
     count = ceil(np.linalg.norm(b - a) / SPACING.way)
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
+
+
+def least_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
+    """Lower bound on the time that a body needs for consecutive drives, s.
+
+    The longer of two times: for all lines at maximum speed and acceleration, with stops only where the direction
+    reverses; and for all turns at the maximum rate, because an ideal driver turns while driving.
+    """
+    lines = [line for drive in drives for line in drive.lines]
+    ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]
+    driving = sum(_line_seconds(way, body, stops=n < len(ways)) for n, way in enumerate(ways, 1))
+    return max(driving, sum(drive.turned for drive in drives) / body.top_turn_rate)
+
+
+def _line_seconds(way: float, body: DriveModel, stops: bool) -> float:
+    """Time, s, to drive ``way``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
+    v, a, ends = body.top_speed, body.acceleration, 2 if stops else 1
+    # Accelerating or braking takes v / a s, and covers half the distance that top speed would.
+    if way < ends * v**2 / (2 * a):
+        return sqrt(2 * ends * way / a)
+    return way / v + ends * v / (2 * a)

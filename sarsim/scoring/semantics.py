@@ -1,10 +1,12 @@
-"""Accuracy of the labels of the semantic map."""
+"""Accuracy of the semantic map: of its labels, and of its points relative to the true surfaces in view."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.keyframes import Keyframes, kept_cloud
 from pipeline.labels import THESIS_FOUR, Label
 from pipeline.mapper import Keyframe
@@ -12,6 +14,9 @@ from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import SemanticMap
+
+F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
+"""Distances within which a point counts as right, m."""
 
 
 class KeyframeTruth:
@@ -77,3 +82,41 @@ def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
     """Intersection over union of each label that occurs in the truth, from a confusion matrix (L, L)."""
     values = iou(confusion)
     return {label: float(values[label]) for label in Label if confusion[label].any()}
+
+
+class SurfaceScore:
+    """Collects noise-free points, in the world, thinned to voxels as in the semantic map."""
+
+    def __init__(self, voxel: float) -> None:
+        """Start without points; ``voxel``: edge of the map's voxels, m."""
+        self._voxel = voxel
+        self._surface, self._new = np.zeros((0, 3), np.float32), list[NDArray[np.float32]]()
+
+    def add(self, points: NDArray[np.float32]) -> None:
+        """Add the noise-free points (N, 3) of a frame, m in the world."""
+        self._new.append(VoxelCloud.of(points, self._voxel).points)
+        if sum(map(len, self._new)) > len(self._surface):  # so that each point is thinned again only a few times
+            self._merge()
+
+    def _merge(self) -> None:
+        self._surface = VoxelCloud.of(np.concatenate([self._surface, *self._new]), self._voxel).points
+        self._new.clear()
+
+    def report(self, points: NDArray[np.float32]) -> dict[str, float]:
+        """The figures of a map with points (M, 3), m; empty if nothing was seen."""
+        self._merge()
+        return f1_scores(points, self._surface) if len(self._surface) else {}
+
+
+def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
+    """The F1 score for each distance in :data:`F1_WITHIN`, m: the harmonic mean of precision and recall.
+
+    Precision is the share of the points (M, 3) within that distance of the surface (N, 3); recall, the share of the
+    surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
+    """
+    if not len(points):
+        return dict.fromkeys(F1_WITHIN, 0.0)
+    farthest = max(F1_WITHIN.values())
+    apart = [cKDTree(b).query(a, distance_upper_bound=farthest)[0] for a, b in ((points, surface), (surface, points))]
+    shares = {name: [float(np.mean(d <= within)) for d in apart] for name, within in F1_WITHIN.items()}
+    return {name: 2 * p * r / (p + r) if p + r else 0.0 for name, (p, r) in shares.items()}

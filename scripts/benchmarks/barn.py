@@ -1,16 +1,24 @@
-"""BARN's cylinder worlds, crossed using the whole pipeline, with the robot's own camera and localisation."""
+"""BARN's cylinder worlds, crossed using the whole pipeline, with the robot's own camera and localisation.
+
+The rules are those of the challenge's program (github.com/Daffan/the-barn-challenge, run.py): Perille et al.,
+"Benchmarking Metric Ground Navigation" (SSRR 2020), and Xiao et al., "Autonomous Ground Navigation in Highly
+Constrained Spaces" (2022).
+"""
 
 import re
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from pipeline.robot import Motion
 from pipeline.run import TimeIsUpError
@@ -18,13 +26,23 @@ from pipeline.sink import Sink
 from sarsim.commands.sweeps.statistics import estimate, plain_mean
 from sarsim.episode import Episode
 from sarsim.robots.model import robot_model
-from sarsim.scoring.barn import GOAL, START, BarnJudge, optimal_seconds, read_path, score
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.runs import Job, run_all
 from scripts.benchmarks.settings import BarnSettings
 
+START = (-2.25, 3.0, 90.0)
+"""The start pose: x and y in m, heading in degrees."""
+GOAL = (-2.25, 13.0)
+"""x and y in m, 10 m ahead of the start."""
+ARRIVED = 1.0  # m from the goal, within which it counts as reached
+MOVED = 0.1  # m from the start, at which the clock starts
+LIMIT = 100.0  # s
+SPEED = 2.0  # m/s on the reference path: the Jackal's top speed, by its data sheet
+BEST, WORST = 2.0, 8.0  # Multiples of the reference time, between which the score of a success falls
+CELL = 0.15  # m, side of a cell of the reference path
+FIRST_CELL = np.array([-4.575, 5.075])  # m, the centre of cell (0, 0)
 PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
 """Published scores, for comparison."""
 
@@ -41,6 +59,7 @@ def measure(settings: BarnSettings) -> Result:
     at_least(1, settings, "seeds")
     worlds = worlds_in(settings.worlds)
     robot_model(settings.robot)
+    # Cross each world with every seed.
     jobs = [job for name in worlds for job in jobs_in(settings, name)]
     runs = [result["run"] for result in run_all(jobs, settings, run_job)]
     by_world = {name: runs[n * settings.seeds : (n + 1) * settings.seeds] for n, name in enumerate(worlds)}
@@ -87,6 +106,37 @@ def run_job(job: Job) -> dict[str, Any]:
     return {"run": crossing.result}
 
 
+@dataclass
+class BarnJudge:
+    """Judges a run by the robot's true pose.
+
+    Attributes:
+        begin: when the robot was set down, s.
+        started: when it had moved far enough for the clock to start, s; None before.
+        ended: ``reached``, ``contact`` or ``time``; None before.
+        seconds: time on the clock, s; 0 until it starts.
+    """
+
+    begin: float
+    started: float | None = None
+    ended: str | None = None
+    seconds: float = 0.0
+
+    def see(self, time: float, T_world_base: Pose, contacts: int) -> bool:
+        """Judge a true pose at a time, s, and the number of contacts so far; returns whether the run may go on.
+
+        The limit also holds for a robot that has not moved, from when it was set down.
+        """
+        place = T_world_base[:2, 3]
+        if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
+            self.started = time
+        self.seconds = 0.0 if self.started is None else time - self.started
+        late = time - (self.begin if self.started is None else self.started) >= LIMIT
+        arrived = bool(np.linalg.norm(place - GOAL) <= ARRIVED)
+        self.ended = "contact" if contacts else "time" if late else "reached" if arrived else None
+        return self.ended is None
+
+
 class Crossing(Sink):
     """An episode with BARN's goal, which the judge ends."""
 
@@ -113,6 +163,17 @@ class Crossing(Sink):
         }
 
 
+def score(seconds: float | None, optimal: float) -> float:
+    """Score of a run: from 1/8 to 1/2, or 0 without success (``seconds`` is None). ``optimal``: reference time, s."""
+    return 0.0 if seconds is None else optimal / float(np.clip(seconds, BEST * optimal, WORST * optimal))
+
+
+def optimal_seconds(cells: NDArray[np.float64]) -> float:
+    """Time in s to drive the reference path from the start over (K, 2) cells to the goal."""
+    path = np.vstack([START[:2], FIRST_CELL + CELL * cells, GOAL])
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / SPEED
+
+
 def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> dict[str, float]:
     """The figures of all worlds, by name; a world without a successful run has no time."""
     scores, found = [], dict[str, float]()
@@ -134,3 +195,16 @@ def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> 
         "score.high": mean.high,
         **found,
     }
+
+
+def read_path(file: Path) -> Places:
+    """(K, 2) cells of the reference path in a NumPy file; InputError if the file has none."""
+    try:
+        cells = np.array(np.load(file, allow_pickle=False), np.float64)
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: no such file; each world_N.world needs a path_N.npy next to it") from error
+    except (OSError, ValueError, TypeError, EOFError, BadZipFile) as error:
+        raise InputError(f"{file}: not a NumPy file of numbers; copy it from the data set again") from error
+    if cells.ndim != 2 or cells.shape[1] != 2 or not np.isfinite(cells).all():
+        raise InputError(f"{file}: a reference path must have shape (K, 2) and finite values, not {cells.shape}")
+    return cells

@@ -39,8 +39,10 @@ def measure(settings: CorrectionSettings) -> Result:
     rounds, seed = settings.rounds, settings.seed
     figures, equal = dict[str, float](), list[bool]()
     for arena, size in DRIVES.items():
+        # Set up: the maps of a drive, and an octree of the same keyframes.
         mapper, octree = driven(arena, size, seed)
         rng = np.random.default_rng(seed)
+        # Measure corrections like those of loop closures, and compare the maps with maps made anew.
         times = []
         for poses in tracked(
             list(_corrected(mapper.keyframes.poses, rounds, rng)), f"corrections of {size} keyframes"

@@ -77,10 +77,12 @@ def measure(settings: CostSettings) -> Result:
 
 def _cost(config: EpisodeConfig) -> dict[str, float]:
     """The figures of an episode."""
+    # The episode, whose commands and images are noted, and whose running code is sampled.
     episode = Episode(config)
     drive, steps = Drive(episode.robot), StepTimes(episode)
     with Sampler() as sampler:
         episode.run(show_progress=False)
+    # The same drive in the world alone.
     world, total = drive.again(config), sum(sampler.seconds.values())
     by_size = sorted(sampler.seconds.items(), key=lambda item: -item[1])
     return {

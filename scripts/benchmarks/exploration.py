@@ -26,14 +26,17 @@ def measure(settings: ExplorationSettings) -> Result:
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
+    # Set up: the episodes of our strategy, and of each baseline in the same arenas with the same seeds.
     jobs = list(jobs_of(settings.episode, settings))
     groups = list(dict.fromkeys(job.group for job in jobs))
     if settings.baselines:
         jobs += [job_of_baseline(job, baseline) for job in jobs for baseline in BASELINES]
+    # Measure.
     results = run_jobs(jobs, settings, run_episode)
     found: dict[str, list[dict[str, Any] | None]] = {}
     for job, result in zip(jobs, results, strict=True):
         found.setdefault(job.group, []).append(result)
+    # Figures by group, and ratios to the nearest frontier.
     figures = {}
     for group, of_group in found.items():
         figures |= figures_of(group, of_group)

@@ -58,9 +58,11 @@ def measure(settings: LocalisationSettings) -> Result:
         are = "is" if len(missing) == 1 else "are"
         raise InputError(f"{' and '.join(missing)} {are} not installed; run: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
+    # Drive; all methods follow each drive.
     names = (*OURS, *(PEERS if settings.baselines else ()))
-    jobs = list(jobs_of(base, settings))
+    jobs = list(jobs_of(base, settings)) if settings.arenas or not settings.kidnappings else []
     results = run_jobs(jobs, settings, partial(run_job, names, settings.runs))
+    # Figures by group, and over all drives.
     by_group: dict[str, list[dict[str, Any] | None]] = {}
     for job, result in zip(jobs, results, strict=True):
         by_group.setdefault(job.group, []).append(result)
@@ -68,6 +70,7 @@ def measure(settings: LocalisationSettings) -> Result:
     for group, of_group in by_group.items():
         figures |= figures_of(group, reports(of_group))
     figures |= overall(reports(results))
+    # Carry the robot elsewhere.
     for group, arena in KIDNAPPED_IN.items() if settings.kidnappings else ():
         config = replace(base, arena=arena, odometry="wheel")
         counts = kidnap(config, settings.kidnappings, settings.runs / f"kidnapped-{group}")
@@ -93,6 +96,7 @@ def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
         followed = drive(job.config, names)
     except InputError as error:
         return {"left_out": str(error)}
+    # Leave the trajectories, with each method's last corrections, and score them.
     true = np.array(followed.true)
     files = {name: folder / f"{job.name}-{name}.tum" for name in (*names, "true")}
     write_tum(files["true"], followed.times, followed.true)

@@ -36,9 +36,12 @@ def measure(settings: MetricMapSettings) -> Result:
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
     first, *others = ARENAS
+    # Set up: the frames of a drive, the same for every contender.
     recording = record(first, settings.seed, settings.frames)
+    # Time and memory of all contenders, and times in larger environments.
     figures, sizes = _speed(recording), _sizes(recording)
     figures["large_over_small"] = sizes[-1]["over_small"]
+    # Accuracy in this arena and in the others.
     figures |= _accuracy(recording)
     for arena in others:
         accuracy = _accuracy(record(arena, settings.seed, settings.frames))

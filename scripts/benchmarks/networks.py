@@ -56,8 +56,10 @@ def measure(settings: NetworksSettings) -> Result:
         )
     paths = {name: settings.weights / f"{name}.safetensors" for name in NETWORKS}
     files = {name: path for name, path in paths.items() if path.is_file()}
+    # Size and time of all networks, on the frames of a drive.
     timed = list(drive_through("nist_6x4", TIMED_FRAMES, settings.seed))
     figures = _sizes(files) | _times(files, timed, settings.rounds)
+    # Accuracy of those with weights, arena by arena, in normal light and in the dark.
     groups = _groups(settings)
     lit = {suffix: value for suffix, value in LIGHTINGS.items() if settings.lighting in (None, value.name)}
     jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
@@ -67,6 +69,7 @@ def measure(settings: NetworksSettings) -> Result:
         count = settings.raf_frames if group.endswith("_mean") else settings.frames
         seen = drive_through(arena, count, settings.seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
+    # Figures: means over the arenas of each group.
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))
     return Result(figures, {"iou": details})

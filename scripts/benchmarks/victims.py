@@ -40,15 +40,18 @@ def measure(settings: VictimsSettings) -> Result:
     """
     at_least(0, settings, "scenes", "rounds", "seed")
     at_least(1, settings, "frames")
+    # The detector's speed.
     detector = VictimDetector.load(*settings.detector)
     precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=LEAST_CONFIDENCE))
     figures = speed(detector, settings.rounds, settings.seed) if settings.rounds else {}
+    # Its average precision in frames of unseen arenas, from the same viewpoints in each light.
     arenas = recipe(settings.seed, settings.frames)
     for light in tracked(Lighting if settings.scenes else (), "frames"):
         seen = [one for n in range(settings.scenes) for one in scene_frames(arenas, n, light, precise)]
         if np.isfinite(value := ap50(seen)):
             figures[f"ap50.{light.name}"] = value
         figures[f"ap50.{light.name}.people"] = sum(int(people.counts.sum()) for people in seen)
+    # The people found in complete episodes.
     episodes, failed = episode_figures(settings)
     return Result(figures | episodes, {"failed": failed}, [f"{name} failed; see its log" for name in failed])
 

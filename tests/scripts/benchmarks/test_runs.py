@@ -5,7 +5,6 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.scoring import barn as rules
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import barn, correction, kidnappings, runs, worlds
 from scripts.benchmarks.labelled_drives import drive_through
@@ -79,7 +78,7 @@ def write_barn_world(folder, *posts):
 
 
 def test_a_barn_run_ends_with_the_clock_and_is_not_repeated(tmp_path, monkeypatch):
-    monkeypatch.setattr(rules, "LIMIT", 2.0)
+    monkeypatch.setattr(barn, "LIMIT", 2.0)
     write_barn_world(tmp_path, (-3.5, 5.0), (-1.0, 6.0))
     settings = BarnSettings(worlds=tmp_path, seeds=1, runs=tmp_path / "runs")
     result = barn.measure(settings)

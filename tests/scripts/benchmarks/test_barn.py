@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_yaw
-from sarsim.scoring.barn import BarnJudge, optimal_seconds, read_path, score
+from scripts.benchmarks.barn import BarnJudge, optimal_seconds, read_path, score
 
 
 def judged(*poses: tuple[float, float, float], contacts: int = 0) -> BarnJudge:
@@ -44,11 +42,6 @@ def test_a_hundred_seconds_end_a_run_also_of_a_robot_that_never_sets_out(
 def test_the_score_is_the_reference_s_time_over_that_taken_within_bounds() -> None:
     assert score(None, 5.0) == 0
     assert [score(seconds, 5.0) for seconds in (1.0, 10.0, 20.0, 40.0, 99.0)] == [0.5, 0.5, 0.25, 0.125, 0.125]
-
-
-@given(st.floats(0, 100), st.floats(1, 20))
-def test_a_success_scores_between_an_eighth_and_a_half(seconds: float, optimal: float) -> None:
-    assert 0.125 <= score(seconds, optimal) <= 0.5
 
 
 def test_the_reference_path_leads_from_the_start_over_its_cells_to_the_goal() -> None:

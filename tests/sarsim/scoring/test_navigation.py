@@ -13,8 +13,8 @@ from pipeline.transforms import from_yaw
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steered import robot_model
+from sarsim.scoring.navigation import is_narrow, time_figures
 from sarsim.scoring.oracle import true_traversability
-from sarsim.scoring.pace import is_narrow, time_figures
 
 ROBOT = robot_model()
 PERIOD = 0.04

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Place, Places, Points, Pose
+from pipeline.arrays import Place, Places, Pose
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import NextBestView
@@ -19,7 +19,7 @@ from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.pilot import Pilot
 from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.planning.stretches import Stretch, stretches_of
+from pipeline.planning.stretches import stretches_of
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
@@ -71,25 +71,38 @@ class Explorer:
     def step(self) -> Step:
         """Sense, localise, map, choose where to go next, and plan a path there."""
         mapper = self.mapper
-        self.settle(waits=True)
-        confirmed = self.pilot.look_around()
-        keyframe = self.pilot.add(confirmed)
+        # Correct: localisation moves keyframes after a loop closure, and the maps follow.
+        self.apply_corrections(waits=True)
+        # Sense, localise and map (thesis 3.1 and 3.2).
+        keyframe = self.pilot.look_around()
         self.reobservation.count(keyframe.frame)
+        # Decide where to look next, or why exploration ends.
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
             left = self.mission.left(context) if has_ended and not self.is_held else []
             ended = self._why_ended(context, left) if has_ended else None
+        # Connect the ground that can be reached to the topological map (3.3).
         mapper.connect(keyframe, context.paths)
+        # Plan a path to the viewpoint (3.4).
         with mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
         if plan is None:
             self.pilot.halt()
-        can_drive = context.paths.start is not None and not self.is_held
-        was_carried = bool(confirmed.was_carried) and self.steps > 0
-        decided = viewpoint, plan, frontiers, left, self.mission.explores, ended, can_drive, was_carried
-        step = Step(self.steps, keyframe, context, *decided)
+        step = Step(
+            number=self.steps,
+            keyframe=keyframe,
+            context=context,
+            viewpoint=viewpoint,
+            plan=plan,
+            frontiers=frontiers,
+            left=left,
+            explores=self.mission.explores,
+            ended=ended,
+            can_drive=context.paths.start is not None and not self.is_held,
+            was_carried=self.pilot.was_carried and self.steps > 0,
+        )
         self.steps += 1
         for sink in self._sinks:
             sink.on_step(mapper, step)
@@ -105,12 +118,12 @@ class Explorer:
             return "shut_in"
         return "not_worth_it" if left else "nothing_left"
 
-    def settle(self, waits: bool = False) -> bool:
+    def apply_corrections(self, waits: bool = False) -> bool:
         """Correct the keyframe poses, the maps and everything anchored in them; True if the maps changed.
 
         ``waits``: whether to leave the maps alone until a correction is due.
         """
-        moves = self.mapper.settle(waits)
+        moves = self.mapper.apply_corrections(waits)
         self.pilot.correct()
         return moves is not None
 
@@ -127,7 +140,7 @@ class Explorer:
     def _choose(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance costs more, so that the same path is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
-        pose = self.pilot.next_pose(keyframe.T_map_base)
+        pose = self.pilot.navigator.next_pose(keyframe.T_map_base)
         context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation)
         context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
@@ -152,55 +165,49 @@ class Explorer:
 
         The robot stops in front of an obstacle that is not on the map; the next step then plans again.
         """
-        if step.viewpoint is None or step.plan is None:
+        viewpoint, plan = step.viewpoint, step.plan
+        if viewpoint is None or plan is None:
             return False
-        pilot, config = self.pilot, self._config
-        check = ObstacleCheck(step.traversability, step.keyframe.frame.sensor, config.navigation.obstacle_check)
-        with self.mapper.stopwatch("navigation"):
-            outcome = self._follow(step, step.viewpoint, step.plan, check)
-        if outcome is Outcome.TILTED:
-            halt = pilot.halts[-1].T_map_base[:2, 3]
-            if not step.traversability.has_ramp(halt):
-                pilot.pose_check.doubt()
-        here, there = step.keyframe.T_map_base[:2, 3], pilot.T_map_base[:2, 3]
-        got_away, reached = np.linalg.norm(there - here) > config.explorer.got_away, outcome is Outcome.REACHED
-        self._failed_drives = 0 if got_away else self._failed_drives + (not reached)
-        self._learn_from_drive(check.obstacles)
-        return reached
-
-    def _follow(self, step: Step, viewpoint: Viewpoint, plan: PathPlan, check: ObstacleCheck) -> Outcome:
-        """Follow the plan of a step, slowly on ramps and near people."""
-        ramps = [ramp.tree.data for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
-        people = [victim.points for victim in self.mapper.victims.confirmed]
-        speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation)
-        heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]
-        way = self._way(step, plan, heading)
-
-        def is_done() -> bool:
-            return self.mission.is_shown(self.mapper.elevation_map)
-
-        planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
-        # If the robot is already rolling towards this viewpoint, it must arrive, or the next step chooses it again.
-        rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
-        return self.pilot.follow(check, Course(way, heading, start, speed_limit, rolls, planned), is_done)
-
-    def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
-        """The stretches of a plan, with arcs where level ground leaves room for them."""
+        mapper, pilot, navigator = self.mapper, self.pilot, self.pilot.navigator
+        config = self._config
         ground = step.traversability
+        here = step.keyframe.T_map_base[:2, 3]
 
+        # Turn the plan into stretches, joined by arcs where level ground leaves room for them.
         def fits(poses: Places) -> bool:
             return bool((ground.rooms(poses) >= 0).all() and not ground.grid.at(ground.ramp, poses).any())
 
-        start, arcs = self.pilot.next_pose(step.keyframe.T_map_base), self._config.navigation.arcs
-        return stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, arcs)
+        start = navigator.next_pose(step.keyframe.T_map_base)
+        heading = viewpoint.heading if viewpoint.turn else None
+        way = stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, config.navigation.arcs)
 
-    def _learn_from_drive(self, obstacles: Points) -> None:
-        """Report obstacles, the driven track and what the robot touched to the mapper."""
-        elevation_map = self.mapper.elevation_map
-        robot, cell = elevation_map.robot, elevation_map.grid.cell
-        # If the robot did not get free, mapping an obstacle next to it would only trap it.
-        touched = [halt.touched(robot, cell) for halt in self.pilot.halts if halt.touches]
-        self.mapper.add_drive(self.pilot.track, obstacles, touched)
+        # Follow them, slowly on ramps and near people, until what the robot set out to see is on the map.
+        ramps = [ramp.tree.data for ramp in mapper.segments.of(Label.INCLINED_RAMP)]
+        people = [victim.points for victim in mapper.victims.confirmed]
+        speed_limit = SpeedLimit(ground, ramps, people, config.navigation)
+        planned = viewpoint.seconds - config.exploration.keyframe_time if viewpoint.seconds else None
+        # If the robot is already rolling towards this viewpoint, it must arrive, or the next step chooses it again.
+        rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
+        check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check)
+        course = Course(way, heading, here, speed_limit, rolls, planned)
+        with mapper.stopwatch("navigation"):
+            outcome = pilot.follow(check, course, lambda: self.mission.is_shown(mapper.elevation_map))
+
+        # Judge the drive: a tilt where the map shows no ramp casts doubt on the pose.
+        reached = outcome is Outcome.REACHED
+        if outcome is Outcome.TILTED and not ground.has_ramp(navigator.halts[-1].T_map_base[:2, 3]):
+            pilot.pose_check.doubt()
+        if np.linalg.norm(navigator.T_map_base[:2, 3] - here) > config.explorer.got_away:
+            self._failed_drives = 0
+        elif not reached:
+            self._failed_drives += 1
+
+        # Learn where the robot drove, what blocked it and what it touched. If it did not get free from an obstacle,
+        # mapping the obstacle would only trap it.
+        robot, cell = mapper.elevation_map.robot, mapper.elevation_map.grid.cell
+        touched = [halt.touched(robot, cell) for halt in navigator.halts if halt.touches]
+        mapper.add_drive(np.array(navigator.track).reshape(-1, 3), check.obstacles, touched)
+        return reached
 
 
 def context_of(

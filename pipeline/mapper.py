@@ -1,6 +1,6 @@
 """From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. The mapper never drives."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -20,6 +20,7 @@ from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, Localised
+from pipeline.localisation.pose_check import Confirmed
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.isolated_returns import remove_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
@@ -50,7 +51,8 @@ class Keyframe:
         points: (N, 3) float32 the returns in ``map``, m; empty if the frame was not labelled.
         labels: (N,) uint8 classes of the points.
         patches: planes among the points.
-        detections: people detected in the colour image.
+        detections: people detected in the colour image; empty if the frame was not labelled, because its image is
+            then searched while the robot drives on (see :meth:`MapObserver.on_detections`).
         index: index of the keyframe.
     """
 
@@ -68,6 +70,9 @@ class MapObserver(Protocol):
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Called when a keyframe has been added to the maps."""
+
+    def on_detections(self, keyframe: int, frame: Frame, detections: list[Detection]) -> None:
+        """Called when the image of a keyframe has been searched for people, at the latest with the next keyframe."""
 
     def on_correction(self, moves: Moves) -> None:
         """Called when the maps have been rebuilt where keyframe poses were corrected."""
@@ -161,33 +166,6 @@ class Mapper:
         self._start_height = self.keyframes.start_height
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
-    def take(
-        self,
-        frame: Frame,
-        at_stop: bool,
-        labelled: bool | None = None,
-        may_repeat: bool = False,
-        on_ground: bool = True,
-    ) -> Keyframe | None:
-        """Localise and map a frame of a robot that sarsim does not drive; None if it repeats a keyframe.
-
-        Args:
-            frame: the newest frame.
-            at_stop: whether to correct the maps first, and to connect the topological map afterwards.
-            labelled: whether to label the keyframe; by default the policy decides.
-            may_repeat: whether to make a keyframe even if the frame repeats another one.
-            on_ground: whether the robot starts on level ground; False if the camera's pose on the robot is unknown.
-        """
-        self.knows_camera = on_ground
-        if at_stop:
-            self.settle(waits=True)
-        localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)
-        keyframe = (self.add if may_repeat else self.offer)(localised, labelled, set_down)
-        if keyframe is not None and at_stop:
-            T = keyframe.T_map_base
-            self.connect(keyframe, PosePaths(self.traversability, T[:2, 3], yaw_of(T)))
-        return keyframe
-
     def is_due(self, T_odom_base: Pose) -> bool:
         """Whether the robot has moved far enough since the last keyframe for another one."""
         last = self._T_odom_keyframe
@@ -202,15 +180,7 @@ class Mapper:
         """A copy of the frame without isolated returns."""
         return remove_isolated_returns(frame, self.metric_map.config.isolated_returns)
 
-    def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
-        """Make the newest frame a keyframe as :meth:`add` does; None if it repeats one."""
-        if not localised.repeats:
-            return self.add(localised, labelled, set_down)
-        self._T_odom_keyframe = localised.frame.T_odom_base
-        self.localisation.pass_by(localised)
-        return None
-
-    def add(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
+    def add_frame(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
 
         An unlabelled frame is added to the metric map and the elevation map only. The people and objects that it
@@ -219,59 +189,73 @@ class Mapper:
         Args:
             localised: the result of :meth:`localise`.
             labelled: whether to label the keyframe; by default the policy decides.
-            set_down: whether the robot has just been set down there, so that the ground around it is assumed level.
+            set_down: whether the robot has just been set down there. Level ground is then assumed around and ahead of
+                it until that ground is seen or the robot leaves, and heights for classifiers are relative to it.
 
         Raises:
             InputError: the pose is so far from the others that the maps would take too much memory. They stay as is.
         """
-        self._T_odom_keyframe = localised.frame.T_odom_base
+        frame = localised.frame
+        T_map_base = localised.T_map_base
+        T_map_camera = localised.T_map_camera
+        index = len(self.keyframes)
+        labelled = self.policy.is_labelled(index) if labelled is None else labelled
+        self._T_odom_keyframe = frame.T_odom_base
         if set_down:
-            self._assume_ground(localised.T_map_base)
-        is_labelled = self.policy.is_labelled(len(self.keyframes)) if labelled is None else labelled
-        keyframe = self._map(localised, is_labelled)
-        for observer in self.observers:
-            observer.on_keyframe(keyframe)
-        return keyframe
+            self._set_down = T_map_base
+            self._start_height = float(T_map_base[2, 3])
 
-    def _assume_ground(self, T_map_base: Pose) -> None:
-        """Assume level ground around and ahead of a robot that was just set down, until that ground is seen.
-
-        As long as the robot stays there, keyframes add this ground to the elevation map. Heights for classifiers are
-        relative to it.
-        """
-        self._set_down, self._start_height = T_map_base, float(T_map_base[2, 3])
-
-    def _map(self, localised: Localised, labelled: bool) -> Keyframe:
-        frame, T_map_base = localised.frame, localised.T_map_base
+        # The pose graph gets a keyframe, once it is sure that the elevation map has room for it.
         self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
             self.localisation.add(localised)
+
+        # The networks that find people and objects have read the last keyframe, and start on this one.
         self._take_read()
-        points, index = frame.points(frame.T_base_camera), len(self.keyframes)
         self._background.begin(frame, index, self.detector, self.readers)
+
+        # Label the points, and store what this keyframe has seen, relative to its pose.
+        points = frame.points(frame.T_base_camera)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
-        T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
+        probabilities = None
         if labelled:
             with self.stopwatch("labels"):
                 probabilities = self._classified(frame, in_map, T_map_camera)
         with self.stopwatch("keyframe"):
-            stride, voxel = self.metric_map.stride(frame.intrinsics), self.semantic_map.config.voxel
+            stride = self.metric_map.stride(frame.intrinsics)
+            voxel = self.semantic_map.config.voxel
             headroom = self.elevation_map.robot.headroom
             seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config, headroom)
             self.keyframes.add(seen, T_map_base)
+
+        # Occupied and free space, and the height of the ground.
         with self.stopwatch("metric_map"):
             seen.put_depth(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
             self._add_ground(frame, points)
-        if probabilities is None:
-            return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
-        with self.stopwatch("semantic_map"):
-            seen.put_classes(self.semantic_map, T_map_base, index)
-        labels = probabilities.argmax(axis=1).astype(np.uint8)
-        with self.stopwatch("segments"):
-            patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
-            self.segments.update(patches, index, T_map_base)
-        return Keyframe(frame, T_map_base, in_map, labels, patches, self._take_read(), index)
+
+        # Classes, and the planes among the points of each class.
+        labels = np.zeros(0, np.uint8)
+        patches: list[PlanePatch] = []
+        detections: list[Detection] = []
+        if probabilities is not None:
+            with self.stopwatch("semantic_map"):
+                seen.put_classes(self.semantic_map, T_map_base, index)
+            labels = probabilities.argmax(axis=1).astype(np.uint8)
+            with self.stopwatch("segments"):
+                patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
+                self.segments.update(patches, index, T_map_base)
+            detections = self._take_read()
+
+        keyframe = Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
+        for observer in self.observers:
+            observer.on_keyframe(keyframe)
+        return keyframe
+
+    def pass_by(self, localised: Localised) -> None:
+        """Continue from the newest frame without making it a keyframe."""
+        self._T_odom_keyframe = localised.frame.T_odom_base
+        self.localisation.pass_by(localised)
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
         """Class probabilities of points; classifiers get heights relative to where the robot was set down."""
@@ -306,7 +290,7 @@ class Mapper:
                 here, *met = (transform_points(inverse(T), points) for points in own)
                 self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
-    def settle(self, waits: bool = False) -> Moves | None:
+    def apply_corrections(self, waits: bool = False) -> Moves | None:
         """Let the localisation correct its keyframes, and all maps with them; None if the maps are unchanged.
 
         People and objects in the last keyframe of a drive are added to the map too. ``waits``: whether to leave the
@@ -405,8 +389,14 @@ class Mapper:
         evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # First, because it may raise
         self.keyframes.add_ground(keyframe, evidence)
 
-    def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
-        """Update the topological map with the ground that ``paths`` reach and the planes of a keyframe."""
+    def connect(self, keyframe: Keyframe, paths: PosePaths | None = None) -> None:
+        """Update the topological map with the planes of a keyframe and the ground that ``paths`` reach.
+
+        ``paths``: the cheapest paths from the robot's position; by default they are computed.
+        """
+        if paths is None:
+            T = keyframe.T_map_base
+            paths = PosePaths(self.traversability, T[:2, 3], yaw_of(T))
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
             self.topological_map.anchor(self.keyframes.poses)
@@ -434,4 +424,50 @@ class Mapper:
             self.victims.update(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
         with self.stopwatch("finds"):
             self.finds.update(frame, read.readings, T_map_base, read.keyframe)
+        for observer in self.observers:
+            observer.on_detections(read.keyframe, frame, read.detections)
         return read.detections
+
+
+Check = Callable[[Localised], Confirmed | None]
+"""Checks a pose: returns the newest frame whose pose is certain, or None if the pose remains in doubt."""
+
+
+def map_frame(
+    mapper: Mapper,
+    sense: Callable[[], Frame],
+    check: Check = lambda localised: Confirmed(localised, None),
+    labelled: bool | None = None,
+    may_repeat: bool = False,
+) -> Keyframe | None:
+    """Sense, localise and map a frame (thesis 3.1 to 3.3): how every frame of a robot or a recording enters the maps.
+
+    Args:
+        mapper: holds all maps.
+        sense: returns the newest frame.
+        check: checks the pose; it may turn the robot for further frames, and tells whether the robot was set down.
+        labelled: whether to label the keyframe; by default the policy decides.
+        may_repeat: whether to make a keyframe even if another one has seen the same from the same pose.
+
+    Returns:
+        The keyframe; None if the frame repeats another one, or if its pose is in doubt.
+
+    Raises:
+        LostError: the pose is unknown.
+        InputError: see :meth:`Mapper.add_frame`.
+    """
+    # Sense.
+    with mapper.stopwatch("sense"):
+        frame = sense()
+    # Localise: register the frame with the surfaces that earlier keyframes have seen.
+    localised = mapper.localise(frame)
+    # Check whether the map agrees with that pose.
+    confirmed = check(localised)
+    if confirmed is None:
+        return None
+    localised, was_set_down = confirmed
+    # Map: every map takes the frame in, unless it shows nothing new.
+    if localised.repeats and not may_repeat:
+        mapper.pass_by(localised)
+        return None
+    return mapper.add_frame(localised, labelled, bool(was_set_down))

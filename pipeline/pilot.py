@@ -5,20 +5,21 @@ which frames are new.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from pipeline.arrays import Place, Places, Points, Pose
+from pipeline.arrays import Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.localisation import Localised, LostError
 from pipeline.localisation.pose_check import Confirmed, PoseCheck
-from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
+from pipeline.mapper import Keyframe, Mapper, map_frame
+from pipeline.navigation.commands import STOP, Approach, Outcome, Verdict
 from pipeline.navigation.course import Course
 from pipeline.navigation.faults import Faults
-from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator
+from pipeline.navigation.navigator import Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.robot import Robot, Velocity
 from pipeline.sink import Sink
@@ -33,83 +34,59 @@ class Pilot:
         pose_check: checks whether the robot is where it believes to be.
         faults: faults of the robot's sensors and wheels.
         driven: distance driven so far by odometry, m.
+        was_carried: whether the robot was carried, or set down at the start, since the stop before the newest one.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink], navigator: Navigator | None = None):
         """``sinks``: notified of each motion; may grow. ``navigator``: by default one that commands velocities."""
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
-        self.robot, self.faults = robot, Faults(navigation.faults, localisation.vertical)
+        self.robot = robot
+        self.faults = Faults(navigation.faults, localisation.vertical)
         self.navigator = navigator or Navigator(robot.model, robot.control_period, navigation)
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)
-        self._mapper, self._sinks, self._carried_way = mapper, sinks, localisation.pose_check.carried_way
         self.driven = 0.0
-        self._is_done: Callable[[], bool] = lambda: False
+        self.was_carried = False
+        self._mapper = mapper
+        self._sinks = sinks
+        self._carried_way = localisation.pose_check.carried_way
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # Where the last drive ended; None if the robot was carried
 
-    @property
-    def T_map_base(self) -> Pose:
-        """The robot's pose after its newest motion."""
-        return self.navigator.T_map_base
+    def look_around(self) -> Keyframe:
+        """Make a labelled keyframe where the robot stands; it turns for other views until its pose is confirmed.
 
-    def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x, y and heading in ``map`` from which the next path of a robot at a pose starts.
-
-        The robot may still roll to the end of its current path.
+        Raises:
+            LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
-        return self.navigator.next_pose(T_map_base)
+        keyframe = map_frame(self._mapper, self.sense, self.confirm, labelled=True, may_repeat=True)
+        if keyframe is None:
+            raise LostError("the robot's pose remains in doubt")
+        self.correct()
+        return keyframe
 
-    @property
-    def track(self) -> Places:
-        """(N, 3) x, y, m, and headings, rad, of the robot on its newest path."""
-        return np.array(self.navigator.track).reshape(-1, 3)
-
-    @property
-    def halts(self) -> list[Halt]:
-        """The robot's halts on its newest path."""
-        return self.navigator.halts
-
-    @property
-    def relocalised(self) -> int:
-        """Number of times that the robot was relocalised after being carried."""
-        return self.pose_check.relocalised
-
-    @property
-    def newest_leg(self) -> DrivenLeg:
-        """The most recent leg."""
-        return self.navigator.legs[-1]
-
-    def look_around(self) -> Confirmed:
-        """Look around until the pose is confirmed; return the newest frame, and whether the robot was carried.
+    def confirm(self, localised: Localised) -> Confirmed:
+        """The newest frame, once the robot knows where it is, and whether it was carried or set down there.
 
         Raises:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
         last = self._last
-        with self._mapper.stopwatch("sense"):
-            localised = self._sense()
+        self._note(localised)
         if last is None:
             self.faults.check_depth_scale(localised.frame)
-        views = self.pose_check.confirm(localised, last)
-        try:
-            angle = next(views)
-            while True:
-                can_turn = self._run(self.navigator.turn(angle)) is Outcome.REACHED
-                angle = views.send(self._sense() if can_turn else None)
-        except StopIteration as end:
-            localised, was_carried = end.value
+
+        def turn(angle: float) -> Localised | None:
+            can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
+            return self._note(self._mapper.localise(self.sense())) if can_turn else None
+
+        localised, was_carried = self.pose_check.confirm(localised, last, turn)
         left, self._T_odom_left = self._T_odom_left, localised.frame.T_odom_base
         if was_carried is None:
             moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
             was_carried = bool(moved > self._carried_way)
+        self.was_carried = was_carried
         return Confirmed(localised, was_carried)
-
-    def add(self, confirmed: Confirmed) -> Keyframe:
-        """Make a confirmed frame a labelled keyframe, and continue with its pose."""
-        keyframe = self._mapper.add(confirmed.localised, labelled=True, set_down=bool(confirmed.was_carried))
-        self.correct()
-        return keyframe
 
     def correct(self) -> None:
         """Pass the newest estimate of the robot's pose to the navigator."""
@@ -120,8 +97,7 @@ class Pilot:
 
         ``is_done``: called after each keyframe; the drive ends early if it returns True.
         """
-        self._is_done = is_done
-        outcome = self._run(self.navigator.follow(course), check)
+        outcome = self.navigator.follow(course, partial(self._watched, check, is_done))
         motion = self.navigator.motion
         self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
         return outcome
@@ -129,21 +105,21 @@ class Pilot:
     def halt(self) -> None:
         """Stop the robot if it is still rolling."""
         if self.navigator.motion is not None:
-            self._run(self.navigator.halt())
+            self.navigator.halt(self._move)
 
-    def _run(self, commands: Commands, check: ObstacleCheck | None = None) -> Outcome:
-        """Send commands to the robot one by one while it may follow them; without a check, nothing is checked."""
-        try:
-            command = next(commands)
-            while True:
-                verdict = Verdict.FINE if check is None else self._watch(command, check)
-                if verdict is Verdict.FINE:
-                    self._move(command)
-                command = commands.send(verdict)
-        except StopIteration as end:
-            return end.value
+    def _watched(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
+        """Let the robot follow a command if its pose is certain and its path is clear."""
+        if command == STOP:
+            return self._move(command)
+        verdict = self._look(is_done)
+        if verdict is Verdict.FINE and isinstance(command, Approach) and command.v > 0:
+            if check.is_due(command):
+                check.look(command, self._returns())
+            if not check.is_clear(command):
+                verdict = Verdict.BLOCKED
+        return self._move(command) if verdict is Verdict.FINE else verdict
 
-    def _move(self, command: Velocity) -> None:
+    def _move(self, command: Velocity) -> Verdict:
         """Let the robot follow a command for a control period; without odometry, stop it and raise LostError."""
         before, motion = self.navigator.motion, self.robot.drive(command)
         try:
@@ -155,47 +131,46 @@ class Pilot:
             self.driven += float(np.linalg.norm((motion.T_odom_base - before.T_odom_base)[:3, 3]))
         for sink in self._sinks:
             sink.on_motion(motion)
+        return Verdict.FINE
 
-    def _watch(self, command: Velocity, check: ObstacleCheck) -> Verdict:
-        """Whether the robot may follow a command."""
-        if command == STOP:
+    def _look(self, is_done: Callable[[], bool]) -> Verdict:
+        """If a keyframe is due, map a new frame unless it repeats one, and judge whether the robot may drive on."""
+        motion, belief = self.navigator.motion, self._mapper.belief
+        if motion is None or not self._mapper.is_due(motion.T_odom_base):
             return Verdict.FINE
-        verdict = self._look()
-        if verdict is Verdict.FINE and isinstance(command, Approach) and command.v > 0:
-            if check.is_due(command):
-                check.look(command, self._returns())
-            return Verdict.FINE if check.is_clear(command) else Verdict.BLOCKED
-        return verdict
 
-    def _look(self) -> Verdict:
-        """If a keyframe is due, localise a new frame and make it a keyframe unless it repeats one."""
-        assert self.navigator.motion is not None
-        if not self._mapper.is_due(self.navigator.motion.T_odom_base):
-            return Verdict.FINE
-        localised, belief = self._sense(), self._mapper.belief
-        self.pose_check.compare(localised, is_driving=True)
-        self.faults.check_motion(belief, localised.frame.time)
+        def check(localised: Localised) -> Confirmed | None:
+            self.pose_check.compare(self._note(localised), is_driving=True)
+            self.faults.check_motion(belief, localised.frame.time)
+            return Confirmed(localised, None) if belief.knows_place else None
+
+        map_frame(self._mapper, self.sense, check)
         if not belief.knows_place:
             return Verdict.UNSURE
-        self._mapper.offer(localised)
         self.correct()
         if belief.is_sure_of(MotionState.HELD):
             return Verdict.SPINNING
-        return Verdict.DONE if self._is_done() else Verdict.FINE
+        return Verdict.DONE if is_done() else Verdict.FINE
 
     def _returns(self) -> Points:
         """The camera's current returns in ``map``; their frame becomes a keyframe."""
-        keyframe = self._mapper.add(self._sense(), labelled=False)
+
+        def check(localised: Localised) -> Confirmed:
+            return Confirmed(self._note(localised), None)
+
+        keyframe = map_frame(self._mapper, self.sense, check, labelled=False, may_repeat=True)
         self.correct()
+        if keyframe is None:
+            return np.zeros((0, 3), np.float32)
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
 
-    def _sense(self) -> Localised:
-        localised = self._mapper.localise(self._frame())
+    def _note(self, localised: Localised) -> Localised:
+        """Remember the newest frame; LostError if the camera no longer measures anything."""
         self._last = localised.frame
         self.pose_check.check_depth(localised)
         return localised
 
-    def _frame(self) -> Frame:
+    def sense(self) -> Frame:
         """The camera's newest frame; LostError if it fails twice in a row."""
         try:
             return self.robot.sense()

@@ -30,6 +30,42 @@ from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
 
 
+def explore(
+    explorer: Explorer,
+    may_step: Callable[[], bool] = lambda: True,
+    on_step: Callable[[Step], object] = lambda step: None,
+    on_drive: Callable[[bool], object] = lambda reached: None,
+    on_done: Callable[[], object] = lambda: None,
+) -> None:
+    """Explore, or drive to goals, until nowhere is left to drive to (thesis, chapter 3).
+
+    Args:
+        explorer: the robot, its maps and its mission, which decides where to go.
+        may_step: called before each step; exploration ends if it returns False.
+        on_step: receives each step before the drive.
+        on_drive: called after each drive with whether the robot arrived.
+        on_done: called after each step from which exploration goes on.
+
+    Raises:
+        LostError: the robot does not know where it is.
+        InputError: the robot does not answer.
+    """
+    has_waited = False
+    while may_step():
+        # Sense, localise, map, decide where to go, and plan a path there.
+        step = explorer.step()
+        on_step(step)
+        if step.plan is not None:
+            # Drive there; keyframes on the way go into the maps too.
+            on_drive(explorer.drive(step))
+        # Without a plan, look once more if the maps can be corrected: a loop closure merges doubled walls, which may
+        # have cut off the area behind them.
+        elif not explorer.apply_corrections() or has_waited:
+            return
+        has_waited = step.plan is None
+        on_done()
+
+
 @dataclass(frozen=True)
 class RunParts:
     """The parts of every run, whether the robot is simulated, recorded or real.
@@ -93,7 +129,7 @@ class Run:
         times = sim_time, perf_counter() - self._wall_begin
         result = Result(self.parts.folder, self.mapper, trajectory, steps, *times, figures, self.report)
         phases: list[tuple[str, Callable[[], object]]] = (
-            [("correcting the maps", self.mapper.settle)] if steps else []
+            [("correcting the maps", self.mapper.apply_corrections)] if steps else []
         )
         # A user's own sink may lack ``finishing``.
         phases += [
@@ -182,7 +218,7 @@ class ExplorerRun(Run, ABC):
         self._logged_faults = 0
         self.ended = "interrupted"
         self._left: list[Viewpoint] = []
-        self._waits = False  # Whether the last step had no plan and only corrected the maps
+        self._relocalised = explorer.pilot.pose_check.relocalised
 
     @property
     def explored(self) -> str:
@@ -210,8 +246,10 @@ class ExplorerRun(Run, ABC):
         mission = self.explorer.mission
         try:
             for task in mission.tasks(self._goals, self._home, self.explorer, explores=self._steps > 0):
-                while self._may_step() and not interrupted() and self.step():
-                    on_progress(self._progress_of(str(task)))
+                self._explore(
+                    may_step=lambda: self._may_step() and not interrupted(),
+                    on_done=lambda name=str(task): on_progress(self._progress_of(name)),
+                )
                 if mission.explores and self.ended == "interrupted" and not interrupted():
                     self.ended = "steps"
             self._log_outcomes()
@@ -224,6 +262,10 @@ class ExplorerRun(Run, ABC):
         finally:
             self._finish(self._time() - begin)
         return not interrupted()
+
+    def _explore(self, may_step: Callable[[], bool], on_done: Callable[[], object]) -> None:
+        """Take the steps of the current task, and log them."""
+        explore(self.explorer, may_step, self._log_step, self._log_drive, on_done)
 
     def _progress_of(self, task: str) -> Progress:
         """The run's progress after a step of a task: share of the mission's time, or else of the explored ground."""
@@ -259,32 +301,29 @@ class ExplorerRun(Run, ABC):
         mission.may_explore = mission.deadline is not None or self.explorer.steps < self._steps
         return mission.may_explore or not mission.explores
 
-    def step(self) -> bool:
-        """Take one step: sense, map, plan, drive; False if there is nowhere left to drive to."""
-        explorer, pilot = self.explorer, self.explorer.pilot
-        relocalised = pilot.relocalised
-        step = explorer.step()
+    def _log_step(self, step: Step) -> None:
+        pilot = self.explorer.pilot
         self._log_outcomes()
         self._log_faults()
         if step.was_carried:
-            found_itself = pilot.relocalised > relocalised
+            found_itself = pilot.pose_check.relocalised > self._relocalised
             how = "looked around and was localised" if found_itself else "was carried and set down"
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
+        self._relocalised = pilot.pose_check.relocalised
         self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
         if step.explores:
-            self.ended, self._left = step.ended or "interrupted", step.left
-        was_waiting, self._waits = self._waits, step.plan is None
-        if step.plan is None:
-            # A loop closure merges doubled walls, which may have cut off the area behind them.
-            return explorer.settle() and not was_waiting
-        if not explorer.drive(step):
-            leg = pilot.newest_leg
-            line = f"the drive to {place_name(leg.target)} ended: {leg.outcome.value}"
-            if leg.outcome is Outcome.STUCK:
-                self._notice("stuck", line)
-            else:
-                self._log("WARN", line)
-        return True
+            self.ended = step.ended or "interrupted"
+            self._left = step.left
+
+    def _log_drive(self, reached: bool) -> None:
+        if reached:
+            return
+        leg = self.explorer.pilot.navigator.legs[-1]
+        line = f"the drive to {place_name(leg.target)} ended: {leg.outcome.value}"
+        if leg.outcome is Outcome.STUCK:
+            self._notice("stuck", line)
+        else:
+            self._log("WARN", line)
 
     def _notice(self, kind: str, text: str) -> None:
         self._faults.note(kind, self._time(), text)

@@ -8,11 +8,13 @@ from typing import Any
 from pipeline.arrays import Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.frame import Frame
 from pipeline.keyframes import Moves
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Motion
+from pipeline.victims.detection.detection import Detection
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +104,9 @@ class Sink:
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Called when a keyframe has been added to the maps, in a step or during a drive."""
+
+    def on_detections(self, keyframe: int, frame: Frame, detections: list[Detection]) -> None:
+        """Called when the image of a keyframe has been searched for people, at the latest with the next keyframe."""
 
     def on_correction(self, moves: Moves) -> None:
         """Called when the maps have been rebuilt where keyframe poses were corrected."""

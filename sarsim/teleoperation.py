@@ -18,7 +18,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import run_all
-from pipeline.mapper import Keyframe
+from pipeline.localisation.pose_check import Confirmed
+from pipeline.mapper import Keyframe, map_frame
 from pipeline.robot import Velocity
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink
@@ -228,8 +229,13 @@ class MappedDrive(MappingRun):
 
     def _take(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
-        keyframe = self.mapper.take(self._robot.sense(), at_stop=True, labelled=True)
+        self.mapper.apply_corrections(waits=True)
+        was_set_down = not len(self.mapper.keyframes)
+        keyframe = map_frame(
+            self.mapper, self._robot.sense, lambda localised: Confirmed(localised, was_set_down), labelled=True
+        )
         if keyframe is not None:
+            self.mapper.connect(keyframe)
             self.show(keyframe)
 
     def save(self) -> None:

@@ -310,7 +310,7 @@ def moved_about(arena: Path, robot: Path) -> None:
     """What an episode does to a robot."""
     with closing(SimulatedRobot(load_arena(str(arena)), SimulationConfig(robot=str(robot)), 0)) as body:
         mapper, frame = Mapper(body.model, TruthClassifier()), body.sense()
-        mapper.add(mapper.localise(frame))
+        mapper.add_frame(mapper.localise(frame))
         body.drive(Velocity(0.2, 0.2))
 
 
@@ -439,4 +439,4 @@ def explored(robot: AmissRobot, folder: Path) -> None:
         pass
     finally:
         if explorer.steps:
-            run_all(explorer.settle, lambda: save_maps(explorer.mapper, folder))
+            run_all(explorer.apply_corrections, lambda: save_maps(explorer.mapper, folder))

@@ -16,10 +16,11 @@ from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.pose_check import Confirmed
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.localisation.vertical import T_lowest_camera, vertical
-from pipeline.mapper import Keyframe, Mapper
+from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.transforms import from_rotation, inverse, level
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
@@ -68,6 +69,7 @@ class Replay:
         self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
         self._is_on_ground = T_base_camera is not None or recording.has_camera_pose
+        mapper.knows_camera = self._is_on_ground
         self._given = self._given_poses(poses)
         robot = mapper.elevation_map.robot
         self._most_tilt = robot.max_tilt
@@ -180,7 +182,18 @@ class Replay:
         at_stop = frame.time in self.recording.steps if recorded else labelled
         if at_stop:
             self._add_track()
-        return self.mapper.take(frame, at_stop, labelled, may_repeat=recorded, on_ground=self._is_on_ground)
+            self.mapper.apply_corrections(waits=True)
+        was_set_down = self._is_on_ground and not len(self.mapper.keyframes)
+        keyframe = map_frame(
+            self.mapper,
+            lambda: frame,
+            lambda localised: Confirmed(localised, was_set_down),
+            labelled=labelled,
+            may_repeat=recorded,
+        )
+        if keyframe is not None and at_stop:
+            self.mapper.connect(keyframe)
+        return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:
         """Whether the frame is to be labelled as a keyframe; None if it is not to become one."""

@@ -1,9 +1,9 @@
 """Checks whether the robot is where it believes to be, and finds it if it was carried elsewhere.
 
-Nothing here moves the robot: a check that needs another view requests it, and the caller turns the robot.
+Nothing here moves the robot: a check that needs another view asks its caller, who turns the robot and senses.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -35,8 +35,8 @@ class Confirmed(NamedTuple):
     was_carried: bool | None
 
 
-Views = Generator[float, Localised | None, Confirmed]
-"""Yields angles to turn by, rad, and receives the frame seen after each turn, or None if the robot could not turn."""
+Turn = Callable[[float], Localised | None]
+"""Turns the robot by an angle, rad, and returns the frame seen then; None if the robot could not turn."""
 
 
 class PoseCheck:
@@ -66,20 +66,44 @@ class PoseCheck:
         self._has_seen = False
         self._T_odom_unseen: list[Pose] = []  # odometry poses of the latest frames without returns
 
-    def confirm(self, localised: Localised, last: Frame | None) -> Views:
-        """Request views until it is clear where the robot is.
+    def confirm(self, localised: Localised, last: Frame | None, turn: Turn) -> Confirmed:
+        """Look around until it is clear where the robot is.
 
         Args:
             localised: the newest frame so far.
             last: the frame before it; None for the first.
+            turn: turns the robot for another view.
 
         Raises:
             LostError: the pose remains in doubt.
         """
-        localised = yield from self._compared(localised, last)
+        # Compare views with the map until it is clear whether the estimated pose is right.
+        if self._localisation.may_err and not self._is_lost:
+            self.compare(localised, last)
+            for _ in range(self._config.looks):
+                if self._belief.knows_place or self._belief.is_sure_of(MotionState.CARRIED):
+                    break
+                if (view := turn(self._next_view)) is None:
+                    break
+                localised = view
+                self.compare(localised)
         if self._belief.knows_place and not self._is_lost:
             return Confirmed(localised, None)
-        return (yield from self._find_place(localised))
+        # It is wrong, or unknown: collect views until the robot is found on the map.
+        relocalisation = Relocalisation(self._robot, config=self._all)
+        for _ in range(self._config.looks):
+            relocalisation.add(localised.frame)
+            T = relocalisation.find(self._metric_map, self._elevation_map, self._localisation.points())
+            if T is not None:
+                return self._go_on(localised, T)
+            if (view := turn(self._next_view)) is None:
+                break
+            localised = view
+            self.compare(localised)
+        if not self._is_lost and self._belief.knows_place:
+            # The frames fit the map except for something new, or something that the robot has driven through.
+            return self._go_on(localised, localised.T_map_base)
+        raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def compare(self, localised: Localised, last: Frame | None = None, is_driving: bool = False) -> None:
         """Update the belief with a frame, compared with the map, and with the last frame if the wheels were still.
@@ -134,38 +158,6 @@ class PoseCheck:
 
     def _agreement(self, localised: Localised) -> Agreement:
         return agreement(localised.frame, localised.T_map_camera, self._metric_map, self._belief.config)
-
-    def _compared(self, localised: Localised, last: Frame | None) -> Generator[float, Localised | None, Localised]:
-        """Compare views until it is clear whether the robot's pose is right; returns the newest frame."""
-        belief = self._belief
-        if self._is_lost or not self._localisation.may_err:
-            return localised
-        self.compare(localised, last)
-        for _ in range(self._config.looks):
-            if belief.knows_place or belief.is_sure_of(MotionState.CARRIED):
-                break
-            if (view := (yield self._next_view)) is None:
-                break
-            localised = view
-            self.compare(localised)
-        return localised
-
-    def _find_place(self, localised: Localised) -> Views:
-        """Collect views until the robot is localised."""
-        relocalisation = Relocalisation(self._robot, config=self._all)
-        for _ in range(self._config.looks):
-            relocalisation.add(localised.frame)
-            T = relocalisation.find(self._metric_map, self._elevation_map, self._localisation.points())
-            if T is not None:
-                return self._go_on(localised, T)
-            if (view := (yield self._next_view)) is None:
-                break
-            localised = view
-            self.compare(localised)
-        if not self._is_lost and self._belief.knows_place:
-            # The frames fit the map except for something new, or something that the robot has driven through.
-            return self._go_on(localised, localised.T_map_base)
-        raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
         """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""

@@ -1,6 +1,6 @@
 """The commands that the navigator gives the robot, and the answers to them."""
 
-from collections.abc import Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -67,6 +67,6 @@ class Outcome(Enum):
     UNSURE = "the robot is unsure of its pose and looks around"
 
 
-Commands = Generator[Velocity, Verdict, Outcome]
-"""Yields commands, each for one control period, and receives a verdict on each. If it is ``FINE``, the robot has
-followed the command, and the navigator has received the resulting motion."""
+Send = Callable[[Velocity], Verdict]
+"""Takes a command for one control period and returns a verdict on it. If it is ``FINE``, the robot has followed the
+command, and the navigator has received the resulting motion."""

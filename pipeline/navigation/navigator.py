@@ -1,10 +1,10 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator does not control the robot itself. It yields one command after another; the caller sends them to the
-robot, answers each with a verdict, and reports each motion.
+The navigator decides on one command after another and passes each to its caller, ``send``, who lets the robot follow
+it if nothing forbids that, and answers with a verdict.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import Place, Places, Pose, Values
 from pipeline.localisation.localisation import check_pose
 from pipeline.navigation.attitude import Attitude
-from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Turn, Verdict
+from pipeline.navigation.commands import STOP, Approach, Outcome, Send, Turn, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course, SpeedAlong
 from pipeline.navigation.progress import Progress
@@ -129,34 +129,34 @@ class Navigator:
     def _in_map(self, stretch: Stretch) -> Stretch:
         return stretch.moved(self._T_map_odom)
 
-    def follow(self, course: Course) -> Commands:
+    def follow(self, course: Course, send: Send) -> Outcome:
         """Drive a course; the outcome is ``REACHED`` if the ends of all its stretches, and its heading, were reached.
 
         A robot that is still rolling at that moment comes to rest at :meth:`next_pose`.
         """
         began = None if self.motion is None else self._time
-        outcome = yield from self._follow(course)
+        outcome = self._follow(course, send)
         if outcome is Outcome.DONE:
             return Outcome.REACHED
         if outcome is Outcome.REACHED and course.planned is not None and began is not None:
             self.times.append(DriveTime(course.planned, self._time - began))
         return outcome
 
-    def _follow(self, course: Course) -> Commands:
+    def _follow(self, course: Course, send: Send) -> Outcome:
         self.halts, self.track = [], []
         way, heading = self._joined(course.way), course.heading
         if self._rest is None:
-            yield STOP
+            send(STOP)
         self._rest = None
         here = self.T_map_base[:2, 3]
         if self._is_elsewhere(course.start):
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
-            yield STOP
+            send(STOP)
             return Outcome.MOVED
         turns = heading is not None and not (course.rolls and way and self._shows(way[-1].last_heading, heading))
         for number, stretch in enumerate(way, start=1):
             is_passed = course.rolls and not turns and number == len(way)
-            outcome = yield from self._drive_leg(stretch, course.speed_along, is_passed)
+            outcome = self._drive_leg(stretch, course.speed_along, is_passed, send)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
         if heading is None or not turns:
@@ -164,7 +164,7 @@ class Navigator:
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
         # If the turn fails, the leg has failed.
-        outcome = yield from self._supervised(self._turn_to(heading))
+        outcome = self._supervised(self._turn_to(heading), send)
         self.legs[-1].outcome = of_leg(outcome)
         return outcome
 
@@ -185,23 +185,23 @@ class Navigator:
     def _shows(self, heading: float, wanted: float) -> bool:
         return abs(wrap_angle(heading - wanted)) < self._config.follower.shown
 
-    def halt(self) -> Commands:
+    def halt(self, send: Send) -> Outcome:
         """Come to rest at the end of the path along which the robot is rolling, if any."""
         rest, self._rest = self._rest, None
         if rest is None:
-            yield STOP
+            send(STOP)
             return Outcome.REACHED
-        return (yield from self._supervised(self._along(self._in_map(rest), None)))
+        return self._supervised(self._along(self._in_map(rest), None), send)
 
-    def turn(self, angle: float) -> Commands:
+    def turn(self, angle: float, send: Send) -> Outcome:
         """Turn in place by an angle, rad, counter-clockwise."""
-        yield from self.halt()
-        return (yield from self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle)))
+        self.halt(send)
+        return self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle), send)
 
-    def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool) -> Commands:
+    def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool, send: Send) -> Outcome:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
-        outcome = yield from self._supervised(self._approach(stretch, speeds, is_passed), stretch.length)
+        outcome = self._supervised(self._approach(stretch, speeds, is_passed), send, stretch.length)
         self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))
         return outcome
 
@@ -295,40 +295,40 @@ class Navigator:
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
-    def _supervised(self, commands: Iterator[Velocity], length: float = 0.0) -> Commands:
-        """Yield commands until they end or must be stopped; back out if the robot leans too far or is held.
+    def _supervised(self, commands: Iterator[Velocity], send: Send, length: float = 0.0) -> Outcome:
+        """Send commands until they end or must be stopped; back out if the robot leans too far or is held.
 
         ``length``: length of the leg, m.
         """
         start = self._T_odom_base
         progress = Progress(self._robot, start, self._time, self._config.progress, length)
         for command in commands:
-            verdict = yield command
+            verdict = send(command)
+            # The caller forbids the command, or needs no more of the drive.
             if verdict in REFUSED:
-                yield STOP
+                send(STOP)
                 return REFUSED[verdict]
             if verdict is Verdict.DONE:
-                return (yield from self._roll_out(command))
+                # The robot rolls on for its braking distance.
+                if isinstance(command, Approach):
+                    self._rest = self._rest_of(command.stretch, command.at)
+                else:
+                    send(STOP)
+                return Outcome.DONE
             if verdict is Verdict.FINE and self._was_carried:
-                yield STOP
+                send(STOP)
                 return Outcome.MOVED
-            leans, spins = self._tips, verdict is Verdict.SPINNING
+            # The robot tips, or its wheels spin, or it makes no progress.
+            leans = self._tips
+            spins = verdict is Verdict.SPINNING
             if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
                 T = self.T_map_base
-                self.halts.append(Halt(T, command, (yield from self._back_out(start, command, leans))))
+                self.halts.append(Halt(T, command, self._back_out(start, command, leans, send)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         if self._rest is None:
-            yield STOP
+            send(STOP)
         return Outcome.REACHED
-
-    def _roll_out(self, command: Velocity) -> Commands:
-        """End a drive early: the robot rolls on for its braking distance."""
-        if isinstance(command, Approach):
-            self._rest = self._rest_of(command.stretch, command.at)
-        else:
-            yield STOP
-        return Outcome.DONE
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
         """The part of a stretch, in ``odom``, that the robot needs to brake, from the pose of index ``at``."""
@@ -351,7 +351,7 @@ class Navigator:
         most = self._config.follower.carried_way + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
-    def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool) -> Generator[Velocity, Verdict, bool]:
+    def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
         """Undo the last motion since a pose, because that path was free; True if the robot got far enough.
 
         A robot that leans goes back until it is level; one that tips while backing, as when it backs up a wall, comes
@@ -367,17 +367,17 @@ class Navigator:
         came, began, progress = _way(T_odom_start, T_odom_held, undo), self._time, None
         way = np.clip(came, least, most)
         while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
-            if (yield undo) is not Verdict.FINE:
+            if send(undo) is not Verdict.FINE:
                 break
             if self._tips and not leans:
-                yield from self._back_out(T_odom_held, undo, leans=True)
+                self._back_out(T_odom_held, undo, True, send)
                 return False
             # Until the wheels have come to rest, they push on, and the robot would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
                 break
-        yield STOP
+        send(STOP)
         return bool(_way(self._T_odom_base, T_odom_held, undo) > way * config.enough)
 
     @property

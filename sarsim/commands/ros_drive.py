@@ -135,10 +135,9 @@ class RosDrive(ExplorerRun):
         finally:
             self.robot.stop()
 
-    def step(self) -> bool:
-        """Take one step; InputError if the robot had to be stopped."""
+    def _explore(self, may_step: Callable[[], bool], on_done: Callable[[], object]) -> None:
         try:
-            return super().step()
+            super()._explore(may_step, on_done)
         except BaseException as error:
             self.robot.stop()  # at once, because writing the results takes time
             if isinstance(error, InputError):

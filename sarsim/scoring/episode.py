@@ -160,7 +160,7 @@ class EpisodeScore(Sink):
             "navigation": navigation_figures(explorer.pilot.navigator, self._navigation, self._kidnaps),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
-            | {"relocalised": explorer.pilot.relocalised}
+            | {"relocalised": explorer.pilot.pose_check.relocalised}
             | self._fiducials.report(list(keyframes.poses[keyframes.loaded :])),
             **self._goals(),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),

@@ -180,7 +180,7 @@ class Explore(ExplorationTask):
         """Make a step of the explorer, and another if it finds no viewpoint and its maps are then corrected."""
         assert self.explorer is not None
         step = self.explorer.step()
-        if step.viewpoint is None and self.explorer.settle():
+        if step.viewpoint is None and self.explorer.apply_corrections():
             step = self.explorer.step()
         self._seen: Step = step
         offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []

@@ -57,9 +57,9 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     mapper = make_mapper(replace(TRUE_LABELS, labels=config.labels), robot.model, config.seed, earlier=folder)
     explorer, frame = Explorer(robot, mapper), robot.sense()
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
-    mapper.add(mapper.localise(frame), labelled=True)
+    mapper.add_frame(mapper.localise(frame), labelled=True)
     explorer.pilot.navigator.moved(robot.drive(Velocity()))
-    explorer.pilot.look_around()  # the last view before it is carried
+    explorer.pilot.confirm(mapper.localise(robot.sense()))  # the last view before it is carried
     return explorer
 
 
@@ -85,12 +85,12 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 def look(explorer: Explorer, episode: Episode) -> str:
     """One of ``OUTCOMES``, judged from the pose that the explorer estimates in its next step."""
-    found = explorer.pilot.relocalised
+    found = explorer.pilot.pose_check.relocalised
     try:
         T_map_base = explorer.step().keyframe.T_map_base
     except LostError:
         return "in_doubt"
     error = np.linalg.norm((inverse(episode.robot.trajectory[-1].T_world_base) @ T_map_base)[:3, 3])
-    if explorer.pilot.relocalised == found and error > WRONG:
+    if explorer.pilot.pose_check.relocalised == found and error > WRONG:
         return "not_noticed"
     return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"

@@ -17,6 +17,7 @@ from pipeline.exploration.mission import Goals
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.robot import Motion
+from pipeline.run import explore
 from pipeline.sink import Sink
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.lane_builders import build_lane
@@ -147,17 +148,11 @@ class LaneDrive(Sink):
 
     def _drive_to(self, towards: int) -> str:
         """Drive to the middle of an end zone as a goal in the map, exploring while the map shows no path to it."""
-        explorer, waits = self._explorer, False
-        explorer.mission.goals = goals = Goals([np.array([towards * self._lane.goal, 0.0])])
-        while True:
-            step = explorer.step()
-            if step.plan is not None:
-                explorer.drive(step)
-            elif waits or not explorer.settle():
-                break
-            waits = step.plan is None
+        goals = Goals([np.array([towards * self._lane.goal, 0.0])])
+        self._explorer.mission.goals = goals
+        explore(self._explorer)
         is_reached = any(visit.obstacle is None for visit in goals.visits)
-        return ARRIVED_AT if is_reached else "held" if explorer.is_held else "given_up"
+        return ARRIVED_AT if is_reached else "held" if self._explorer.is_held else "given_up"
 
     def close(self) -> None:
         """Free the simulator."""

@@ -71,19 +71,22 @@ class Ours(Method):
         timed = self._mapper.stopwatch.seconds["localisation"]
         before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
         localised = self._mapper.localise(frame)
-        if is_due and self._mapper.offer(localised, labelled=False):
+        if is_due and localised.repeats:
+            self._mapper.pass_by(localised)
+        elif is_due:
+            self._mapper.add_frame(localised, labelled=False)
             if not is_blind(frame):
                 self._keyframe_s.append(sum(timed[before:]))
             self._keyframes.append(self._frames)
             if len(self._keyframes) % CORRECTED == 0:
-                self._mapper.settle()
+                self._mapper.apply_corrections()
                 self._stated.append((self._frames, self._slam.poses[-1], self._slam.covariance))
         self._frames += 1
         return localised.T_map_base
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
         """The online poses, each moved along with the correction of the latest keyframe before it."""
-        self._mapper.settle()
+        self._mapper.apply_corrections()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
         return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online

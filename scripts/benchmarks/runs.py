@@ -177,7 +177,7 @@ def run_episode(job: Job) -> dict[str, Any] | None:
 class BenchmarkEpisode(Episode):
     """An episode in which a random walk ends early."""
 
-    def step(self) -> bool:
-        """Do one step, as in any episode; a random walk also ends once 90 % of the arena has been seen."""
+    def _may_step(self) -> bool:
+        """Whether the task may continue; a random walk also ends once 90 % of the arena has been seen."""
         is_random = self.config.exploration == RANDOM_WALK
-        return super().step() and not (is_random and self.score.coverage.fraction >= MOST["t90_s"])
+        return super()._may_step() and not (is_random and self.score.coverage.fraction >= MOST["t90_s"])

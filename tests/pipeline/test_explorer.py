@@ -39,7 +39,6 @@ def ends_in(explorer, outcome, *halts):
         navigator.legs.append(DrivenLeg(np.zeros(2), outcome))
         navigator.halts += halts
         return outcome
-        yield
 
     navigator.follow = follow
     navigator.moved(explorer.pilot.robot.drive(Velocity()))

@@ -45,7 +45,7 @@ def mapper() -> Mapper:
     """One that has met a person and driven into something, and whose poses were corrected."""
     mapper = new_mapper()
     for k, T in enumerate(POSES):
-        mapper.add(mapper.localise(seen_from(T, T, seed=k)), labelled=k % 2 == 0, set_down=k == 0)
+        mapper.add_frame(mapper.localise(seen_from(T, T, seed=k)), labelled=k % 2 == 0, set_down=k == 0)
     mapper.add_drive(np.array([(0.1, 0.0, 0.2)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
     points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
     poses = mapper.keyframes.poses
@@ -118,8 +118,8 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     assert loaded.T_map_start is None
     T = mapper.keyframes.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
     loaded.localisation.set_down(from_yaw(0.05, 0.03, 0, 0) @ T)
-    loaded.add(loaded.localise(seen_from(T, np.eye(4), seed=9)))
-    loaded.settle()
+    loaded.add_frame(loaded.localise(seen_from(T, np.eye(4), seed=9)))
+    loaded.apply_corrections()
     np.testing.assert_allclose(loaded.keyframes.poses[:4], mapper.keyframes.poses, atol=1e-3)
     np.testing.assert_allclose(loaded.keyframes.poses[4], loaded.T_map_start)
     x, y, _ = loaded.keyframes.poses[4, :3, 3] - T[:3, 3]
@@ -204,7 +204,7 @@ def test_files_that_are_none_are_refused(file, tmp_path):
 
 def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     taken = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    taken.add(Localised(seen_from(POSES[0], POSES[0]), POSES[0]))
+    taken.add_frame(Localised(seen_from(POSES[0], POSES[0]), POSES[0]))
     save_keyframes(taken, tmp_path / "taken.npz")
     with pytest.raises(InputError, match=r"taken.npz"):
         load_keyframes(tmp_path / "taken.npz", new_mapper())

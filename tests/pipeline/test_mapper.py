@@ -41,7 +41,7 @@ def mapped(poses: np.ndarray) -> Mapper:
     """A mapper whose robot was set down at the first of these poses, with a drive up to the third."""
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     for k, (frame, T, labelled) in enumerate(zip(FRAMES, poses, LABELLED, strict=True)):
-        mapper.add(Localised(frame, T), labelled, set_down=k == 0)
+        mapper.add_frame(Localised(frame, T), labelled, set_down=k == 0)
         if k == 2:
             track, box = np.array([(-0.05, 0.02, 0), (0, 0, 0), (0.03, 0.01, 0)]), np.full((60, 3), (0.4, 0, 0.35))
             track, box, panel = (p @ T[:3, :3].T + T[:3, 3] for p in (track, box, np.array([(0.3, 0.2, 0.3)])))
@@ -62,7 +62,7 @@ def set_down(faces: list, *yaws: float, reach: tuple[float, float] = RANGE) -> M
     for seed, yaw in enumerate(yaws):
         T = from_yaw(0, 0, 0, yaw)
         frame = look(faces, T @ T_BASE_CAMERA, 0.004, seed, reach, HALF)
-        mapper.add(Localised(replace(frame, T_base_camera=T_BASE_CAMERA), T), False, set_down=seed == 0)
+        mapper.add_frame(Localised(replace(frame, T_base_camera=T_BASE_CAMERA), T), False, set_down=seed == 0)
     return mapper
 
 
@@ -93,7 +93,7 @@ def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():
 def ground_at(height: float) -> Mapper:
     """A mapper of a robot that was set down at a height, m."""
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    mapper.add(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
+    mapper.add_frame(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
     return mapper
 
 
@@ -117,14 +117,14 @@ def test_classifiers_get_heights_over_where_the_robot_was_set_down(height):
     plain, lifted = Heights(), Heights()
     for classifier, z in ((plain, 0.0), (lifted, height)):
         mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
-        mapper.add(Localised(FRAMES[0], from_yaw(0, 0, z, 0)), set_down=True)
+        mapper.add_frame(Localised(FRAMES[0], from_yaw(0, 0, z, 0)), set_down=True)
     np.testing.assert_allclose(lifted.seen, plain.seen, atol=0.03)
 
 
 def test_what_is_farther_than_kept_points_reach_is_no_return():
     far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    mapper.add(Localised(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4)))
+    mapper.add_frame(Localised(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4)))
     assert not len(mapper.semantic_map.points())
     assert np.isnan(mapper.elevation_map.measured).all()
     assert len(mapper.metric_map.free_centres())
@@ -226,12 +226,12 @@ def test_while_the_robot_drives_the_maps_wait_for_moves_that_are_due():
     localisation, moved = mapper.localisation, POSES.copy()
     moved[:, 0, 3] += (config.noticeable + config.due) / 2
     localisation.restore(replace(localisation.keyframes(), poses=moved))
-    assert mapper.settle(waits=True) is None
+    assert mapper.apply_corrections(waits=True) is None
     np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
-    assert mapper.settle().are_noticeable.all()
+    assert mapper.apply_corrections().are_noticeable.all()
     np.testing.assert_array_equal(mapper.keyframes.poses, moved)
     moved[0, 0, 3] += 1.5 * config.due
-    assert mapper.settle(waits=True).are_noticeable.tolist() == [True] + 5 * [False]
+    assert mapper.apply_corrections(waits=True).are_noticeable.tolist() == [True] + 5 * [False]
 
 
 def test_maps_move_as_one_with_all_keyframes():
@@ -254,7 +254,7 @@ def test_maps_move_as_one_with_all_keyframes():
 
 def test_a_keyframe_that_is_not_labelled_is_in_the_geometric_maps_alone():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    keyframe = mapper.add(Localised(FRAMES[0], POSES[0]), labelled=False)
+    keyframe = mapper.add_frame(Localised(FRAMES[0], POSES[0]), labelled=False)
     assert not any(map(len, (mapper.semantic_map, mapper.segments, keyframe.points, keyframe.labels)))
     assert len(mapper.metric_map.occupied_centres()) > 0
     assert np.isfinite(mapper.elevation_map.measured).any()
@@ -265,7 +265,7 @@ def test_little_is_kept_of_a_keyframe():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     frame = replace(look(SCENE, T_BASE_CAMERA, 0.004), T_base_camera=T_BASE_CAMERA)
     for labelled, most in ((True, 400_000), (False, 200_000)):
-        mapper.add(Localised(frame, np.eye(4)), labelled)
+        mapper.add_frame(Localised(frame, np.eye(4)), labelled)
         assert mapper.keyframes.seen[-1].nbytes < most
 
 
@@ -281,13 +281,13 @@ def test_poses_that_are_none_are_refused():
 def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     for frame, T in zip(FRAMES[:2], POSES, strict=False):
-        mapper.add(Localised(frame, T))
+        mapper.add_frame(Localised(frame, T))
     far = POSES[2].copy()
     far[0, 3] = far[1, 3] = reach
     with pytest.raises((InputError, LostError), match=r"odometry|would take"):
-        mapper.add(mapper.localise(replace(FRAMES[2], T_odom_base=far)))
+        mapper.add_frame(mapper.localise(replace(FRAMES[2], T_odom_base=far)))
     assert len(mapper.keyframes) == len(mapper.localisation.poses) == 2
-    assert mapper.settle() is None
+    assert mapper.apply_corrections() is None
 
 
 def test_a_drive_to_far_away_is_not_kept():
@@ -315,12 +315,12 @@ def test_what_keyframes_on_the_way_show_is_on_the_map_from_the_next_one_on():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), readers=readers)
     shown = []
     for frame, T in zip(FRAMES[:4], POSES[:4], strict=True):
-        mapper.add(Localised(frame, T), labelled=frame is FRAMES[3], set_down=frame is FRAMES[0])
+        mapper.add_frame(Localised(frame, T), labelled=frame is FRAMES[3], set_down=frame is FRAMES[0])
         shown.append(sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen))
     assert shown == [[], [0], [0, 1], [0, 1, 2, 3]]
     assert readers.asked == FRAMES[:4]
-    mapper.add(Localised(FRAMES[4], POSES[4]), labelled=False)
-    mapper.settle()  # the last keyframe of a run that is cut off counts too
+    mapper.add_frame(Localised(FRAMES[4], POSES[4]), labelled=False)
+    mapper.apply_corrections()  # the last keyframe of a run that is cut off counts too
     assert sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen) == [0, 1, 2, 3, 4]
 
 
@@ -338,5 +338,5 @@ class CertainRamps(Ramps):
 @pytest.mark.parametrize(("classifier", "is_revised"), [(Ramps(), True), (CertainRamps(), False)])
 def test_the_map_revises_labels_that_are_not_certain(classifier: Ramps, is_revised: bool) -> None:
     mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
-    mapper.add(Localised(FRAMES[0], POSES[0]))
+    mapper.add_frame(Localised(FRAMES[0], POSES[0]))
     assert (mapper.semantic_map.labels() != Label.INCLINED_RAMP).any() == is_revised

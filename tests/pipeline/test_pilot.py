@@ -10,7 +10,8 @@ from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.localisation.localisation import LostError
-from pipeline.mapper import Keyframe, Mapper
+from pipeline.localisation.pose_check import Confirmed
+from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
@@ -74,16 +75,19 @@ class Outlook:
         """Make keyframes of a full turn."""
         for yaw in np.arange(6) * np.pi / 3:
             self.robot.T = place @ from_yaw(0, 0, 0, yaw)
-            confirmed = self.pilot.look_around()
-            self.mapper.add(confirmed.localised, labelled=False, set_down=confirmed.was_carried)
+            map_frame(self.mapper, self.pilot.sense, self.pilot.confirm, labelled=False, may_repeat=True)
         self.robot.T = place
         return self
+
+    def confirm(self) -> Confirmed:
+        """Look around without making a keyframe."""
+        return self.pilot.confirm(self.mapper.localise(self.pilot.sense()))
 
     def drive(self, x: float, y: float, nearest: float = XTION.nearest) -> Outcome:
         """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
         sensor = replace(XTION, nearest=nearest)
         check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
-        start = self.pilot.next_pose(self.keyframes[-1].T_map_base)
+        start = self.pilot.navigator.next_pose(self.keyframes[-1].T_map_base)
         way = stretches_of(np.array([(x, y)]), np.zeros(1, np.bool_), start, None, lambda poses: False)
         return self.pilot.follow(check, Course(way))
 
@@ -112,7 +116,7 @@ def outlook(looked_around, monkeypatch):
 
 def test_what_agrees_with_the_map_needs_one_look(outlook):
     before = outlook.robot.looks
-    confirmed = outlook.pilot.look_around()
+    confirmed = outlook.confirm()
     assert outlook.robot.looks == before + 1
     assert not confirmed.was_carried
 
@@ -135,9 +139,9 @@ def test_blank_depth_counts_only_where_the_map_has_something_to_be_seen(x, is_bl
 def test_an_object_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
     outlook.robot.faces = [*BARE, PANEL]
     before = outlook.robot.looks
-    confirmed = outlook.pilot.look_around()
+    confirmed = outlook.confirm()
     assert outlook.robot.looks > before + 1
-    assert outlook.pilot.relocalised == 0
+    assert outlook.pilot.pose_check.relocalised == 0
     assert not confirmed.was_carried
 
 
@@ -147,20 +151,20 @@ def test_nor_is_it_where_no_place_is_found_for_sure():
     outlook = Outlook().look_around(middle)
     outlook.robot.faces = [*BARE, wall((3.7, 1.2), (3.7, 2.8))]
     before = outlook.robot.looks
-    confirmed = outlook.pilot.look_around()
+    confirmed = outlook.confirm()
     assert before + 1 < outlook.robot.looks <= before + 1 + LOOKS
-    assert outlook.pilot.relocalised == 0
+    assert outlook.pilot.pose_check.relocalised == 0
     assert not confirmed.was_carried
 
 
 def test_a_robot_that_leaned_looks_again_and_believes_what_it_sees(outlook):
-    outlook.pilot.look_around()
+    outlook.confirm()
     belief = outlook.mapper.belief
     belief.predict(0.3, 1.0)
     outlook.pilot.pose_check.doubt()
     assert not belief.knows_place
     looks = outlook.robot.looks
-    outlook.pilot.look_around()  # all that it sees agrees with its map, so its map is wrong where it leaned
+    outlook.confirm()  # all that it sees agrees with its map, so its map is wrong where it leaned
     assert belief.knows_place
     assert outlook.robot.looks == looks + 1
 
@@ -168,13 +172,13 @@ def test_a_robot_that_leaned_looks_again_and_believes_what_it_sees(outlook):
 def test_a_robot_in_another_room_is_lost(outlook):
     outlook.robot.faces = CLOSET
     with pytest.raises(LostError, match="no other place"):
-        outlook.pilot.look_around()
+        outlook.confirm()
 
 
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
 def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
     outlook = Outlook()
-    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.pilot.look_around()
     outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
     with pytest.raises(LostError, match="no other place"):
@@ -184,14 +188,14 @@ def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_cont
 @pytest.mark.parametrize(("way", "was_carried"), [(0.2, False), (0.5, True)])
 def test_where_the_odometry_leaps_the_robot_was_set_down(way, was_carried):
     outlook = Outlook()
-    assert outlook.pilot.look_around().was_carried  # it has just begun
+    assert outlook.confirm().was_carried  # it has just begun
     outlook.robot.T = START @ from_yaw(way, 0, 0, 0)
-    assert outlook.pilot.look_around().was_carried == was_carried
+    assert outlook.confirm().was_carried == was_carried
 
 
 def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
-    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.pilot.look_around()
     assert outlook.drive(4.0, 2.0, nearest=9.0) is Outcome.REACHED
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
     np.testing.assert_allclose(places, 2.0 + 0.4 * np.arange(5), atol=0.05)
@@ -200,7 +204,7 @@ def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
 
 def test_the_check_for_obstacles_makes_a_keyframe_that_is_not_labelled():
     outlook = Outlook()
-    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.pilot.look_around()
     outlook.robot.faces = [*BARE, PANEL]
     assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
     assert len(outlook.keyframes) == 2
@@ -220,7 +224,7 @@ class HeldRobot(SeeingRobot):
 @pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
 def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     outlook = Outlook(robot)
-    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.pilot.look_around()
     assert outlook.drive(4.0, 2.0) is outcome
     noticed = ["held"] if outcome is Outcome.STUCK else []
     assert [fault.kind for fault in outlook.pilot.faults.all if fault.kind != "slipping"] == noticed
@@ -238,7 +242,7 @@ def test_without_odometry_the_robot_stands(place):
             return replace(motion, T_odom_base=from_yaw(place, 0, 0, 0)) if len(self.commands) > 20 else motion
 
     outlook = Outlook(Astray())
-    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.pilot.look_around()
     with pytest.raises(LostError, match="odometry"):
         outlook.drive(4.0, 2.0)
     assert outlook.robot.commands[-2].v > 0

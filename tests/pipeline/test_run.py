@@ -156,7 +156,7 @@ def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):
     run, steps = OneStep(tmp_path, steps=9), []
     step = replace(run.explorer.step(), viewpoint=None, plan=None)
     monkeypatch.setattr(run.explorer, "step", lambda: steps.append(step) or step)
-    monkeypatch.setattr(run.explorer, "settle", lambda: True)
+    monkeypatch.setattr(run.explorer, "apply_corrections", lambda: True)
     run.run()
     assert len(steps) == 2
 

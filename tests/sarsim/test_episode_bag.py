@@ -67,7 +67,7 @@ def test_mapped_again_it_gives_the_maps_of_the_episode(episode: Episode) -> None
     mapper = Mapper(episode.robot.model, TruthClassifier(), localisation=localisation_of("slam"))
     for _ in Replay(recording, mapper, "slam"):
         pass
-    mapper.settle()
+    mapper.apply_corrections()
     theirs = episode.explorer.mapper
     np.testing.assert_allclose(mapper.keyframes.poses, theirs.keyframes.poses, atol=1e-6)
     np.testing.assert_array_equal(mapper.metric_map.occupied_centres(), theirs.metric_map.occupied_centres())
@@ -113,7 +113,7 @@ def test_the_sequence_mapped_again_gives_the_maps_of_the_episode(episode: Episod
     mapper = Mapper(episode.robot.model, TruthClassifier(), localisation=localisation_of("slam"))
     for _ in Replay(replace(recording, frames=lambda: iter(frames)), mapper, "slam"):
         pass
-    mapper.settle()
+    mapper.apply_corrections()
     theirs = episode.explorer.mapper
     np.testing.assert_allclose(mapper.keyframes.poses, theirs.keyframes.poses, atol=0.002)
     again, before = (set(map(tuple, m.metric_map.occupied_centres().tolist())) for m in (mapper, theirs))

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from pipeline.navigation.commands import Commands, Outcome, Verdict
+from pipeline.navigation.commands import Outcome, Verdict
 from pipeline.navigation.config import FollowerConfig, NavigationConfig
 from pipeline.navigation.course import Course
 from pipeline.navigation.navigator import Navigator
@@ -41,18 +42,11 @@ class Follower(Navigator):
     ) -> bool:
         """Drive through way points; True if all of them, and the heading, were reached."""
         way = self.way(way_points, heading, backwards, arcs)
-        return self.outcome(self.follow(Course(way, heading, **kwargs)), watch) is Outcome.REACHED
+        return self.follow(Course(way, heading, **kwargs), partial(self.send, watch=watch)) is Outcome.REACHED
 
-    def outcome(
-        self, commands: Commands, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE
-    ) -> Outcome:
-        """How a drive by these commands ends."""
-        try:
-            command = next(commands)
-            while True:
-                verdict = watch(command) if command != Velocity() else Verdict.FINE
-                if verdict is Verdict.FINE:
-                    self.moved(self.robot.drive(command))
-                command = commands.send(verdict)
-        except StopIteration as end:
-            return end.value
+    def send(self, command: Velocity, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE) -> Verdict:
+        """Let the robot follow a command unless ``watch`` finds fault with it."""
+        verdict = watch(command) if command != Velocity() else Verdict.FINE
+        if verdict is Verdict.FINE:
+            self.moved(self.robot.drive(command))
+        return verdict

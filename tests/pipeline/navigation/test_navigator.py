@@ -197,7 +197,7 @@ def test_where_there_is_room_it_turns_while_it_drives():
         robot = KinematicRobot()
         navigator = Follower(robot)
         assert navigator.drive(corners, np.deg2rad(60), arcs=arcs, rolls=arcs)
-        assert navigator.outcome(navigator.halt()) is Outcome.REACHED
+        assert navigator.halt(navigator.send) is Outcome.REACHED
         pivots = any(command.omega and not command.v for command in robot.commands)
         assert pivots != arcs
         np.testing.assert_allclose(robot.T[:2, 3], corners[-1], atol=0.06)
@@ -212,7 +212,7 @@ def test_it_rolls_through_the_end_of_a_way_that_it_passes():
     ahead = navigator.next_pose(navigator.T_map_base)
     np.testing.assert_allclose(ahead, (1.0, 0.0, 0.0), atol=0.02)
     way = stretches_of(np.array([(2.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: True)
-    assert navigator.outcome(navigator.follow(Course(way))) is Outcome.REACHED
+    assert navigator.follow(Course(way), navigator.send) is Outcome.REACHED
     assert not stops(robot)
     np.testing.assert_allclose(robot.T[:2, 3], (2.0, 0.0), atol=0.06)
 
@@ -223,7 +223,7 @@ def test_a_robot_that_rolls_goes_to_the_end_before_it_turns_back():
     assert navigator.drive([(1.0, 0.0)], 0.0, rolls=True)
     ahead = navigator.next_pose(navigator.T_map_base)
     way = stretches_of(np.array([(0.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: False)
-    assert navigator.outcome(navigator.follow(Course(way))) is Outcome.REACHED
+    assert navigator.follow(Course(way), navigator.send) is Outcome.REACHED
     assert max(place[0] for place in navigator.track) == pytest.approx(1.0, abs=0.06)
     np.testing.assert_allclose(robot.T[:2, 3], (0.0, 0.0), atol=0.06)
 
@@ -236,7 +236,7 @@ def test_a_drive_that_is_done_before_its_end_goes_on_with_the_next_one():
     x, y, heading = navigator.next_pose(navigator.T_map_base)
     assert 1.0 < x < 1.2
     assert abs(y) + abs(heading) < 0.01
-    assert navigator.outcome(navigator.halt()) is Outcome.REACHED
+    assert navigator.halt(navigator.send) is Outcome.REACHED
     np.testing.assert_allclose(robot.T[:2, 3], (x, y), atol=0.06)
     assert robot.commands[-1] == Velocity()
 

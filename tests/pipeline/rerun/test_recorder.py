@@ -265,7 +265,7 @@ def corrected(tmp_path_factory):
             explorer.mapper.localisation.loops.append(Loop(0, 1, np.eye(4)))
         explorer.step()
     be_elsewhere(explorer, pose(0, 0.3))
-    explorer.settle()
+    explorer.apply_corrections()
     recorder.close()
     return explorer, read(path)
 
@@ -348,7 +348,7 @@ def test_between_steps_the_newest_keyframe_says_where_the_odometry_is(tmp_path):
     recorder.on_step(explorer.mapper, explorer.step())
     recorder.log_pose(0.2, pose(1))
     be_elsewhere(explorer, pose(yaw=np.pi / 2))
-    explorer.mapper.add(Localised(robot.sense(), explorer.mapper.localisation.poses[-1]), labelled=False)
+    explorer.mapper.add_frame(Localised(robot.sense(), explorer.mapper.localisation.poses[-1]), labelled=False)
     recorder.log_pose(0.4, pose(1))
     np.testing.assert_allclose(recorder.T_map_base, pose(yaw=np.pi / 2) @ pose(1))
     recorder.close()

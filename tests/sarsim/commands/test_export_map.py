@@ -85,7 +85,7 @@ def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode, capsys):
     T_base_camera = pose(0.1, 0, 0.65, 0, 0.3)
     scene = [floor(-2, 6, -3, 3), wall((2.2, 2.3), (2.2, -2.3)), *wedge(1.2, 0.3, 0.8, 1.0, 0.17)]
     frame = replace(look(scene, T_base_camera, 0.0, 0), T_base_camera=T_base_camera, T_odom_base=np.eye(4))
-    mapper.add(mapper.localise(frame), set_down=True)
+    mapper.add_frame(mapper.localise(frame), set_down=True)
     save_keyframes(mapper, episode / "keyframes.npz")
     export_map(episode, episode / "map.pgm")
     image = cv2.imread(str(episode / "map.pgm"), cv2.IMREAD_UNCHANGED)

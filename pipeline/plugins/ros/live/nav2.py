@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Place
-from pipeline.navigation.commands import STOP, Commands, Outcome, Verdict
+from pipeline.navigation.commands import STOP, Outcome, Send, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
 from pipeline.navigation.navigator import DrivenLeg, Navigator, of_leg
@@ -112,24 +112,24 @@ class Nav2Navigator(Navigator):
         super().__init__(robot.model, robot.control_period, config)
         self._body, self._nav2 = robot, nav2
 
-    def halt(self) -> Commands:
+    def halt(self, send: Send) -> Outcome:
         """End the drive, and wait until the robot has stopped."""
-        yield STOP
+        send(STOP)
         end = self._time + self._nav2.braking
         while self._speed > self._config.follower.still and self._time < end:
-            yield STOP
+            send(STOP)
         return Outcome.REACHED
 
-    def turn(self, angle: float) -> Commands:
+    def turn(self, angle: float, send: Send) -> Outcome:
         """Turn in place by an angle, rad, counter-clockwise."""
-        yield from self.halt()
+        self.halt(send)
         T = self.T_map_base
-        return (yield from self._go_to(np.append(T[:2, 3], yaw_of(T) + angle), 0.0))
+        return self._go_to(np.append(T[:2, 3], yaw_of(T) + angle), 0.0, send)
 
-    def _follow(self, course: Course) -> Commands:
+    def _follow(self, course: Course, send: Send) -> Outcome:
         self.halts, self.track = [], []
         way, heading = course.way, course.heading
-        yield STOP
+        send(STOP)
         here = self.T_map_base[:2, 3]
         end = way[-1].poses[-1, :2] if way else here
         heading = way[-1].last_heading if heading is None and way else heading
@@ -137,19 +137,18 @@ class Nav2Navigator(Navigator):
         if not self._is_elsewhere(course.start):
             heading = yaw_of(self.T_map_base) if heading is None else heading
             length = sum(stretch.length for stretch in way)
-            outcome = yield from self._go_to(np.append(end, heading), length)
+            outcome = self._go_to(np.append(end, heading), length, send)
         self.legs.append(DrivenLeg(end, of_leg(outcome)))
         return outcome
 
-    def _go_to(self, place: Place, length: float) -> Commands:
+    def _go_to(self, place: Place, length: float, send: Send) -> Outcome:
         """Let Nav2 drive to x, y and heading in ``map`` along a path of ``length`` m."""
         command = GoTo(place=self._in_odom(place))
         latest = self._time + self._nav2.patience + length / self._nav2.least_speed
         while True:
-            verdict = yield command
-            outcome = self._outcome(verdict, place, latest)
+            outcome = self._outcome(send(command), place, latest)
             if outcome is not None:
-                yield from self.halt()
+                self.halt(send)
                 return outcome
             if self._is_off(command.place, corrected := self._in_odom(place)):
                 command = GoTo(place=corrected)

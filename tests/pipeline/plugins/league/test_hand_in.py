@@ -28,7 +28,7 @@ def mapper():
     T_base_camera = pose(0.1, 0, 0.65, 0, 0.3)
     frame = look([floor(-2, 6, -3, 3), wall((2.2, 2.3), (2.2, -2.3))], T_base_camera, 0.0, 0)
     frame = replace(frame, T_base_camera=T_base_camera, T_odom_base=np.eye(4))
-    mapper.add(mapper.localise(frame), set_down=True)
+    mapper.add_frame(mapper.localise(frame), set_down=True)
     return mapper
 
 

@@ -1,6 +1,7 @@
 """A robot whose Nav2 stack drives it: what is asked of it, when a drive ends, and that it ends."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.localisation.localisation import LostError
-from pipeline.mapper import Mapper
+from pipeline.mapper import Mapper, map_frame
 from pipeline.navigation.commands import Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
@@ -53,18 +54,14 @@ class Drive:
         """Drive to a place in the map, and how that ends."""
         if self.navigator.motion is None:
             self.navigator.moved(self.robot.drive(Velocity()))
-        return self.outcome(self.navigator.follow(Course(way_to(self.navigator.T_map_base, place), heading)), watch)
+        course = Course(way_to(self.navigator.T_map_base, place), heading)
+        return self.navigator.follow(course, partial(self.send, watch=watch))
 
-    def outcome(self, commands: Any, watch: Watch = lambda command: Verdict.FINE) -> Outcome:
-        try:
-            command = next(commands)
-            while True:
-                verdict = watch(command) if command != Velocity() else Verdict.FINE
-                if verdict is Verdict.FINE:
-                    self.navigator.moved(self.robot.drive(command))
-                command = commands.send(verdict)
-        except StopIteration as end:
-            return end.value
+    def send(self, command: Velocity, watch: Watch = lambda command: Verdict.FINE) -> Verdict:
+        verdict = watch(command) if command != Velocity() else Verdict.FINE
+        if verdict is Verdict.FINE:
+            self.navigator.moved(self.robot.drive(command))
+        return verdict
 
     def hold(self) -> None:
         """Keep the robot where it is, whatever it is commanded."""
@@ -100,8 +97,8 @@ def test_it_drives_to_a_place_of_our_map_and_turns_there(T_map_odom: Pose) -> No
 
 def test_a_viewpoint_where_it_stands_is_a_turn(drive: Drive) -> None:
     drive.navigator.moved(drive.robot.drive(Velocity()))
-    assert drive.outcome(drive.navigator.follow(Course([], 1.0))) is Outcome.REACHED
-    assert drive.outcome(drive.navigator.turn(np.pi)) is Outcome.REACHED
+    assert drive.navigator.follow(Course([], 1.0), drive.send) is Outcome.REACHED
+    assert drive.navigator.turn(np.pi, drive.send) is Outcome.REACHED
     T = drive.room.body.T
     assert abs(wrap_angle(yaw_of(T) - 1.0 - np.pi)) < 0.15
     np.testing.assert_allclose(T[:2, 3], (1.2, 1.0), atol=0.05)
@@ -145,7 +142,7 @@ def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> No
     policy = KeyframePolicy(way=0.2, labelled_every=100)
     mapper = Mapper(PIONEER, TruthClassifier(), config=PipelineConfig(LocalisationConfig(keyframes=policy)))
     pilot = Pilot(drive.robot, mapper, [], drive.navigator)
-    mapper.add(pilot.look_around().localised, labelled=False, set_down=True)
+    map_frame(mapper, drive.robot.sense, pilot.confirm, labelled=False)
     asked: list[int] = []
 
     def is_done() -> bool:
@@ -180,9 +177,15 @@ def test_a_drive_that_does_not_end_is_ended() -> None:
 
 
 def test_nav2_drives_on_while_the_pipeline_computes_until_it_is_stopped(drive: Drive) -> None:
-    commands = drive.navigator.follow(Course(way_to(from_yaw(1.2, 1.0, 0, 0), (3.0, 1.0))))
-    for _ in range(3):
-        drive.navigator.moved(drive.robot.drive(commands.send(None if not drive.navigator.motion else Verdict.FINE)))
+    drive.navigator.moved(drive.robot.drive(Velocity()))
+    commands = iter(3 * [Verdict.FINE])
+
+    def send(command: Velocity) -> Verdict:
+        drive.navigator.moved(drive.robot.drive(command))
+        return next(commands)
+
+    with pytest.raises(StopIteration):
+        drive.navigator.follow(Course(way_to(from_yaw(1.2, 1.0, 0, 0), (3.0, 1.0))), send)
     assert drive.moves(1.0)
     drive.robot.stop()
     assert drive.stack.ends == [GoalEnd.CANCELED]
@@ -233,9 +236,15 @@ def test_the_nav2_in_the_namespace_of_the_odometry_counts(name: str) -> None:
         return
     robot = Nav2Robot(end, PIONEER, topics, T_BASE_CAMERA, patience=2.0)
     navigator = Nav2Navigator(robot)
-    commands = navigator.follow(Course([], 1.0))
-    for _ in range(3):
-        navigator.moved(robot.drive(commands.send(None if not navigator.motion else Verdict.FINE)))
+    navigator.moved(robot.drive(Velocity()))
+    commands = iter(3 * [Verdict.FINE])
+
+    def send(command: Velocity) -> Verdict:
+        navigator.moved(robot.drive(command))
+        return next(commands)
+
+    with pytest.raises(StopIteration):
+        navigator.follow(Course([], 1.0), send)
     assert len(stack.goals) == 1
 
 

@@ -36,9 +36,10 @@ endurance: develop ## check 200 random arenas, try 2,000 broken files and robots
 	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py \
 	    tests/test_documents_run.py
 
-lint: develop ## check style and types
+lint: develop ## check style, types and who imports whom
 	$(PYTHON) -m ruff check
 	$(PYTHON) -m ruff format --check
+	.venv/bin/lint-imports --no-cache
 	$(PYTHON) -m mypy
 
 benchmark: develop ## compare with other software, such as make benchmark SUBJECT=camera

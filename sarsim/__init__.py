@@ -3,11 +3,6 @@
 from contextlib import suppress
 from importlib import import_module
 
-import pipeline as pipeline  # limits NumPy's threads; must come before NumPy is imported
-from sarsim.opengl import choose_platform
-
-choose_platform()
-
 # Mesa's driver exports the symbols of its LLVM to all libraries loaded later. Triton, which PyTorch's CUDA builds
 # import for training, crashes with them (as in tensorflow's issue 124205). Loaded first, in 0.15 s, it uses its own.
 with suppress(ImportError):

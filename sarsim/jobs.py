@@ -23,6 +23,7 @@ from filelock import lock_descriptor
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, uninterrupted
+from sarsim.startup import prepare_process
 
 ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
 CLEANING = 3.0  # s for workers to clean up before they are killed
@@ -192,6 +193,7 @@ def _signals_blocked() -> Iterator[None]:
 
 def _work(function: Callable[..., object], *args: Any) -> None:
     """In a worker: call a function; SIGTERM ends it like an exception."""
+    prepare_process()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGTERM, _clean_up_and_end)
     try:
@@ -286,6 +288,7 @@ def _run_on_ray(
 
 def _do_remotely(work: Work[Job, Result], job: Job) -> tuple[Result, dict[Path, bytes]]:
     """Do a job and return its result and the contents of its files, which are not kept on the task's machine."""
+    prepare_process()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result = _done(work, job, folder)

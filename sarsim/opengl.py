@@ -1,13 +1,10 @@
 """OpenGL for MuJoCo's rendering: the platform, which MUJOCO_GL names, and what to do if it cannot start."""
 
 import os
-import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from importlib.util import spec_from_file_location
-from types import ModuleType
 from typing import Any
 
 from pipeline.errors import InputError
@@ -26,29 +23,31 @@ _MISSING = {
 _VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
 """Other environment variables that choose a platform or device."""
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-_STARTERS = ("mujoco.rendering.classic.gl_context", "dm_control._render")
-"""Modules that start OpenGL on import; importing MuJoCo or dm_control imports them."""
 
 
 def choose_platform() -> None:
-    """Choose EGL unless MUJOCO_GL names a platform, and make MuJoCo importable even if the platform cannot start.
+    """Choose EGL unless MUJOCO_GL names a platform. MuJoCo and dm_control read it when they are first imported."""
+    os.environ["MUJOCO_GL"] = os.environ.get("MUJOCO_GL") or "egl"
 
-    MuJoCo reads MUJOCO_GL once, when it is first imported.
-    """
-    if not os.environ.get("MUJOCO_GL"):
-        os.environ["MUJOCO_GL"] = "egl"
-    sys.meta_path.insert(0, _Finder())
+
+@contextmanager
+def without_opengl() -> Iterator[None]:
+    """Let MuJoCo and dm_control be imported in the block without OpenGL, which may not start on this machine."""
+    before = os.environ.get("MUJOCO_GL", "")
+    os.environ["MUJOCO_GL"] = "disable"
+    try:
+        yield
+    finally:
+        os.environ["MUJOCO_GL"] = before
 
 
 def offscreen_context(width: int, height: int) -> Any:
-    """An OpenGL context of the platform that MUJOCO_GL names, made current.
-
-    ``mujoco.GLContext`` would use another platform if mujoco was imported before sarsim, which sets MUJOCO_GL.
+    """An OpenGL context of the platform that MUJOCO_GL names, made current, even if MuJoCo was imported without it.
 
     Raises:
         InputError: the platform does not exist, or cannot start on this machine.
     """
-    name = os.environ["MUJOCO_GL"]
+    name = os.environ.get("MUJOCO_GL") or "egl"
     platform = name.strip().lower()
     if platform not in _REMEDIES:
         raise InputError(f"MUJOCO_GL={name}: must be egl, osmesa or glfw; egl needs no display")
@@ -83,33 +82,3 @@ def _reason(error: Exception, platform: str) -> str:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"
     return f"{_MISSING[platform]}; {_REMEDIES[platform]}"
-
-
-class _Finder(PathFinder):
-    """Finds the modules that start OpenGL."""
-
-    @classmethod
-    def find_spec(
-        cls, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        spec = super().find_spec(fullname, path, target) if fullname in _STARTERS else None
-        if spec is None or spec.origin is None:
-            return None
-        folders = spec.submodule_search_locations
-        loader = _Loader(fullname, spec.origin)
-        return spec_from_file_location(fullname, spec.origin, loader=loader, submodule_search_locations=folders)
-
-
-class _Loader(SourceFileLoader):
-    """Loads a module that starts OpenGL, without OpenGL if that cannot start, because not all commands render."""
-
-    def exec_module(self, module: ModuleType) -> None:
-        platform = os.environ["MUJOCO_GL"]
-        try:
-            with warnings.catch_warnings(action="ignore"):  # GLFW's errors
-                super().exec_module(module)
-        except Exception:
-            os.environ["MUJOCO_GL"] = "disable"
-            super().exec_module(module)
-        finally:
-            os.environ["MUJOCO_GL"] = platform

@@ -9,13 +9,15 @@ import pytest
 from filelock import FileLock
 from hypothesis import settings
 
+from sarsim.startup import prepare_process
+
 # Tests run in as many processes as there are cores, so each process is to use one. Set before anything reads it.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer: in the thread that draws
 
-# MuJoCo reads it when it is first imported, which a test may do before sarsim.
-os.environ.setdefault("MUJOCO_GL", "egl")
+# As commands do, which tests call in this process.
+prepare_process()
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so the commands that they interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -18,7 +18,7 @@ from dm_control import mjcf
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
 from scripts.results import README, texts
-from tests.source_tree import ROOT, modules
+from tests.source_tree import ROOT
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])
 WEIGHTS = sorted(p for p in (ROOT / "assets" / "weights").iterdir() if p.suffix in (".safetensors", ".weights"))
@@ -78,7 +78,8 @@ def test_paths_that_are_named_are_there(document: Path) -> None:
 @pytest.fixture(scope="module")
 def settings() -> set[str]:
     """Names of parameters and typed fields in the code, of which commands make flags, spelt like flags."""
-    nodes = [node for module in modules("pipeline", "sarsim", "scripts") for node in module.nodes]
+    paths = [path for package in ("pipeline", "sarsim", "scripts") for path in (ROOT / package).rglob("*.py")]
+    nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text()))]
     fields = {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
     names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)}
     return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}

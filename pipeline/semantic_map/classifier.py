@@ -40,13 +40,11 @@ def check_probabilities(probabilities: object, points: int, classifier: object) 
     Raises:
         InputError: it has returned something else.
     """
-    shape = points, len(Label)
-    is_array = isinstance(probabilities, np.ndarray) and probabilities.shape == shape
-    if not is_array or not np.isfinite(np.sum(probabilities)):
-        found = f"{type(probabilities).__name__} of shape {np.shape(probabilities)}"
-        raise InputError(
-            f"{type(classifier).__name__}.classify: must return finite probabilities of shape {shape}, not {found}"
-        )
+    wanted = f"{type(classifier).__name__}.classify: must return finite probabilities of shape ({points}, {len(Label)})"
+    if not isinstance(probabilities, np.ndarray):
+        raise InputError(f"{wanted}, not {type(probabilities).__name__}")
+    if probabilities.shape != (points, len(Label)) or not np.isfinite(probabilities.sum()):
+        raise InputError(f"{wanted}, not an array of shape {probabilities.shape}")
 
 
 class TruthClassifier(PointClassifier):

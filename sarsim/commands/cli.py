@@ -27,6 +27,7 @@ from pipeline.errors import InputError
 from pipeline.progress import Progress
 from sarsim.commands.names import check_names
 from sarsim.progress import progress_bars, shown_run
+from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -189,10 +190,11 @@ def check_folder_of(flag: str, path: Path) -> None:
 
 
 def guarded(action: Callable[[], object]) -> None:
-    """Run ``action``; turn bad input and each of :data:`ENDINGS` into one line on stderr and an exit status.
+    """Prepare the process and run ``action``; bad input and each of :data:`ENDINGS` become one line and a status.
 
     If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
+    prepare_process()
     try:
         with _raised_endings():
             try:

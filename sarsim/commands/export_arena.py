@@ -11,6 +11,7 @@ from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.settings import run_with_settings
 from sarsim.flags import Given
+from sarsim.opengl import without_opengl
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class ExportArena:
 
 def export_arena(settings: ExportArena) -> None:
     """Write an arena as MJCF, without the robot. View it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
-    from sarsim.methods.arena import make_arena
+    with without_opengl():
+        from sarsim.methods.arena import make_arena
 
     if settings.out.suffix != ".xml":  # the extension by which MuJoCo recognises MJCF
         raise InputError(f"--out {settings.out}: the file name must end in .xml")

@@ -15,7 +15,7 @@ from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig, check
 from sarsim.flags import Given
 from sarsim.jobs import make_engine
-from sarsim.opengl import check_rendering
+from sarsim.opengl import check_rendering, without_opengl
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +53,11 @@ def generate_dataset(settings: GenerateDataset) -> None:
         check("workers", settings.workers, 1)
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
-    from sarsim.arenas.load import load_arena
-    from sarsim.dataset.generate import generate
-    from sarsim.dataset.manifest import FILE
-    from sarsim.dataset.recipe import Recipe
+    with without_opengl():
+        from sarsim.arenas.load import load_arena
+        from sarsim.dataset.generate import generate
+        from sarsim.dataset.manifest import FILE
+        from sarsim.dataset.recipe import Recipe
 
     if settings.engine == "local":
         check_rendering()

@@ -7,11 +7,13 @@ from rich.console import Console
 from pipeline.progress import Progress
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings
+from sarsim.opengl import check_rendering
 from sarsim.settings import RosRobotConfig
 
 
 def ros_robot(config: RosRobotConfig) -> None:
     """Run the simulated robot as a ROS 2 robot: it publishes sensor data and follows commands until Ctrl-C."""
+    check_rendering()
     from pipeline.plugins.ros.live.node import RosNode
     from sarsim.commands.simulated_node import SimulatedNode
 

@@ -10,6 +10,7 @@ from sarsim.commands.cli import announce_compilation, end_by, is_verbose, run_wa
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
 from sarsim.compilation import compile_on_two_cores
+from sarsim.opengl import check_rendering
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def run_episode(config: EpisodeConfig) -> None:
         raise InputError(f"--resume {config.resume}: --map must not name the same folder")
     brief = wanted_mission(config.mission, config.minutes, config.home)
     check_folder(config.folder, config.continues)
+    check_rendering()
     from sarsim.episode import Episode  # imported here, because it takes seconds
 
     announce_compilation()

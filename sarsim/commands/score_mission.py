@@ -1,14 +1,19 @@
 """Score a mission's files as the leagues do: ``score_mission.py DIR --arena A``."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import tyro
 
 from pipeline.errors import InputError
+from pipeline.files import read_numbers
 from sarsim.arenas.settings import StartPose, WorldVictims
 from sarsim.commands.cli import run
+from sarsim.commands.settings import load_mission
 from sarsim.flags import Given
+from sarsim.opengl import without_opengl
 from sarsim.settings import Robot
 
 
@@ -38,16 +43,12 @@ def score_mission(
         victims: list of the victims and starts of a published world, as for sarsim-episode.
         victims_state: state of the victims whose names do not say whether they are alive.
     """
-    import json
+    with without_opengl():
+        from dm_control import mjcf
 
-    import numpy as np
-    from dm_control import mjcf
-
-    from pipeline.files import read_numbers
-    from sarsim.commands.settings import load_mission
-    from sarsim.methods.arena import make_arena
-    from sarsim.robots.model import robot_model
-    from sarsim.scoring.handed_in import score_handed_in, true_arena
+        from sarsim.methods.arena import make_arena
+        from sarsim.robots.model import robot_model
+        from sarsim.scoring.handed_in import score_handed_in, true_arena
 
     for flag, count in (("resets", resets), ("contacts", contacts)):
         if count < 0:

@@ -24,7 +24,7 @@ from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.sweeps.names import GRID, check_sweep
 from sarsim.flags import Given
 from sarsim.jobs import FolderLock, locked, make_engine
-from sarsim.opengl import check_rendering
+from sarsim.opengl import check_rendering, without_opengl
 from sarsim.settings import METHODS
 
 if TYPE_CHECKING:
@@ -79,8 +79,9 @@ def sweep(settings: SweepSettings) -> None:
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: must be at least 1")
     check_sweep(settings.methods, settings.arenas)
-    from sarsim.commands.sweeps.arenas import arenas_of
-    from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
+    with without_opengl():
+        from sarsim.commands.sweeps.arenas import arenas_of
+        from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
     from sarsim.commands.sweeps.leaderboard import write_entry
     from sarsim.commands.sweeps.page import write_page
     from sarsim.commands.sweeps.parquet import write_parquet

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from pipeline.files import check_folder
 from sarsim.commands.cli import Interruptible
 from sarsim.commands.settings import run_with_settings
-from sarsim.opengl import check_display
+from sarsim.opengl import check_display, check_rendering, without_opengl
 from sarsim.settings import TeleopConfig
 
 if TYPE_CHECKING:
@@ -18,8 +18,10 @@ def teleop(config: TeleopConfig) -> None:
     """Drive the robot with the keyboard or a gamepad, to explore an arena yourself or to map it by hand."""
     if config.out:
         check_folder(config.out)
-    from sarsim.methods.arena import make_arena
-    from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
+        check_rendering()
+    with without_opengl():
+        from sarsim.methods.arena import make_arena
+        from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
 
     arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
     check_display()

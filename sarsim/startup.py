@@ -1,0 +1,34 @@
+"""What commands and their workers set up in their process. Importing sarsim alone changes nothing in a process."""
+
+import ctypes
+import os
+
+from threadpoolctl import threadpool_limits
+
+from sarsim.opengl import choose_platform
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
+LARGE = 2**22
+"""Allocations of at least this many bytes are returned to the system as soon as they are freed.
+
+By default glibc raises this threshold to the size of what was freed, per thread. Fragmentation then
+wastes half a gigabyte or more in a long run. A threshold of 1 MB would cost a fifth of the processor time.
+"""
+MOST_PIXELS = 2**26
+"""Maximum size of an image file, enough for any photo. OpenCV's own limit takes gigabytes and half a minute."""
+
+
+def prepare_process() -> None:
+    """Set up memory, threads, images and OpenGL. Call it before OpenCV, SciPy and MuJoCo are first imported."""
+    if hasattr(libc := ctypes.CDLL(None), "mallopt"):
+        libc.mallopt(M_MMAP_THRESHOLD, LARGE)
+        libc.mallopt(M_TRIM_THRESHOLD, 8 * LARGE)
+        libc.mallopt(M_ARENA_MAX, 1)
+    # A second thread does not speed up products as small as the pipeline's, but its busy-waiting costs a fifth of an
+    # episode's processor time. OpenBLAS reads the variable when it is loaded, which NumPy has already done.
+    if "OPENBLAS_NUM_THREADS" not in os.environ:
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        threadpool_limits(1, user_api="blas")
+    # OpenCV reads it once, when it is first imported, and rejects images whose header declares more pixels.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+    choose_platform()

@@ -40,7 +40,9 @@ def check_probabilities(probabilities: object, points: int, classifier: object) 
     Raises:
         InputError: it has returned something else.
     """
-    wanted = f"{type(classifier).__name__}.classify: must return finite probabilities of shape ({points}, {len(Label)})"
+    wanted = (
+        f"{type(classifier).__name__}.classify: must return finite probabilities of shape ({points}, {len(Label)})"
+    )
     if not isinstance(probabilities, np.ndarray):
         raise InputError(f"{wanted}, not {type(probabilities).__name__}")
     if probabilities.shape != (points, len(Label)) or not np.isfinite(probabilities.sum()):

@@ -28,7 +28,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.transforms import POSE, are_poses, yaw_of
+from pipeline.transforms import POSE, are_poses, transform_places, yaw_of
 
 UNIT = 2.5e-4
 """Resolution of the stored points and depths, m: a fifth of the noise of the best depth camera."""
@@ -137,7 +137,7 @@ class Seen:
 
     def view(self, reach: float) -> NDArray[np.float64]:
         """(5, 3) corners of the view frustum up to a depth of ``reach`` m, in ``base_link``, m."""
-        return self.intrinsics.frustum * reach @ self.T_base_camera[:3, :3].T + self.T_base_camera[:3, 3]
+        return transform_places(self.T_base_camera, self.intrinsics.frustum * reach)
 
     def put_depth(self, metric_map: MetricMap, T_map_base: Pose) -> None:
         """Add the returns, and the space seen to be free, for a given pose of the robot."""

@@ -1,6 +1,7 @@
 """The semantic classes of points."""
 
 from enum import IntEnum
+from math import radians
 
 import numpy as np
 from PIL import ImageColor
@@ -22,7 +23,8 @@ class Label(IntEnum):
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 
-RAMP_TILT = np.deg2rad(8)  # rad; steeper ground is a ramp
+RAMP_TILT = radians(8)
+"""Tilt above which a surface is an inclined ramp, rad, for the robot as for the ground truth."""
 
 _NAMES = ("gray", "crimson", "gold", "royalblue", "hotpink", "lightgray", "forestgreen", "sienna")
 COLOURS = np.array([ImageColor.getrgb(name) for name in _NAMES], np.uint8)

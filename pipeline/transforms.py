@@ -23,11 +23,20 @@ def are_poses(T: ArrayLike) -> bool:
 
 
 def transform_points(T: Pose, points: NDArray) -> Points:
-    """(N, 3) points, m, transformed by ``T``."""
+    """(N, 3) points, m, transformed by ``T``, in single precision.
+
+    Maps, which must be the same bit for bit when they are rebuilt from stored points, use the kernel
+    :func:`pipeline.geometry.moving_kernels.moved` instead.
+    """
     R, t = T[:3, :3].astype(np.float32), T[:3, 3].astype(np.float32)
     x, y, z = points.astype(np.float32, copy=False).T
     # Not a matrix product: for three columns, waking BLAS's threads takes longer than the product.
     return np.stack([R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + t[i] for i in range(3)], axis=1)
+
+
+def transform_places(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(..., 3) places, m, transformed by ``T``, of which only the first three rows count, in double precision."""
+    return places @ T[:3, :3].T + T[:3, 3]
 
 
 def inverse(T: Pose) -> Pose:

@@ -1,7 +1,6 @@
 """Settings of the elevation map, of traversability and of the cost of driving."""
 
 from dataclasses import dataclass
-from math import radians
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,6 @@ class TraversabilityConfig:
         surface_slope, surface_rise: m per m, and m. A neighbour whose height differs by more than both together
             belongs to another surface (a wall, the floor under a deck) and is left out of the fit.
         drop_gap: maximum width of unknown ground between the two sides of a drop, m.
-        ramp_tilt: tilt above which ground is a ramp, rad.
         ramp_margin: distance to a ramp within which the robot drives as on the ramp, because its wheels may already
             be on it, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
@@ -98,7 +96,6 @@ class TraversabilityConfig:
     surface_slope: float = 1.2
     surface_rise: float = 0.02
     drop_gap: float = 0.6
-    ramp_tilt: float = radians(8)
     ramp_margin: float = 0.2
     leniency: float = 0.03
     turn_leniency: float = 0.01

@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.geometry.cells_kernels import cell_at
+
 MOST_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 NO_COLUMN = -1
@@ -42,12 +44,6 @@ class Bins(NamedTuple):
     lowest: NDArray[np.float64]
     height: NDArray[np.float32]
     hits: NDArray[np.uint16]
-
-
-@njit(cache=True)
-def cell_at(x, y, origin, cell):
-    """The cell (i, j) that contains a point, m, on a grid of ``cell`` m with its corner at ``origin`` (2,)."""
-    return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
 
 
 @njit(cache=True, nogil=True)

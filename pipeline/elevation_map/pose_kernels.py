@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.arrays import Layer, MaskLayer, Place
-from pipeline.elevation_map.elevation_kernels import cell_at
+from pipeline.geometry.cells_kernels import cell_at
 
 _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
 VECTORS = np.concatenate([_HALF, -_HALF])

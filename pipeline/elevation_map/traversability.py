@@ -15,6 +15,7 @@ from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.errors import InputError
 from pipeline.grid_map import Box, Grid
+from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
@@ -306,7 +307,7 @@ def _ramps(
 ) -> tuple[MaskLayer, Layer]:
     """The cells on or near a ramp, and the gradient of the nearest one."""
     # Opening drops single noisy cells.
-    core = ndimage.binary_opening((slope > np.tan(config.ramp_tilt)) & ~hazard, np.ones((3, 3)))
+    core = ndimage.binary_opening((slope > np.tan(RAMP_TILT)) & ~hazard, np.ones((3, 3)))
     if not core.any():
         return core, np.zeros_like(gradient)
     distance, nearest = ndimage.distance_transform_edt(~core, return_indices=True)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.labels import RAMP_TILT
+
 
 @dataclass(frozen=True)
 class VisibilityConfig:
@@ -13,7 +15,6 @@ class VisibilityConfig:
         rays: number of directions, all around a position, in which rays are cast.
         stride: side of the square blocks that each contribute one cell for viewpoints, cells.
         short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
-        ramp_slope: slope above which ground is a ramp; 8°.
         nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
         least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
@@ -25,8 +26,7 @@ class VisibilityConfig:
     rays: int = 180
     stride: int = 5
     short_by: float = 0.3
-    ramp_slope: float = float(np.tan(np.deg2rad(8)))
-    nist_slope: float = float(2 * np.tan(np.deg2rad(8)))
+    nist_slope: float = float(2 * np.tan(RAMP_TILT))
     blocked: float = 0.4
     least_unknown: float = 1.0
     level_run: float = 1.0

@@ -13,6 +13,7 @@ from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, Layer
 from pipeline.keyframes import Places
+from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 NOWHERE = Places.joined([])
@@ -64,7 +65,7 @@ class Sightings:
             probability=np.ones(layers.grid.shape, np.float32),
             missed_from=layers["missed_from"].copy(),
             falls=True,
-            ramp_slope=guesses.ramp_slope,
+            ramp_slope=float(np.tan(RAMP_TILT)),
             nist_slope=guesses.nist_slope,
             most_unknown=visibility.expected_depth(ground.tall, seen, layers.grid.cell, guesses),
             level_run=guesses.level_run,

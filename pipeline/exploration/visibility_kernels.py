@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.arrays import MaskLayer, Place
-from pipeline.elevation_map.elevation_kernels import cell_at
+from pipeline.geometry.cells_kernels import cell_at
 
 
 class CameraView(NamedTuple):
@@ -56,7 +56,8 @@ class SearchedTerrain(NamedTuple):
         missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
         most_unknown: length of unknown ground that a ray is expected to see through, m.
-        ramp_slope, nist_slope, level_run, new_view: see ``VisibilityConfig``.
+        ramp_slope: slope above which ground is a ramp.
+        nist_slope, level_run, new_view: see ``VisibilityConfig``.
     """
 
     origin: Place

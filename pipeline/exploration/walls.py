@@ -9,6 +9,7 @@ from pipeline.arrays import Directions, Indices, Mask, Places, Values
 from pipeline.exploration.config import InspectionConfig
 from pipeline.frame import Frame
 from pipeline.keyframes import UNIT, Seen
+from pipeline.transforms import transform_places
 
 
 class WallPieces(NamedTuple):
@@ -37,12 +38,12 @@ class WallPieces(NamedTuple):
         apart = squares - middle[:, None]
         variances, axes = np.linalg.eigh(apart.swapaxes(1, 2) @ apart / apart.shape[1])
         normals = axes[..., 0] * -np.sign((axes[..., 0] * middle).sum(axis=1))[:, None]
-        R, t = seen.T_base_camera[:3, :3], seen.T_base_camera[:3, 3]
-        found = cls(middle @ R.T + t, normals @ R.T, np.zeros(len(middle)), config)
+        T = seen.T_base_camera
+        found = cls(transform_places(T, middle), normals @ T[:3, :3].T, np.zeros(len(middle)), config)
         is_flat = variances[:, 0] < (config.flatness * frame.sensor.sigma(middle[:, 2])) ** 2
         is_upright, height = np.abs(found.normals[:, 2]) < config.upright, found.points[:, 2]
         found = found.where(is_flat & is_upright & (height > 0) & (height < config.highest))
-        return found._replace(sides=found.sides_from(t[None], frame)[:, 0])
+        return found._replace(sides=found.sides_from(T[None, :3, 3], frame)[:, 0])
 
     def where(self, index: Mask | Indices) -> "WallPieces":
         """The pieces that an index selects."""

@@ -1,10 +1,16 @@
-"""Compiled loops over sorted sets of cells."""
+"""Compiled functions: the cell that contains a point, and loops over sorted sets of cells."""
 
 import numpy as np
 from numba import njit
 
 from pipeline.geometry.moving_kernels import moved
 from pipeline.geometry.voxel_hash_kernels import unpacked, voxels_of
+
+
+@njit(cache=True)
+def cell_at(x, y, origin, cell):
+    """The cell (i, j) that contains a point, m, on a grid of ``cell`` m with its corner at ``origin`` (2,)."""
+    return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
 
 
 @njit(cache=True, nogil=True)

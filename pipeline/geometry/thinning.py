@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import small_gicp
 from numpy.typing import NDArray
 
-from pipeline.arrays import Indices, Points
+from pipeline.arrays import Indices, Places, Points
 from pipeline.geometry.voxel_hash import first_of, voxels_of
 
 
@@ -14,6 +15,17 @@ def first_in_voxels(points: NDArray[np.floating], per_unit: float | np.floating 
     """(M,) index of the first of the points (N, 3) in each voxel, ascending; arguments as in :func:`voxels_of`."""
     voxel_of_point, keys = voxels_of(points, per_unit)
     return np.sort(first_of(voxel_of_point, len(keys)))
+
+
+def voxel_means(points: Places | Points, size: float) -> Places:
+    """(M, 3) the mean of the points (N, 3) in each voxel of ``size`` m, in double precision.
+
+    This is small_gicp's own thinning, for clouds that it registers; a :class:`VoxelCloud` has single precision, and
+    knows which points are in which voxel.
+    """
+    if not len(points):
+        return np.zeros((0, 3))
+    return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points.astype(np.float64), size).points()[:, :3])
 
 
 @dataclass(frozen=True, eq=False)

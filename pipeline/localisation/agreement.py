@@ -9,9 +9,9 @@ from scipy import ndimage
 
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
+from pipeline.geometry.ray_kernels import cast
 from pipeline.localisation.belief import MotionState, tiles_seen
 from pipeline.localisation.config import BeliefConfig
-from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 

@@ -15,7 +15,7 @@ from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
-from pipeline.transforms import angle_of, from_rotation, inverse
+from pipeline.transforms import angle_of, from_rotation, inverse, transform_places
 
 
 class DepthOdometry:
@@ -96,7 +96,7 @@ class DepthOdometry:
         found: list[tuple[Target, Registration]] = []
         for T in guesses:
             camera = (T @ frame.T_base_camera)[:3, 3]
-            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, config.widest)
+            target = self._map.around(transform_places(T, points), camera, everyone, config.widest)
             if target is not None:
                 found.append((target, register(target, cloud, [Prior(T, information)], config.widest, config)))
         return max(found, key=lambda pair: pair[1].overlap, default=None)

@@ -6,6 +6,7 @@ import small_gicp
 from pipeline.arrays import Directions, Indices, Mask, Place, Places, Points, Pose, Poses, Values
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.registration import Target, front_normals
+from pipeline.transforms import transform_places
 
 
 class LocalMap:
@@ -27,8 +28,9 @@ class LocalMap:
     def add(self, owner: int, T_map_base: Pose, cloud: small_gicp.PointCloud, camera: Place, new: Mask) -> None:
         """Add the ``new`` points of a keyframe; ``camera``: the camera's position in ``base_link``."""
         points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
-        R, (at, facing) = T_map_base[:3, :3], self._in_map
-        self._in_map = np.vstack([at, points @ R.T + T_map_base[:3, 3]]), np.vstack([facing, normals @ R.T])
+        at, facing = self._in_map
+        at = np.vstack([at, transform_places(T_map_base, points)])
+        self._in_map = at, np.vstack([facing, normals @ T_map_base[:3, :3].T])
         self.points, self.normals = np.vstack([self.points, points]), np.vstack([self.normals, normals])
         self.owner = np.append(self.owner, np.full(len(points), owner))
 

@@ -18,9 +18,10 @@ import small_gicp
 from numpy.typing import NDArray
 
 from pipeline.arrays import Covariance, Directions, Indices, Information, Mask, Place, Places, Points, Pose
+from pipeline.geometry.thinning import voxel_means
 from pipeline.localisation.config import RegistrationConfig
 from pipeline.localisation.gates import chi2_gate
-from pipeline.transforms import orthonormal
+from pipeline.transforms import orthonormal, transform_places
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ def occam_factor(prior: Information, information: Information) -> float:
 
 def cloud_of(points: Points, config: RegistrationConfig) -> small_gicp.PointCloud:
     """A thinned cloud with normals, made from points in any frame."""
-    cloud = small_gicp.voxelgrid_sampling(points.astype(np.float64), config.voxel)
+    cloud = small_gicp.PointCloud(voxel_means(points, config.voxel))
     small_gicp.estimate_normals(cloud, num_neighbors=config.normal_neighbours)
     return cloud
 
@@ -201,7 +202,7 @@ class _Pairs:
     ) -> None:
         """Pair the points closer than ``gate`` m, with the source at the pose ``T``."""
         points, R = source.points()[:, :3], T[:3, :3]
-        at = points @ R.T + T[:3, 3]
+        at = transform_places(T, points)
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
         near = np.flatnonzero(self.squared < gate**2)
         n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Mask, Places, Points, Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame
+from pipeline.geometry.thinning import voxel_means
 from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.belief import disproves
 from pipeline.localisation.config import LocalisationConfig, RelocalisationConfig
@@ -198,13 +199,3 @@ def without_tilt(T: Pose) -> Pose:
     """A pose without its roll and pitch."""
     x, y, z = T[:3, 3].tolist()
     return from_yaw(x, y, z, yaw_of(T))
-
-
-def voxel_means(points: Places | Points, size: float) -> Places:
-    """The mean of the points in each voxel of ``size`` m.
-
-    It has double precision, like the clouds that small_gicp registers; a :class:`VoxelCloud` has single precision.
-    """
-    if not len(points):
-        return np.zeros((0, 3))
-    return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points.astype(np.float64), size).points()[:, :3])

@@ -1,53 +1,7 @@
-"""Kernels that cast rays through the metric map, and score many poses of a cloud at once."""
+"""Kernels that score many poses of a cloud at once."""
 
 import numpy as np
 from numba import njit
-
-
-@njit(cache=True)
-def cast(rays, origins, voxels, reach, step, free, surface):
-    """The smallest depth up to which each ray is free, and the largest at which it meets a surface, over all origins.
-
-    All depths are in voxels along the optical axis.
-
-    Args:
-        rays: (N, 3) float64 directions of the rays in the grid's axes, scaled to a depth of 1.
-        origins: (M, 3) float64 positions in voxels of the box; each ray is cast from each origin.
-        voxels: (nx, ny, nz) int8 log-odds of a box of the map; voxels outside the box are unknown.
-        reach: maximum depth.
-        step: depth between the samples of a ray.
-        free: (N,) float64, filled with depths.
-        surface: (N,) float64, filled with depths; infinite if the ray meets no surface from at least one origin.
-    """
-    for n in range(len(rays)):
-        free[n], surface[n] = np.inf, 0.0
-        for origin in origins:
-            depth, is_occupied = _follow(rays[n], origin, voxels, reach, step)
-            free[n] = min(free[n], depth)
-            surface[n] = max(surface[n], depth if is_occupied else np.inf)
-
-
-@njit(cache=True)
-def _follow(ray, origin, voxels, reach, step):
-    """Depth at which the free part of a ray ends, in voxels, and whether an occupied voxel ends it.
-
-    Unknown voxels right in front of the camera, which are too near for it to measure, are skipped.
-    """
-    depth, last_free = 0.0, 0.0
-    while depth < reach:
-        i = int(np.floor(origin[0] + ray[0] * depth))
-        j = int(np.floor(origin[1] + ray[1] * depth))
-        k = int(np.floor(origin[2] + ray[2] * depth))
-        inside = 0 <= i < voxels.shape[0] and 0 <= j < voxels.shape[1] and 0 <= k < voxels.shape[2]
-        value = voxels[i, j, k] if inside else 0
-        if value > 0:
-            return depth, True
-        if value < 0:
-            last_free = depth
-        elif last_free > 0:
-            return depth, False
-        depth += step
-    return (reach if last_free > 0 else 0.0), False
 
 
 @njit(cache=True)

@@ -35,7 +35,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
-from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
+from pipeline.transforms import from_rotation, inverse, orthonormal, transform_places, transform_points
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -344,7 +344,7 @@ class Slam(Localisation):
 
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
         camera = (T @ frame.T_base_camera)[:3, 3]
-        return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
+        return self.local_map.around(transform_places(T, points), camera, owners, margin)
 
     def _by_odometry(self, frame: Frame) -> Prediction:
         """The pose predicted by odometry since the reference."""

@@ -1,7 +1,9 @@
-"""Compiled functions that compute boxes around points and add scans to log-odds."""
+"""Compiled functions that make scans, which are boxes of marks, and add them to log-odds."""
 
 import numpy as np
 from numba import njit
+
+from pipeline.geometry.ray_kernels import HIT
 
 WORD = np.dtype(np.uint64).itemsize
 """Number of marks along z that are read together as an unsigned integer."""
@@ -18,6 +20,24 @@ def box_around(points, block):
     first = np.floor(lower / block) * block
     shape = np.ceil(upper / block) * block - first
     return int(first[0]), int(first[1]), int(first[2]), int(shape[0]), int(shape[1]), int(shape[2])
+
+
+@njit(cache=True, nogil=True)
+def mark_ends(points, T_grid_camera, size, far, lower, marks):
+    """Mark as HIT the voxels of end points (N, 3), m in the grid's frame, up to ``far`` m along the optical axis.
+
+    ``size``: side of a voxel, m; ``lower``: (3,) index of the first voxel of ``marks`` (nx, ny, nz).
+    """
+    axis, origin = T_grid_camera[:3, 2], T_grid_camera[:3, 3]
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if axis[0] * (x - origin[0]) + axis[1] * (y - origin[1]) + axis[2] * (z - origin[2]) > far:
+            continue
+        i = int(np.floor(x / size)) - lower[0]
+        j = int(np.floor(y / size)) - lower[1]
+        k = int(np.floor(z / size)) - lower[2]
+        if 0 <= i < marks.shape[0] and 0 <= j < marks.shape[1] and 0 <= k < marks.shape[2]:
+            marks[i, j, k] = HIT
 
 
 @njit(cache=True)

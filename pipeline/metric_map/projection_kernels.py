@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.geometry.ray_kernels import FREE, HIT, walk
 from pipeline.metric_map.grid_kernels import WORD
-from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 
 # fastmath={"contract"} fuses a product and a sum into one instruction, which rounds once instead of twice.
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from pipeline.arrays import Depth, Place, Places, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
+from pipeline.geometry.ray_kernels import trace_points
 from pipeline.metric_map.config import MetricMapConfig
-from pipeline.metric_map.grid_kernels import box_around
+from pipeline.metric_map.grid_kernels import box_around, mark_ends
 from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
-from pipeline.metric_map.ray_kernels import mark_ends, trace_points
+from pipeline.transforms import transform_places
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Updater:
         pose = T_grid_camera[:3].copy()
         pose[:, 3] /= size
         frustum = intrinsics.frustum * (far / size)
-        scan = self._scan_around(frustum @ pose[:, :3].T + pose[:, 3])
+        scan = self._scan_around(transform_places(pose, frustum))
         mark_ends(ends, T_grid_camera, size, far, scan.lower, scan.marks)
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])

@@ -9,7 +9,6 @@ class HazardConfig:
     """What is dangerous for those who go in.
 
     Attributes:
-        steep: inclination above which ground is a slope, rad.
         drop: minimum height of a drop, m: a robot that climbs stairs gets back up lower steps. The edge of a drop
             differs in height by less than this from the ground in front of it, a kerb by more.
         edge: side of the window in which the ground in front of an edge is sought, cells; an edge is at most half as
@@ -17,7 +16,6 @@ class HazardConfig:
         upright: headroom below which a person must stoop, m.
     """
 
-    steep: float = radians(8)
     drop: float = 0.1
     edge: int = 5
     upright: float = 2.0
@@ -48,13 +46,11 @@ class RouteConfig:
         views: maximum number of cells whose line of sight to a person is checked: the nearest, and fewer of those
             farther away.
         bend: change of direction above which a new straight part begins, rad.
-        steep: inclination of the ground above which the directions mention a part's slope, rad.
     """
 
     arrival: float = 1.0
     views: int = 400
     bend: float = radians(20)
-    steep: float = radians(8)
 
 
 @dataclass(frozen=True)

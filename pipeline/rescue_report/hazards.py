@@ -9,6 +9,7 @@ from scipy import ndimage
 from pipeline.arrays import Cells, Layer, MaskLayer, Points, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid
+from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.config import HazardConfig
 from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
@@ -51,7 +52,7 @@ def find_hazards(
     grid = traversability.grid
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening removes single noisy cells.
-    is_steep = ndimage.binary_opening((slope > config.steep) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
     drop = _drops(traversability, reachable, robot, config)
     headroom = _headroom(traversability, points, robot.headroom)
     low = reachable & (headroom < config.upright)

@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from pipeline.arrays import Place, Places, Points
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
 from pipeline.planning.pose_paths import PosePaths
@@ -142,7 +143,7 @@ class Router:
             first, last = np.diff(points, axis=0)[[0, -1]]
             bearing = float(np.arctan2(first[1], first[0]))
             length, steepest = self._measure(points)
-            yield RouteLeg(wrap_angle(bearing - heading), length, steepest, steepest > self._config.steep)
+            yield RouteLeg(wrap_angle(bearing - heading), length, steepest, steepest > RAMP_TILT)
             heading = float(np.arctan2(last[1], last[0]))
 
     def _measure(self, points: Places) -> tuple[float, float]:

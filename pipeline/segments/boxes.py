@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Direction, Place, Places, Points, Pose
 from pipeline.geometry.planes import Plane
-from pipeline.transforms import from_rotation
+from pipeline.labels import RAMP_TILT
+from pipeline.transforms import from_rotation, transform_places
 
 DIRECTIONS = np.array([(np.cos(azimuth), np.sin(azimuth)) for azimuth in np.deg2rad(np.arange(360))]).T
 """(2, 360) horizontal unit vectors, one per degree, counter-clockwise from the x axis."""
@@ -35,7 +36,7 @@ class Box:
 def corners(box: Box) -> Places:
     """The eight corners: four of the far face, then four of the face that was seen; x varies fastest."""
     signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
-    return signs * (box.extent / 2) @ box.T_map_box[:3, :3].T + box.T_map_box[:3, 3]
+    return transform_places(box.T_map_box, signs * (box.extent / 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class Hull:
         return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
 
 
-def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, ascent: float, cell: float) -> Box:
+def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell: float) -> Box:
     """The box around a hull in a plane.
 
     Args:
@@ -76,11 +77,11 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, asce
         centre: a point of the plane within the hull.
         hull: hull of the points.
         thickness: thickness of the box along the normal, m.
-        ascent: minimum tilt of a plane with a direction of ascent, rad.
         cell: edge length of the cells in which the surface was seen, m.
     """
     n = plane.normal
-    level = abs(n[2]) > np.cos(ascent)
+    # A plane that tilts less than a ramp has no reliable direction of ascent.
+    level = abs(n[2]) > np.cos(RAMP_TILT)
     x = _least_area_axis(hull, cell / 2) if level else np.array([-n[1], n[0], 0.0])
     x -= (x @ n) * n
     x /= np.linalg.norm(x)

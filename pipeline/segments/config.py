@@ -86,7 +86,6 @@ class SegmentsConfig:
             segment that it continues, m.
         least_cosine: minimum cosine between the normals of segments that continue each other. Corners alone do not
             distinguish a surface from a narrow one that stands on it.
-        ascent: minimum tilt of a plane with a reliable direction of ascent, rad.
         thickness: thickness of a box, in standard deviations of the noise: two on either side.
         checkpoint: number of members between saved states. When a keyframe moves, members are merged again from the
             last state saved before it.
@@ -98,6 +97,5 @@ class SegmentsConfig:
     cells: CellConfig = field(default_factory=CellConfig)
     flatness: float = 0.05
     least_cosine: float = 0.5
-    ascent: float = radians(8)
     thickness: float = 4.0
     checkpoint: int = 64

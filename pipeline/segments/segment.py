@@ -56,7 +56,7 @@ class Segment:
         """Create a segment; its plane and box are computed, with the normal on the same side as ``side``."""
         plane, rms = moments.fit(side)
         thickness, edge = config.thickness * rms, config.cells.edge
-        box = bounding_box(plane, moments.centroid, hull, thickness, config.ascent, edge)
+        box = bounding_box(plane, moments.centroid, hull, thickness, edge)
         return cls(label, plane, box, cells, moments, hull, members, config)
 
     @classmethod

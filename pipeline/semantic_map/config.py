@@ -15,7 +15,6 @@ class RuleConfig:
         neighbours: number of points to which a plane is fitted for the normal.
         wall_tilt: minimum tilt of a wall, rad.
         roughness: maximum standard deviation from the plane of the neighbours, m; rougher points are clutter.
-        ramp_tilt: minimum tilt of an inclined ramp, rad.
         deck: height above the ground where the robot was set down, m; level surfaces above it are straight ramps.
         ceiling: height above the same ground, m; level surfaces above it are ceilings.
     """
@@ -24,7 +23,6 @@ class RuleConfig:
     neighbours: int = 30
     wall_tilt: float = radians(60)
     roughness: float = 0.03
-    ramp_tilt: float = radians(8)
     deck: float = 0.08
     ceiling: float = 2.0
 

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 from pipeline.arrays import Indices, Points, Pose, Probabilities, Values
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import VoxelCloud
-from pipeline.labels import Label
+from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.config import RuleConfig
 
@@ -31,7 +31,7 @@ def _labels(points: Points, config: RuleConfig) -> Indices:
     rules = [
         (tilt > config.wall_tilt, Label.WALL),
         (roughness > config.roughness, Label.CLUTTER),
-        (tilt >= config.ramp_tilt, Label.INCLINED_RAMP),
+        (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
         (points[:, 2] > config.ceiling, Label.CEILING),
         (points[:, 2] > config.deck, Label.STRAIGHT_RAMP),
     ]

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,10 @@ from scipy import ndimage
 
 from pipeline.arrays import Cells, Indices, Mask, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.geometry.sight import visible_cells
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
-from pipeline.topological_map import sight_kernels as kernels
+from pipeline.topological_map import cover_kernels as kernels
 from pipeline.topological_map.config import TopologicalMapConfig
 
 
@@ -121,7 +122,7 @@ class NodeCover:
     def visible_from(self, places: Places) -> VisibleCells:
         """The cells that are seen from (K, 2) positions, m."""
         cells, reach = self.grid.cell_of(places), self._reach
-        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(reach), reach)
+        seen = visible_cells(cells, self.target, self._layers["walls"], reach)
         return VisibleCells(places, seen, cells - reach + self.grid.low)
 
     def add(self, node: int, place: Place) -> None:
@@ -188,34 +189,3 @@ class NodeCover:
         low = np.maximum(corner, 0)
         high = np.maximum(np.minimum(corner + 2 * self._reach + 1, self.grid.shape), low)
         return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
-
-
-@cache
-def ray_tree(reach: int) -> NDArray[np.int16]:
-    """(N, 3) the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
-
-    An entry consists of the offset of a cell and of the index of the next entry that does not lie behind this cell,
-    from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these.
-    """
-    across = np.arange(-reach, reach + 1)
-    sides = [np.stack([across, np.full_like(across, end)], axis=1) for end in (-reach, reach)]
-    rim = np.vstack([*sides, *(side[:, ::-1] for side in sides)])
-    steps = np.arange(2 * reach + 2) / 2
-    rays = np.floor(0.5 + steps[:, None] * (rim / np.linalg.norm(rim, axis=1)[:, None])[:, None]).astype(int)
-    root: dict = {}
-    for ray in rays.tolist():
-        behind = root
-        for i, j in dict.fromkeys(map(tuple, ray)):
-            if i * i + j * j <= reach * reach:
-                behind = behind.setdefault((i, j), {})
-    entries: list[list[int]] = []
-
-    def add(behind: dict) -> None:
-        for cell, farther in behind.items():
-            entry = [*cell, 0]
-            entries.append(entry)
-            add(farther)
-            entry[2] = len(entries)
-
-    add(root)
-    return np.array(entries, np.int16)

@@ -16,6 +16,7 @@ from pipeline.sensor import SensorModel
 from pipeline.tracks.config import LikelihoodConfig, TrackConfig
 from pipeline.tracks.find import Find, Reading
 from pipeline.tracks.likelihood import extents_of
+from pipeline.transforms import transform_places
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +47,9 @@ class Observation:
 
     def moved(self, T: Pose) -> "Observation":
         """The same observation, transformed by ``T``."""
-        R, t = T[:3, :3], T[:3, 3]
-        information = R @ self.information @ R.T
-        position, camera, points = R @ self.position + t, R @ self.camera + t, moved(T, self.points)
+        information = T[:3, :3] @ self.information @ T[:3, :3].T
+        position, camera = transform_places(T, self.position), transform_places(T, self.camera)
+        points = moved(T, self.points)
         return replace(self, position=position, camera=camera, information=information, points=points)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Mask, Points, Pose
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, transform_places
 from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
@@ -83,7 +83,7 @@ def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDA
     colour_of = (geom_colours(model) * 255).astype(np.uint8)
     for geom, T in zip(geoms, poses, strict=True):
         shape = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])](model, geom)
-        vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])
+        vertices.append(transform_places(T, shape.vertices))
         normals.append(shape.normals @ T[:3, :3].T)
         triangles.append(shape.triangles + count)
         colours.append(np.tile(colour_of[geom], (len(shape.vertices), 1)))

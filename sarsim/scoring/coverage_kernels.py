@@ -1,7 +1,8 @@
 """The compiled loop over the returns that show the ground."""
 
-import numpy as np
 from numba import njit
+
+from pipeline.geometry.cells_kernels import cell_at
 
 
 @njit(cache=True, nogil=True)
@@ -17,7 +18,7 @@ def see(points, origin, cell, height, near, seen):
         seen: (nx, ny) bool, changed in place.
     """
     for n in range(len(points)):
-        i, j = int(np.floor((points[n, 0] - origin[0]) / cell)), int(np.floor((points[n, 1] - origin[1]) / cell))
+        i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         is_inside = 0 <= i < seen.shape[0] and 0 <= j < seen.shape[1]
         if is_inside and abs(points[n, 2] - height[i, j]) < near:
             seen[i, j] = True

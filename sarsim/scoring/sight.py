@@ -9,6 +9,7 @@ from scipy import sparse
 from pipeline.arrays import Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
+from pipeline.transforms import transform_places
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.coverage import SEEN_HEIGHT
 
@@ -55,7 +56,7 @@ class Sight:
     def _seen(self, T_world_camera: Pose) -> NDArray[np.int64]:
         """Sorted indices of the cells that one image shows."""
         lens, sensor = self._frame.intrinsics, self._frame.sensor
-        corners = sensor.farthest * lens.frustum @ T_world_camera[:3, :3].T + T_world_camera[:3, 3]
+        corners = transform_places(T_world_camera, sensor.farthest * lens.frustum)
         (i0, j0), (i1, j1) = self._grid.cell_of([corners.min(axis=0), corners.max(axis=0)])
         # The cells are sorted, so that those within the view along x are a slice.
         near = np.arange(*np.searchsorted(self.cells[:, 0], [i0, i1 + 1]))

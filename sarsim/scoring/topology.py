@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import MaskLayer
-from pipeline.topological_map.sight_kernels import count_in
+from pipeline.geometry.sight_kernels import cells_in_sight, line_is_free
+from pipeline.topological_map.cover_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
-from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
 SIGHT = 2.0  # m, maximum distance at which a node covers a cell that it sees
 MIN_GAIN = 0.01  # m², minimum gain of a node of the greedy cover

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Box, Indices, Place, Pose
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, transform_places
 from sarsim.ground_truth.shapes import mesh_vertices, rotation
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY, Outfit, person_mjcf
@@ -114,7 +114,7 @@ class TrueVictim:
     @property
     def centre(self) -> Place:
         """Centre of the box in the world, m."""
-        return self.T_world_victim[:3, :3] @ self.box.mean(axis=0) + self.T_world_victim[:3, 3]
+        return transform_places(self.T_world_victim, self.box.mean(axis=0))
 
 
 def make_victim(

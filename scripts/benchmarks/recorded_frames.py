@@ -10,6 +10,7 @@ from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
 from pipeline.robot import Motion
 from pipeline.sink import Sink
+from pipeline.transforms import transform_places
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import progress
 from sarsim.composition import TRUE_LABELS, make_mapper
@@ -39,7 +40,7 @@ class RecordedFrames:
         T = self.T_map_camera[n]
         returns = depth[n] > 0
         rays = self.intrinsics.rays[returns].astype(np.float64)
-        return rays * depth[n][returns, None] @ T[:3, :3].T + T[:3, 3]
+        return transform_places(T, rays * depth[n][returns, None])
 
 
 def record(arena: str, seed: int, frames: int) -> RecordedFrames:

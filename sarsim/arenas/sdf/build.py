@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Places, Pose
+from pipeline.arrays import Places
 from pipeline.errors import InputError
 from pipeline.labels import Label
+from pipeline.transforms import transform_places
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.sdf.heightmaps import NaturalGround
 from sarsim.arenas.sdf.labels import (
@@ -165,7 +166,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
 
 def _box_around(solid: Solid) -> NDArray[np.float64]:
     """(2, 2) m, lowest and highest x, y of a solid."""
-    corners = _moved(solid.T_world, solid.corners)[:, :2]
+    corners = transform_places(solid.T_world, solid.corners)[:, :2]
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
@@ -193,25 +194,21 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
     facets = [] if piece is None or id(piece) in plain else piece.seen
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
-        yield _Body(solid, None, None, True, _moved(T, solid.corners), endless(T))
+        yield _Body(solid, None, None, True, transform_places(T, solid.corners), endless(T))
     elif solid.tile is not None:
-        corners = _moved(T, solid.corners)
+        corners = transform_places(T, solid.corners)
         yield _Body(solid, None, None, True, corners, outline_of_ground(corners, solid.tile.slope))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
-        corners = _moved(T, solid.corners if slab is None else slab)
+        corners = transform_places(T, solid.corners if slab is None else slab)
         yield _Body(solid, slab, None, not facets, corners, outline_of(corners))
     else:
         for part in piece.parts:
-            corners = _moved(T, part)
+            corners = transform_places(T, part)
             yield _Body(solid, part, None, not facets, corners, outline_of(corners, surface))
     for number, triangles in enumerate(facets):
-        corners = _moved(T, triangles.reshape(-1, 3))
+        corners = transform_places(T, triangles.reshape(-1, 3))
         yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
-
-
-def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return points @ T[:3, :3].T + T[:3, 3]
 
 
 def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:

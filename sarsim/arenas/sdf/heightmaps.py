@@ -10,7 +10,7 @@ from PIL import Image
 
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, transform_places
 from sarsim.arenas.sdf.resources import MissingError, Resources
 from sarsim.arenas.sdf.values import child_numbers
 
@@ -69,7 +69,7 @@ class NaturalGround:
 
     def __init__(self, tiles: list[GroundTile]):
         self._tiles = tiles
-        corners = [(tile.corners @ tile.T_world[:3, :3].T + tile.T_world[:3, 3])[:, :2] for tile in tiles]
+        corners = [transform_places(tile.T_world, tile.corners)[:, :2] for tile in tiles]
         self._low = np.array([c.min(axis=0) for c in corners]).reshape(-1, 2)
         self._high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
 

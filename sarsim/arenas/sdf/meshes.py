@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Places
 from pipeline.errors import InputError
+from pipeline.transforms import transform_places
 from sarsim.arenas.sdf.colours import Colour, Materials, mean_of, product
 from sarsim.arenas.sdf.resources import Resources
 from sarsim.vetting.model_files import RefusedError
@@ -136,7 +137,7 @@ def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materi
     for node in scene.graph.nodes_geometry:
         T, name = scene.graph[node]
         mesh, named = scene.geometry[name], [o for o in objects if name == o or name.startswith(f"{o}_")]
-        vertices = np.asarray(mesh.vertices, np.float64) @ T[:3, :3].T + T[:3, 3]
+        vertices = transform_places(T, np.asarray(mesh.vertices, np.float64))
         colour = None if is_plain else _of_material(getattr(mesh.visual, "material", None))
         yield MeshSurface(max(named, key=len, default=name), vertices, np.asarray(mesh.faces, np.int64), colour)
 

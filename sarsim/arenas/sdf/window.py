@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.arrays import Places
+from pipeline.transforms import transform_places
 from sarsim.arenas.sdf.meshes import MeshSurface
 from sarsim.arenas.sdf.pieces import pieces_of
 from sarsim.arenas.sdf.solids import Solid
@@ -57,7 +58,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
 def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
     """Limit solids to a window: boxes and meshes are cut at its edges; others are kept if their centre is inside."""
     for solid in solids:
-        corners = (solid.corners @ solid.T_world[:3, :3].T + solid.T_world[:3, 3])[:, :2]
+        corners = transform_places(solid.T_world, solid.corners)[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
         if solid.kind == "plane" or ((low >= window.low).all() and (high <= window.high).all()):
             yield solid

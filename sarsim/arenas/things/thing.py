@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import Box, Direction, Indices, Place, Pose
 from pipeline.tracks.find import HEAT, KINDS, VICTIM
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, transform_places
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
 
 ALIVE, DEAD = "alive", "dead"
@@ -47,7 +47,7 @@ class Thing:
     @property
     def centre(self) -> Place:
         """Centre of the box in the world, m."""
-        return self.T_world_thing[:3, :3] @ self.box.mean(axis=0) + self.T_world_thing[:3, 3]
+        return transform_places(self.T_world_thing, self.box.mean(axis=0))
 
     @property
     def normal(self) -> Direction:

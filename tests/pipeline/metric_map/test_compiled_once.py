@@ -6,7 +6,8 @@ import sys
 PROGRAM = """
 import numpy as np
 from pipeline.frame import Intrinsics
-from pipeline.metric_map import grid_kernels, projection_kernels, ray_kernels
+from pipeline.geometry import ray_kernels
+from pipeline.metric_map import grid_kernels, projection_kernels
 from pipeline.metric_map.metric_map import MetricMap
 
 T = np.eye(4)

@@ -19,7 +19,7 @@ def rectangle(centre, x, y, length, width, n=400, seed=0):
 def box_of(points, normal):
     centre = points.mean(axis=0).astype(float)
     normal = np.asarray(normal, float) / np.linalg.norm(normal)
-    return bounding_box(Plane(normal, float(normal @ centre)), centre, Hull.of(points), 0.02, np.deg2rad(8), 0.05)
+    return bounding_box(Plane(normal, float(normal @ centre)), centre, Hull.of(points), 0.02, 0.05)
 
 
 def is_rotation(R):
@@ -88,7 +88,7 @@ def test_union_box_of_a_plane_does_not_depend_on_the_order_and_only_grows(order,
         union = union.union(hulls[i])
         assert (union.reach >= before).all()
         shuffled = shuffled.union(hulls[order[i]])
-    one, other = (bounding_box(plane, np.zeros(3), hull, 0.02, np.deg2rad(8), 0.05) for hull in (union, shuffled))
+    one, other = (bounding_box(plane, np.zeros(3), hull, 0.02, 0.05) for hull in (union, shuffled))
     assert np.array_equal(one.extent, other.extent)
     assert np.array_equal(one.T_map_box, other.T_map_box)
 

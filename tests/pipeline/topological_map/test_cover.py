@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.topological_map import sight_kernels as kernels
+from pipeline.geometry.sight import visible_cells
+from pipeline.geometry.sight_kernels import line_is_free
 from pipeline.topological_map.config import TopologicalMapConfig
-from pipeline.topological_map.cover import NodeCover, ray_tree
-from sarsim.scoring.topology_kernels import line_is_free
+from pipeline.topological_map.cover import NodeCover
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12
@@ -33,8 +33,7 @@ def test_a_place_sees_what_lines_reach(seed):
         walls[i : i + rng.integers(1, 12), j : j + 1] = True
     cell = rng.integers((0, 0), (40, 30))
     walls[tuple(cell)] = False
-    rays = ray_tree(REACH)
-    seen = kernels.visible_cells(cell[None], np.ones_like(walls), walls, rays, REACH)
+    seen = visible_cells(cell[None], np.ones_like(walls), walls, REACH)
     mask = np.zeros((40 + 2 * REACH + 2, 30 + 2 * REACH + 2), np.bool_)
     i, j = cell
     mask[i : i + 2 * REACH + 1, j : j + 2 * REACH + 1] = seen[0]

@@ -4,13 +4,14 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from pipeline.geometry.sight_kernels import cells_in_sight
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
+from pipeline.topological_map.cover_kernels import count_in
 from pipeline.topological_map.node_set import Node
-from pipeline.topological_map.sight_kernels import count_in
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.topology import MIN_GAIN, SIGHT, score_topology
-from sarsim.scoring.topology_kernels import cells_in_sight, way_length
+from sarsim.scoring.topology_kernels import way_length
 
 
 @pytest.fixture

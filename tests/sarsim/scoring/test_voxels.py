@@ -1,34 +1,9 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import mark_rays
 from sarsim.scoring.voxels import VoxelScore
-
-
-@given(hnp.arrays(np.float64, (2, 3), elements=st.floats(0.01, 7.99)))
-def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
-    crossed, ended = np.zeros((2, 8, 8, 8), np.bool_)
-    start, end = ends
-    mark_rays(end[None], start, np.zeros(3), 1.0, np.zeros(3, np.int64), crossed, ended)
-    samples = start + np.linspace(0, 1, 4001)[:, None] * (end - start)
-    expected = np.zeros_like(crossed)
-    expected[tuple(samples.astype(int).T)] = True
-    last = tuple(end.astype(int))
-    assert np.argwhere(ended).tolist() == [list(last)]
-    assert not crossed[last] or last == tuple(start.astype(int))
-    expected[last] = crossed[last] = False
-    # Sampling may miss a corner that a ray only grazes; the traversal must not miss a voxel that sampling finds.
-    assert not (expected & ~crossed).any()
-    # The traversal passes at most seven corners, at each through two more voxels, which the ray touches.
-    assert crossed.sum() - expected.sum() <= 14
-    for voxel in np.argwhere(crossed & ~expected):
-        outside = np.maximum(0, np.maximum(voxel - samples, samples - voxel - 1))
-        assert np.linalg.norm(outside, axis=1).min() < 0.004
 
 
 def scored(points, camera):

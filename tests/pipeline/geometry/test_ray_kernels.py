@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.geometry.ray_kernels import walk
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
-from pipeline.metric_map.ray_kernels import walk
 
 coordinates = st.tuples(*[st.floats(0.01, 8.99)] * 3)
 

@@ -1,36 +1,7 @@
-"""Compiled loops over the cells that are seen from positions."""
+"""Compiled loops over the cells that are seen from several positions."""
 
 import numpy as np
 from numba import njit
-
-
-@njit(cache=True)
-def visible_cells(cells, target, walls, rays, reach):
-    """Which target cells are seen from each of several cells; walls end the ``rays``.
-
-    Args:
-        cells: (K, 2) int64 grid indices of the cells from which to look.
-        target: (nx, ny) bool, cells to be seen.
-        walls: (nx, ny) bool, cells that hide those behind them.
-        rays: tree of the rays for this ``reach``, see :func:`pipeline.topological_map.cover.ray_tree`.
-        reach: maximum distance of sight, cells.
-
-    Returns:
-        (K, 2 reach + 1, 2 reach + 1) bool, windows around the cells.
-    """
-    size = 2 * reach + 1
-    seen = np.zeros((len(cells), size, size), np.bool_)
-    for k in range(len(cells)):
-        n = 0
-        while n < len(rays):
-            i, j = cells[k, 0] + rays[n, 0], cells[k, 1] + rays[n, 1]
-            if not (0 <= i < target.shape[0] and 0 <= j < target.shape[1]) or walls[i, j]:
-                n = rays[n, 2]
-                continue
-            if target[i, j]:
-                seen[k, rays[n, 0] + reach, rays[n, 1] + reach] = True
-            n += 1
-    return seen
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.files import run_all
 from pipeline.localisation.pose_check import Confirmed
 from pipeline.mapper import Keyframe, map_frame
@@ -175,8 +175,7 @@ class _Score(Sink):
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
         self._trajectory.add()
-        assert self._robot.true_frame is not None
-        self._coverage.see(self._robot.true_frame.points())
+        self._coverage.see(required(self._robot.true_frame).points())
 
     def finish(self, result: Result) -> None:
         """Add the figures."""

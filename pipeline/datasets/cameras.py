@@ -12,7 +12,7 @@ from pipeline.arrays import Depth, Pose, Rgb
 from pipeline.datasets.links import FrameTree
 from pipeline.datasets.messages import Message, pose_matrix
 from pipeline.datasets.pinhole import Pinhole
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 from pipeline.transforms import inverse
 
@@ -82,8 +82,7 @@ def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
 
     On ``STREAM/tf/REFERENCE``, librealsense records the inverse, the reference's pose in the stream, as a Transform.
     """
-    found = EXTRINSIC.fullmatch(topic)
-    assert found
+    found = required(EXTRINSIC.fullmatch(topic))
     T = pose_matrix(message.translation, message.rotation)
     return found["stream"].strip("/"), f"{found['device'].strip('/')}/reference_{found['reference']}", inverse(T)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.datasets.messages import Message
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 
 MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second name is RealSense's
@@ -71,9 +71,9 @@ class Pinhole:
     @property
     def intrinsics(self) -> Intrinsics:
         """Known from ``info`` or after the first image; cx, cy are shifted, as ROS has pixel centres at integers."""
-        assert self._size is not None
+        height, width = required(self._size)
         fx, fy, cx, cy = self._values
-        return Intrinsics(self._size[1], self._size[0], fx, fy, cx + 0.5, cy + 0.5)
+        return Intrinsics(width, height, fx, fy, cx + 0.5, cy + 0.5)
 
     def rectified(self, kind: Literal["depth", "colour"], image: NDArray) -> NDArray:
         """A rectified image, (H, W) or (H, W, 3); InputError if its size differs from that expected."""
@@ -90,8 +90,7 @@ class Pinhole:
 
     def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
         """(H, W) columns and rows of the pixels in the distorted image; InputError if the distortion is invalid."""
-        assert self._distortion is not None
-        K, d = self._distortion
+        K, d = required(self._distortion)
         try:
             return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)
         except cv2.error as error:

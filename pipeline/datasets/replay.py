@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Direction, Pose
 from pipeline.datasets.recording import Recording
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.depth_odometry import DepthOdometry
@@ -142,8 +142,7 @@ class Replay:
             up: the vertical in ``base_link`` at ``time``, s.
             T_map_base: pose at that time in a ``map`` that starts there.
         """
-        T = given.at(time, self._numbers.trajectory)
-        assert T is not None
+        T = required(given.at(time, self._numbers.trajectory))
         if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
             return given
         return given.moved(T_map_base @ inverse(T))

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Place, Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.errors import required
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.unseen_ways import UnseenWays, WayView
@@ -265,18 +266,17 @@ class Goals(Strategy):
             if obstacle_to(context.paths, place) is None:
                 way = place - context.T_map_base[:2, 3]
                 return Viewpoint(place, float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
-            assert self._unseen is not None
-            if (view := self._unseen.view_towards(place, context)) is not None:
+            if (view := required(self._unseen).view_towards(place, context)) is not None:
                 return view
         return None
 
     def _order_through_unseen(self, places: list[Place], context: Context) -> list[int]:
         """Indices of the places that can be reached if unseen ground is free, in the order in which to visit them."""
-        assert self._unseen is not None
-        near = [k for k, place in enumerate(places) if not self._unseen.is_far(place, context)]
+        unseen = required(self._unseen)
+        near = [k for k, place in enumerate(places) if not unseen.is_far(place, context)]
         if context.paths.start is None or len(near) < 2:
             return near
-        ground = self._unseen.ground_towards(np.array([places[k] for k in near]), context)
+        ground = unseen.ground_towards(np.array([places[k] for k in near]), context)
         paths = PosePaths(ground, context.paths.start, context.paths.heading, context.paths.caution)
         return [near[k] for k in order_goals(paths, [places[k] for k in near])]
 

@@ -12,6 +12,7 @@ from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES, HEADINGS, STANDING, UNKNOWN, footprint_distances
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.errors import required
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.sightings import Sightings
@@ -241,11 +242,11 @@ class UnseenWays:
     def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
         """Where the path starts: the robot's pose or, if it has too little room there, a pose that it can reach."""
         paths, grid = context.paths, context.traversability.grid
-        assert paths.start is not None
+        start = required(paths.start)
         headings = range(HEADINGS) if paths.heading is None else [nearest_heading(paths.heading)]
-        seconds = [search.least_seconds_from(paths.start, heading) for heading in headings]
+        seconds = [search.least_seconds_from(start, heading) for heading in headings]
         if np.isfinite(min(seconds)):
-            return paths.start, headings[int(np.argmin(seconds))]
+            return start, headings[int(np.argmin(seconds))]
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         places, can_stand = grid.centre_of(cells), bits(paths.headings[tuple(cells.T)])
         total = np.where(can_stand, paths.seconds_to(cells) + search.seconds_from(places), np.inf)

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from pipeline.arrays import Covariance, Direction, Directions, Information, Pose, Poses, Values
+from pipeline.errors import required
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.drives import Drives
 from pipeline.localisation.localisation import Loop, OdometryErrors
@@ -119,9 +120,8 @@ class PoseGraph:
         return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
 
     def covariance(self, keyframe: int) -> Covariance:
-        """Covariance of a keyframe's pose relative to the first one's, in its own tangent space."""
-        assert self._posterior is not None
-        return np.asarray(self._posterior.marginalCovariance(keyframe))
+        """Covariance of a keyframe's pose relative to the first one's, in its own tangent space, once optimised."""
+        return np.asarray(required(self._posterior).marginalCovariance(keyframe))
 
     def optimise(self) -> None:
         """Move the poses to where they best fit all constraints."""

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Covariance, Information, Mask, Places, Points, Pose, Poses, Values
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState, evidence_of_overlap, place_bounded, tiles_covered
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
@@ -163,7 +163,7 @@ class Slam(Localisation):
                 self.graph.connect(reference.keyframe, number, match.step.T, match.step.information)
             self.graph.link(reference.keyframe, number, np.asarray(np.linalg.inv(match.step.information)))
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
-        if match.target is not None and match.cloud is not None:
+        if match.target is not None and match.cloud is not None and match.registration is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
         if (stand := self._stand(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information)
@@ -176,13 +176,13 @@ class Slam(Localisation):
     def pass_by(self, localised: Localised) -> None:
         """Measure the motion from the newest frame, which repeats a keyframe, and keep nothing else of the frame."""
         self._arrive(localised)
-        number = self._repeated(localised.T_map_base)
-        assert number is not None
+        number = required(self._repeated(localised.T_map_base))
         self._refer(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame)
 
     def _arrive(self, match: Localised) -> Match:
         """Accept the newest frame's pose as the start of the next motion."""
-        assert isinstance(match, Match) and match.frame is self._last
+        if not isinstance(match, Match) or match.frame is not self._last:
+            raise ValueError("only the newest frame, as returned by localise, can be a keyframe or be passed by")
         if match.prediction is not None:
             self.motion.take(match.prediction, match.registration.information if match.registration else None)
         elif match.registration:
@@ -368,11 +368,8 @@ class Slam(Localisation):
             return prior_of(odometry)
         return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
 
-    def _connect(
-        self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None
-    ) -> Mask:
+    def _connect(self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration) -> Mask:
         """Connect a keyframe to those that it was registered with; returns which of its points are new."""
-        assert registration is not None
         shares, new = shares_of(target, cloud, registration.T, self._config.registration)
         for share in shares[: self._config.slam.most_shares]:
             self.graph.connect(share.owner, number, share.T, share.information)

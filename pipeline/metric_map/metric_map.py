@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.arrays import Boxes, Cells, Depth, Direction, Mask, MaskLayer, Place, Places, Points, Pose
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid, check_memory
 from pipeline.metric_map.blocks import BlockArray, parts
@@ -68,8 +68,7 @@ class MetricMap:
 
     def _are_rebuilt(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
         """(nx, ny) which voxels of a box, given by its first index and shape, are in columns being rebuilt."""
-        assert self._rebuilding is not None
-        columns, within = self._rebuilding
+        columns, within = required(self._rebuilding)
         axes = zip(lower[:2], shape[:2], columns.low, columns.shape, strict=True)
         # The columns at the edge of their grid are never rebuilt, so voxels beyond it may be clipped to them.
         i, j = (((v + np.arange(n)) // COLUMN - low).clip(0, size - 1) for v, n, low, size in axes)

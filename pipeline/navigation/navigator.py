@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Place, Places, Pose, Values
+from pipeline.errors import required
 from pipeline.localisation.localisation import check_pose
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.commands import STOP, Approach, Outcome, Send, Turn, Verdict
@@ -344,10 +345,10 @@ class Navigator:
     @property
     def _was_carried(self) -> bool:
         """Whether the newest motion is too long for the robot to have made it on its own."""
-        assert self._before is not None
-        before = (self._T_map_odom @ self._before.T_odom_base)[:3, 3]
+        last = required(self._before)
+        before = (self._T_map_odom @ last.T_odom_base)[:3, 3]
         # On a real robot, time passes while a keyframe is mapped.
-        missed = max(0.0, self._time - self._before.time - self._period)
+        missed = max(0.0, self._time - last.time - self._period)
         most = self._config.follower.carried_way + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
@@ -383,25 +384,21 @@ class Navigator:
     @property
     def T_map_base(self) -> Pose:
         """Pose of the robot after its newest motion."""
-        assert self.motion is not None
-        return self._T_map_odom @ self.motion.T_odom_base
+        return self._T_map_odom @ self._T_odom_base
 
     @property
     def _T_odom_base(self) -> Pose:
         # From odometry, which does not jump when the map is corrected.
-        assert self.motion is not None
-        return self.motion.T_odom_base
+        return required(self.motion).T_odom_base
 
     @property
     def _speed(self) -> float:
         """Speed measured by the encoders, m/s."""
-        assert self.motion is not None
-        return abs(self.motion.twist.v)
+        return abs(required(self.motion).twist.v)
 
     @property
     def _time(self) -> float:
-        assert self.motion is not None
-        return self.motion.time
+        return required(self.motion).time
 
 
 def _way(T: Pose, T_held: Pose, undo: Velocity) -> float:

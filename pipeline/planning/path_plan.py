@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Mask, Place, Places
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.errors import required
 from pipeline.planning.pose_paths import PosePaths, Way
 from pipeline.planning.visiting_order import visiting_order
 
@@ -107,9 +108,8 @@ def plan_path(
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if obstacle_to(paths, goal) is not None:
         return None
-    assert paths.start is not None
     way = paths.way_to(goal, heading)
-    nodes = _nodes_between(topology, traversability, paths.start, goal) if len(way.places) > 1 else []
+    nodes = _nodes_between(topology, traversability, required(paths.start), goal) if len(way.places) > 1 else []
     ways = [way]
     if topology.kind == "mst" and nodes:
         over = _ways_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)

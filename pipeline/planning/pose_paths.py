@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
 from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, VECTORS
 from pipeline.elevation_map.traversability import Traversability, least_clearance
+from pipeline.errors import required
 from pipeline.planning import pose_paths_kernels as kernels
 
 
@@ -115,8 +116,7 @@ class PosePaths:
     @cached_property
     def without_risk(self) -> "PosePaths":
         """The cheapest paths from the (first) start if risk costs nothing, however close to obstacles they lead."""
-        assert self.start is not None
-        return PosePaths(self.traversability, self.start, self.heading, caution=0.0)
+        return PosePaths(self.traversability, required(self.start), self.heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) costs of reaching cells with each heading, s; inf where the search has not got to yet."""

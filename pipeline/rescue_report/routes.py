@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from pipeline.arrays import Place, Places, Points
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.errors import required
 from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
@@ -109,9 +110,8 @@ class Router:
         checked = order[np.unique(np.geomspace(1, len(order), self._config.views).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
         end = order[0] if seeing is None else seeing
-        plan = plan_path(self._topology, self._paths, centres[end])
-        assert plan is not None and self._paths.start is not None
-        start = self._traversability.on_ground(self._paths.start[None])
+        plan = required(plan_path(self._topology, self._paths, centres[end]))
+        start = self._traversability.on_ground(required(self._paths.start)[None])
         return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
 
     def _sees(self, place: Place, person: KDTree) -> bool:

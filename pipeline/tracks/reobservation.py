@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.arrays import Place, Values
+from pipeline.errors import required
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Places
 from pipeline.metric_map.metric_map import MetricMap
@@ -66,8 +67,8 @@ class Reobservation:
 
     def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) rewards, m², for one object."""
-        assert self.camera is not None
-        config, sensor, height = self._config, self.camera.sensor, float(self.camera.T_base_camera[2, 3])
+        config, camera = self._config, required(self.camera)
+        sensor, height = camera.sensor, float(camera.T_base_camera[2, 3])
         target = np.median(track.points, axis=0).astype(np.float64)
         least, most = track.policy.distances(track, sensor)
         way = target[:2] - places[:, :2]

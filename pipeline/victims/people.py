@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import cast
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,8 +33,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def joined(self, one: Track, other: Track) -> "PersonBody":
         """Where a person is, from the voxels and the information of both tracks."""
-        a, b = one.where, other.where
-        assert isinstance(a, PersonBody) and isinstance(b, PersonBody)
+        a, b = cast(PersonBody, one.where), cast(PersonBody, other.where)
         voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 

@@ -73,7 +73,8 @@ class BackgroundReader:
 
         Without a detector, no people and no heat are found; without readers, nothing else is.
         """
-        assert self._begun is None
+        if self._begun is not None:
+            raise RuntimeError("the previous frame has not been taken with end()")
         self._begun = self._thread.submit(_read, frame, keyframe, detector, readers, self._heat)
 
     def end(self) -> ReadFrame | None:

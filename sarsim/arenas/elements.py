@@ -17,6 +17,7 @@ from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Place, Places, Rotation3
+from pipeline.errors import required
 from pipeline.tracks.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
@@ -227,9 +228,7 @@ class ArenaBuilder:
         key = (kind, *written.items())
         if key not in self._assets:
             self._assets[key] = f"{kind}_{len(self._assets)}"
-            assets = self.root.find("asset")
-            assert assets is not None
-            SubElement(assets, kind, {"name": self._assets[key]} | written)
+            SubElement(required(self.root.find("asset")), kind, {"name": self._assets[key]} | written)
         return self._assets[key]
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:

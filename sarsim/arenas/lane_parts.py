@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Place, Rotation3
+from pipeline.errors import required
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.lanes import DIMENSIONS as D
 
@@ -69,8 +70,7 @@ class Deck:
     def start(self, x: float, y: float, yaw: float) -> None:
         """Let the robot start at ``x``, ``y``, m, with heading ``yaw``, rad."""
         self.builder.set_start(self.point(x, y), 0.0)
-        site = self.builder.root.find("worldbody/site[@name='start']")
-        assert site is not None
+        site = required(self.builder.root.find("worldbody/site[@name='start']"))
         site.set("quat", " ".join(f"{n:.9g}" for n in self.pose((x, y, 0.0), turned(yaw))["quat"]))
 
 
@@ -133,9 +133,7 @@ def ends(decks: Sequence[Deck]) -> None:
 
 def body(builder: ArenaBuilder, name: str, pos: Sequence[float], joint: Attributes, geom: Attributes) -> Element:
     """Add a movable body at ``pos`` (3,) m with one joint and one geom of class wall, given as MJCF attributes."""
-    world = builder.root.find("worldbody")
-    assert world is not None
-    added = SubElement(world, "body", name=name, pos=numbers(pos))
+    added = SubElement(required(builder.root.find("worldbody")), "body", name=name, pos=numbers(pos))
     SubElement(added, "joint", {"name": f"{name}_joint"} | texts(joint))
     SubElement(added, "geom", {"name": name, "class": "wall"} | texts(geom))
     return added

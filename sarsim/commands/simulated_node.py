@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.datasets.messages import BASE, CAMERA
 from pipeline.datasets.recorded_robot import Joints, OdometrySample
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.files import make_folder
 from pipeline.plugins.ros.live.node import RosNode
 from pipeline.plugins.ros.messages import command_of, decode, time_of, transform
@@ -125,8 +125,7 @@ class SimulatedNode:
             self._node.send("/camera/transform", frame.time, link)
             self._has_camera = True
         self._topics.frame(replace(frame, label=None))
-        assert self.robot.true_frame is not None
-        self._true_frames.append((frame.time, self.robot.true_frame))
+        self._true_frames.append((frame.time, required(self.robot.true_frame)))
 
     def report(self) -> dict[str, Any]:
         """The true figures of the drive, named as in an episode's report.json."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Boxes, Labels, Pose, Poses, Rgb
 from pipeline.datasets.recording import Recording
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from pipeline.localisation.trajectory import Trajectory
@@ -147,12 +147,12 @@ class SceneWriter(ExitStack):
         """Add the next frame."""
         self._new.check()
         file, index, frame = self._file, len(self._rows), scene_frame.frame
-        assert frame.label is not None and frame.instance is not None
+        label, instance = required(frame.label), required(frame.instance)
         file["rgb"][index] = frame.rgb
-        image_kernels.to_millimetres(frame.depth, frame.label, self._millimetres, self.label_points)
+        image_kernels.to_millimetres(frame.depth, label, self._millimetres, self.label_points)
         write_noisy(file["depth"], index, self._millimetres)
-        file["label"][index] = frame.label
-        file["instance"][index] = frame.instance.astype(np.int16)
+        file["label"][index] = label
+        file["instance"][index] = instance.astype(np.int16)
         self._rows.append(scene_frame.row())
 
     def _write_rows(self) -> None:

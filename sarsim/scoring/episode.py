@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Places, Poses
+from pipeline.errors import required
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe, Mapper
@@ -80,8 +81,7 @@ class EpisodeScore(Sink):
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
-        truth = self._robot.true_frame
-        assert truth is not None
+        truth = required(self._robot.true_frame)
         self.trajectory.add()
         if self._wants_oracle and self._first_frame is None:
             self._first_frame = keyframe.frame
@@ -130,8 +130,7 @@ class EpisodeScore(Sink):
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Add the newest step to the scores."""
-        truth = self._robot.true_frame
-        assert truth is not None
+        truth = required(self._robot.true_frame)
         self._kidnaps += step.was_carried
         self._frontiers_left = len(step.frontiers)
         if step.plan is not None and step.plan.length > 0.1:

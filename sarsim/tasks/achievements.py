@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import required
 from pipeline.explorer import Explorer
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rescue_report.figures import figures as flat
@@ -34,8 +35,7 @@ class Achievements(Sink):
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add what a keyframe shows."""
-        truth = self._robot.true_frame
-        assert truth is not None
+        truth = required(self._robot.true_frame)
         self._coverage.see(truth.points())
         self._victims.add(truth.image)
         self._finds.add(truth.image)

@@ -17,6 +17,7 @@ from typing import Any, Self
 import numpy as np
 
 import pipeline
+from pipeline.errors import required
 from pipeline.robot import Motion, Velocity
 from pipeline.sink import Step
 from sarsim.commands.cli import tracked
@@ -189,10 +190,9 @@ class Sampler:
 
 def _processor_time(thread: threading.Thread) -> float:
     """Processor time, s, that a thread has used so far; 0 if it has just ended."""
-    assert thread.native_id is not None
     try:
         # Linux's CPU clock of a thread id; pthread_getcpuclockid may crash if the thread has ended.
-        return time.clock_gettime((~thread.native_id << 3) | 6)
+        return time.clock_gettime((~required(thread.native_id) << 3) | 6)
     except OSError:
         return 0.0
 

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.files import read_text
 from pipeline.frame import decoded
 from pipeline.plugins.finds.readers import FindReaders
@@ -44,8 +44,8 @@ def measure(settings: FindsSettings) -> Result:
     """
     readers = shipped_readers(settings)
     if settings.photos is not None:
-        assert readers is not None
-        return Result(photo_figures(settings.photos, VictimDetector.load(*settings.detector), readers))
+        detector = VictimDetector.load(*settings.detector)
+        return Result(photo_figures(settings.photos, detector, required(readers)))
     jobs = list(jobs_of(settings.episode, settings))
     results = run_jobs(jobs, settings, run_episode)
     figures = figures_of([result for result in results if result and "report" in result])

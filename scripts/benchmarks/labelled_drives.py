@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Labels, Pose
+from pipeline.errors import required
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
@@ -44,8 +45,7 @@ class PosedFrame:
     @property
     def labels(self) -> Labels:
         """True labels of the returns."""
-        assert self.frame.label is not None
-        return self.frame.label[self.frame.returns]
+        return required(self.frame.label)[self.frame.returns]
 
 
 def drive_through(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Poses
+from pipeline.errors import required
 from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
 from pipeline.robot import Motion
@@ -78,8 +79,8 @@ class _Album(Sink):
         if motion.time < self._next:
             return
         self._next += self._period
-        depth, truth = self._robot.sense().depth, self._robot.true_frame
-        assert truth is not None
+        depth = self._robot.sense().depth
+        truth = required(self._robot.true_frame)
         self._frames.append((truth.image.depth, depth, truth.image.T_world_camera))
         if len(self._frames) == 2 * self._wanted:
             del self._frames[1::2]

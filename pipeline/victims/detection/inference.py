@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.arrays import Rgb
+from pipeline.errors import required
 from pipeline.victims.detection.boxes import Boxes, decode, joined
 from pipeline.victims.detection.input_image import Letterbox
 from pipeline.victims.detection.yolo import LEAKY_SLOPE, Convolution, Yolo
@@ -74,12 +75,10 @@ def _folded(layer: Convolution) -> tuple[Tensor, Tensor]:
     """Kernel (filters, channels, size, size) and bias (filters,) with the batch normalization folded in."""
     conv, norm = layer.conv, layer.norm
     if norm is None:
-        assert conv.bias is not None
-        return conv.weight.clone(), conv.bias.clone()
-    assert norm.running_mean is not None and norm.running_var is not None
+        return conv.weight.clone(), required(conv.bias).clone()
     # In double precision: a variance close to 0 gives factors that float32 rounds badly.
-    scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
-    bias = norm.bias.double() - scale * norm.running_mean.double()
+    scale = norm.weight.double() / (required(norm.running_var).double() + norm.eps).sqrt()
+    bias = norm.bias.double() - scale * required(norm.running_mean).double()
     return conv.weight * scale.float()[:, None, None, None], bias.float()
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
 from pipeline.arrays import Places
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from sarsim.arenas.sdf.values import child_numbers, pose_of
 from sarsim.vetting.model_files import MOST_GEOMS
 
@@ -53,8 +53,7 @@ def places_of(population: "Element", where: str) -> Places:
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
     """Positions in a grid relative to the first, row by row, and the first relative to the grid's centre, m."""
-    distribution = population.find("distribution")
-    assert distribution is not None  # its <type> is grid
+    distribution = required(population.find("distribution"))  # its <type> is grid
     rows, columns = (_count(distribution, tag, where) for tag in ("rows", "cols"))
     _bounded(rows * columns, where)
     step = child_numbers(distribution, "step", (0.5, 0.5, 0.0), where) * (1, 1, 0)

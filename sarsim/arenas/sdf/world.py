@@ -22,7 +22,7 @@ import numpy as np
 from defusedxml import ElementTree
 
 from pipeline.arrays import Pose
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.transforms import FARTHEST, from_rotation, inverse
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.frames import MODEL, Frames
@@ -336,8 +336,7 @@ class SdfWorld:
             place = f"{where}, <{shape.tag}> {name_of(shape)}"
             with self.without():
                 T = placed.T_world @ model.frames.pose(*reference_of(shape, name)) @ pose_of(shape, place)
-                geometry = shape.find("geometry")
-                assert geometry is not None
+                geometry = required(shape.find("geometry"))
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():
                     x, y, z = T[:3, 3]
                     raise InputError(f"{place}: ({x:g}, {y:g}, {z:g}) m is more than {FARTHEST:g} m from the origin")

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Labels, Points
+from pipeline.errors import required
 from pipeline.geometry.thinning import first_in_voxels
 from sarsim.dataset.scene_file import Scene
 
@@ -31,10 +32,9 @@ class Cloud:
     def of_frame(cls, scene: Scene, index: int) -> Self:
         """All returns of a frame, placed with the true pose."""
         frame = scene.frame(index)
-        assert frame.label is not None and frame.instance is not None
         seen = frame.returns
         points = frame.points(scene.T_world_camera(index))
-        return cls(points, frame.rgb[seen], frame.label[seen], frame.instance[seen])
+        return cls(points, frame.rgb[seen], required(frame.label)[seen], required(frame.instance)[seen])
 
     @classmethod
     def of_scene(cls, scene: Scene, voxel: float) -> Self:

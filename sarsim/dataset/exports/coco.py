@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import required
 from pipeline.labels import Label
 from sarsim.dataset.exports.export import ImageExport
 from sarsim.dataset.folder import Dataset
@@ -31,8 +32,7 @@ class Coco(ImageExport):
         for name, frame in self.images(folder, entry, scene):
             image = len(split["images"]) + 1
             split["images"].append({"id": image, "file_name": f"{name}.jpg", "width": k.width, "height": k.height})
-            assert frame.instance is not None
-            for category, mask in objects(frame.instance, scene.content, self.min_area):
+            for category, mask in objects(required(frame.instance), scene.content, self.min_area):
                 about = {"id": len(split["annotations"]) + 1, "image_id": image, "category_id": category}
                 split["annotations"].append(about | annotation(mask))
 

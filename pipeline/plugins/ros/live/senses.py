@@ -13,6 +13,7 @@ from pipeline.datasets.cameras import ImageSource, RgbdCamera
 from pipeline.datasets.images import colour_of, depth_of
 from pipeline.datasets.links import FrameTree
 from pipeline.datasets.messages import ODOM, Message, pose_matrix, seconds, vector_of
+from pipeline.errors import required
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.plugins.ros.config import LiveConfig
@@ -152,8 +153,7 @@ class Senses:
         """
         _, kind, depth = next(image for image in self._depth if image[0] == time)
         _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
-        T = self._pose(time)
-        assert T is not None
+        T = required(self._pose(time))
         metres, rgb = camera.images(depth_of(decode(depth, kind)), colour_of(decode(colour, colour_kind)))
         return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from math import radians, tau
 
+from pipeline.errors import InputError
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 
 
@@ -45,6 +46,11 @@ class RegistrationConfig:
     lever: float = 2.0
     chance_overlap: float = 0.6
     confidence: float = 0.99
+
+    def __post_init__(self) -> None:
+        """Check that a frame is registered at all."""
+        if self.rounds < 1:
+            raise InputError(f"localisation.registration.rounds = {self.rounds}: must be at least 1")
 
 
 @dataclass(frozen=True)
@@ -185,8 +191,6 @@ class SlamConfig:
         held_sigma: standard deviation of the position of a robot that is held, m; for a robot that slips, it is added
             to the distance driven.
         most_shares: maximum number of keyframes that a new one is connected to; the most informative are chosen.
-        same_place_way, same_place_turn: a frame closer than this to a keyframe repeats it if it shows no more, m and
-            rad.
         stopped_way: a camera that shows the same image after a longer drive, m, has stopped.
         foot_radius, ground_upward: radius of the disc under the robot in which ground is searched for, m, and the
             minimum upward component of a ground normal.
@@ -200,8 +204,6 @@ class SlamConfig:
     least_extent: float = 1.0
     held_sigma: float = 0.02
     most_shares: int = 6
-    same_place_way: float = 0.3
-    same_place_turn: float = radians(15)
     stopped_way: float = 0.05
     foot_radius: float = 0.25
     ground_upward: float = 0.8
@@ -269,8 +271,6 @@ class DepthOdometryConfig:
         least_overlap: minimum share of a frame's points that were seen before, unless its image shows the motion.
         most_blind: maximum number of consecutive frames with too few returns to register and no visual odometry; with
             more, the pose is lost.
-        kept_way, kept_turn: distance and rotation between two frames whose points are kept, m and rad: half the
-            spacing of keyframes, so that keyframes find all their surfaces.
         most_corners, least_corners: maximum number of corners, and minimum number that agree on a motion; at least
             half of the tracked corners must agree, too.
         corner_quality: minimum quality of a corner relative to the strongest.
@@ -283,8 +283,6 @@ class DepthOdometryConfig:
     image_way_sigma: float = 0.008
     least_overlap: float = 0.4
     most_blind: int = 30
-    kept_way: float = 0.15
-    kept_turn: float = radians(7.5)
     most_corners: int = 400
     least_corners: int = 20
     corner_quality: float = 0.01
@@ -374,3 +372,11 @@ class LocalisationConfig:
     trajectory: TrajectoryConfig = TrajectoryConfig()
     pose_check: PoseCheckConfig = PoseCheckConfig()
     keyframes: KeyframePolicy = KeyframePolicy()
+
+    def __post_init__(self) -> None:
+        """Check that odometry is not taken for a jump between two keyframes."""
+        way, jump = self.keyframes.way, self.slam.jump
+        if not way < jump:
+            raise InputError(
+                f"localisation.keyframes.way = {way:g}: must be below localisation.slam.jump ({jump:g} m)"
+            )

@@ -102,8 +102,9 @@ class DepthOdometry:
         return max(found, key=lambda pair: pair[1].overlap, default=None)
 
     def _is_new(self) -> bool:
-        moved, config = inverse(self._kept[-1]) @ self._T, self._config.depth_odometry
-        return bool(np.linalg.norm(moved[:3, 3]) > config.kept_way or angle_of(moved) > config.kept_turn)
+        """Whether half the spacing of keyframes is passed, so that keyframes find all their surfaces."""
+        moved, spacing = inverse(self._kept[-1]) @ self._T, self._config.keyframes
+        return bool(np.linalg.norm(moved[:3, 3]) > spacing.way / 2 or angle_of(moved) > spacing.turn / 2)
 
 
 def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> Pose | None:

@@ -6,12 +6,15 @@ from math import radians
 import numpy as np
 
 from pipeline.arrays import Pose
+from pipeline.errors import InputError
 from pipeline.transforms import angle_of, inverse
 
 
 @dataclass(frozen=True)
 class KeyframePolicy:
     """How keyframes are spaced.
+
+    A frame closer to a keyframe than this repeats it, if it shows no more.
 
     Attributes:
         way: distance from the last keyframe at which a new one is due, m.
@@ -23,6 +26,12 @@ class KeyframePolicy:
     way: float = 0.3
     turn: float = radians(15)
     labelled_every: int = 6
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name, least in (("way", 0.0), ("turn", 0.0), ("labelled_every", 0)):
+            if not getattr(self, name) > least:
+                raise InputError(f"localisation.keyframes.{name} = {getattr(self, name)}: must be above {least:g}")
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
         """Whether a pose is far enough from that of the last keyframe to take a new one."""

@@ -139,6 +139,7 @@ def register(
         farthest: initial maximum distance between corresponding points, m.
         config: settings of the registration.
     """
+    # Gauss-Newton steps: pair the points, closer and closer together, and weigh what they measure with the priors.
     T = priors[0].T
     for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.rounds):
         pairs = _Pairs(target, source, T, gate, config)
@@ -148,6 +149,7 @@ def register(
             total = total + prior.information
             pull = pull + prior.information @ logarithm(np.linalg.solve(T, prior.T))
         T = T @ exponential(np.asarray(np.linalg.solve(total, pull)))
+    # How far the pose is from the priors, how certain it is, and how much of the source it explains.
     T = orthonormal(T)
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))

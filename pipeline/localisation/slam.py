@@ -137,9 +137,9 @@ class Slam(Localisation):
             LostError: the odometry is not finite, or the camera has stopped.
         """
         check_odometry(frame)
-        self._check_camera(frame)
         self._pass_time(frame)
-        self._last, match = frame, self._find(frame)
+        self._last = frame
+        match = self._find(frame)
         self.T_map_odom = match.T_map_base @ inverse(frame.T_odom_base)
         return replace(match, repeats=self._repeats(match))
 
@@ -154,19 +154,25 @@ class Slam(Localisation):
     def add(self, localised: Localised) -> None:
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         match, reference = self._arrive(localised), self._reference
-        frame, T_map_base = match.frame, match.T_map_base
+        frame, T_map_base, config = match.frame, match.T_map_base, self._config
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
+        # Connect it with the reference by the motion since then.
         if match.step is not None:
             if match.prediction is not None and reference.is_keyframe:
                 self.graph.drive(match.prediction.motion)
             else:
                 self.graph.connect(reference.keyframe, number, match.step.T, match.step.information)
             self.graph.link(reference.keyframe, number, np.asarray(np.linalg.inv(match.step.information)))
+        # Connect it with the keyframes that it was registered with, and with the ground that they saw below it.
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
-        if match.target is not None and match.cloud is not None and match.registration is not None:
-            new = self._connect(number, match.cloud, match.target, match.registration)
+        if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
+            shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
+            for share in shares[: config.slam.most_shares]:
+                self.graph.connect(share.owner, number, share.T, share.information)
+                self.graph.link(share.owner, number, found.covariance)
         if (stand := self._stand(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information)
+        # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
         if match.cloud is not None:
             self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
         self._refer(number, np.eye(4), frame)
@@ -201,13 +207,13 @@ class Slam(Localisation):
         self._judge()
 
     def _repeated(self, T_map_base: Pose) -> int | None:
-        """Index of the nearest keyframe at the same pose; None if there is none, or its position is uncertain."""
-        config = self._config.slam
+        """Index of the nearest keyframe closer than a new one is due; None if there is none, or it is uncertain."""
+        spacing = self._config.keyframes
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
         cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
-        same = (way < config.same_place_way) & (cosine > np.cos(config.same_place_turn))
+        same = (way < spacing.way) & (cosine > np.cos(spacing.turn))
         nearest = int(np.where(same, way, np.inf).argmin())
-        return nearest if same.any() and self._deviations[nearest] < config.local_deviation else None
+        return nearest if same.any() and self._deviations[nearest] < self._config.slam.local_deviation else None
 
     def optimise(self) -> None:
         """Close a loop if one was confirmed, and correct the poses of all keyframes."""
@@ -254,25 +260,23 @@ class Slam(Localisation):
         self._reference = _Reference(len(keyframes.poses) - 1, np.eye(4), 0.0, np.eye(4))
         self._renew()
 
-    def _check_camera(self, frame: Frame) -> None:
-        last = self._last
-        if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
-            moved = inverse(last.T_odom_base) @ frame.T_odom_base
-            # Noise makes every new image different.
-            if np.linalg.norm(moved[:3, 3]) > self._config.slam.stopped_way:
-                raise LostError(
-                    f"the depth image at {frame.time:.2f} s equals the previous one although the robot has moved"
-                )
-
     def _pass_time(self, frame: Frame) -> None:
         """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
-        Between keyframes, the rotation may exceed half a turn, as when the robot looks around.
+        Between keyframes, the rotation may exceed half a turn, as when the robot looks around. Raises LostError if
+        the robot has moved although the image is still the same, which noise makes different each time.
         """
-        if (last := self._last) is not None:
-            moved = inverse(last.T_odom_base) @ frame.T_odom_base
-            self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
-            self.belief.predict(float(np.linalg.norm(moved[:3, 3])), max(0.0, frame.time - last.time))
+        if (last := self._last) is None:
+            return
+        moved = inverse(last.T_odom_base) @ frame.T_odom_base
+        way = float(np.linalg.norm(moved[:3, 3]))
+        is_same = np.array_equal(last.depth, frame.depth) and frame.returns.any()
+        if is_same and way > self._config.slam.stopped_way:
+            raise LostError(
+                f"the depth image at {frame.time:.2f} s equals the previous one although the robot has moved"
+            )
+        self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
+        self.belief.predict(way, max(0.0, frame.time - last.time))
 
     @property
     def _local(self) -> Mask:
@@ -289,21 +293,31 @@ class Slam(Localisation):
         self._headings = self.graph.headings(self._reference.keyframe)
 
     def _find(self, frame: Frame) -> Match:
-        config = self._config.registration
+        """The pose of a frame, registered with the surfaces that earlier keyframes saw around it."""
+        config, start = self._config.registration, self._reference
+        # The odometry of the first frame defines the map.
         cloud = cloud_of_frame(frame, config)
         if not len(self.graph) and self._anchor is None:
             return Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
-        odometry = self._by_odometry(frame) if self._anchor is None else None
-        farthest = config.coarse
-        if odometry is not None and self._jumps(odometry):
-            self._anchor, odometry, farthest = self.T_map_reference, None, config.widest
+        # Predict the pose: by the odometry since the reference or, where a carried robot was found, without it.
+        odometry, farthest = None, config.coarse
+        if self._anchor is None:
+            T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
+            motion = MeasuredMotion(T, up, frame.time - start.time, self._turned)
+            odometry = self.motion.predict(self.T_map_reference, motion)
+            # Odometry that has jumped says nothing about the motion.
+            if np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > self._config.slam.jump:
+                self._anchor, odometry, farthest = self.T_map_reference, None, config.widest
         anchored = np.diag(self._found_sigmas() ** -2.0)
         first = prior_of(odometry) if odometry else Prior(np.asarray(self._anchor), anchored)
-        step = self._step(odometry) if odometry else first
-        points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
-        target = self._target(points, first.T, frame, self._local, config.widest) if cloud else None
+        step = first
+        if odometry and start.is_keyframe:
+            step = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
+        # Where the certain keyframes saw too little, the prediction is the pose.
+        target = self._target(cloud.points()[:, :3], first.T, frame, self._local, config.widest) if cloud else None
         if target is None:
             return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
+        # Register the frame, with the prediction, gravity and the ground below as priors.
         registered = partial(Match, frame, cloud=cloud, target=target)
         first = self._relative_to(target, first)
         stand = self._stand(first.T)
@@ -312,6 +326,7 @@ class Slam(Localisation):
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
         if odometry is None:
             return registered(nominal.T, step=step, registration=nominal)
+        # If it does not fit, register it also as if the robot were held or slipped, and believe the likeliest state.
         found = {MotionState.NOMINAL: (first, nominal)}
         if not nominal.is_sure:
             found |= otherwise(target, cloud, first, self.T_map_reference, frame, self._config)
@@ -324,10 +339,6 @@ class Slam(Localisation):
             return registered(registration.T, prediction=odometry, step=step, registration=registration)
         self.slips += 1
         return registered(registration.T, step=prior, registration=registration)
-
-    def _jumps(self, odometry: Prediction) -> bool:
-        way = np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3])
-        return bool(way > self._config.slam.jump)
 
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
         """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""
@@ -346,12 +357,6 @@ class Slam(Localisation):
         camera = (T @ frame.T_base_camera)[:3, 3]
         return self.local_map.around(transform_places(T, points), camera, owners, margin)
 
-    def _by_odometry(self, frame: Frame) -> Prediction:
-        """The pose predicted by odometry since the reference."""
-        start = self._reference
-        T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
-        return self.motion.predict(self.T_map_reference, MeasuredMotion(T, up, frame.time - start.time, self._turned))
-
     def _relative_to(self, target: Target, prior: Prior) -> Prior:
         """A prior of the pose relative to the keyframes that own the target, whose own poses are uncertain.
 
@@ -361,20 +366,6 @@ class Slam(Localisation):
         heading, way = (float(np.median(sigma[target.owner])) for sigma in (self._headings, self._deviations))
         covariance = np.linalg.inv(prior.information) + np.diag(np.repeat([heading, way], 3) ** 2)
         return Prior(prior.T, np.asarray(np.linalg.inv(covariance)))
-
-    def _step(self, odometry: Prediction) -> Prior:
-        """A prior of the pose from the motion since the reference, relative to the reference's keyframe."""
-        if not self._reference.is_keyframe:
-            return prior_of(odometry)
-        return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
-
-    def _connect(self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration) -> Mask:
-        """Connect a keyframe to those that it was registered with; returns which of its points are new."""
-        shares, new = shares_of(target, cloud, registration.T, self._config.registration)
-        for share in shares[: self._config.slam.most_shares]:
-            self.graph.connect(share.owner, number, share.T, share.information)
-            self.graph.link(share.owner, number, registration.covariance)
-        return new
 
     def _stand(self, T_map_base: Pose) -> Share | None:
         """The pose, raised or lowered to the ground that earlier keyframes saw there; None if they saw too little.

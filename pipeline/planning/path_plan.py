@@ -108,14 +108,14 @@ def plan_path(
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if obstacle_to(paths, goal) is not None:
         return None
-    way = paths.way_to(goal, heading)
-    nodes = _nodes_between(topology, traversability, required(paths.start), goal) if len(way.places) > 1 else []
+    start, way = required(paths.start), paths.way_to(goal, heading)
+    nodes = _nodes_between(topology, traversability, start, goal) if len(way.places) > 1 else []
     ways = [way]
     if topology.kind == "mst" and nodes:
         over = _ways_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
         ways, nodes = (over, nodes) if over else (ways, [])
     places = np.vstack([w.places for w in ways])
-    length = float(np.linalg.norm(np.diff(np.vstack([paths.start, places]), axis=0), axis=1).sum())
+    length = float(np.linalg.norm(np.diff(np.vstack([start, places]), axis=0), axis=1).sum())
     return PathPlan(traversability.on_ground(places), np.concatenate([w.backwards for w in ways]), nodes, length)
 
 

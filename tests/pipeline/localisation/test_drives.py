@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.drives import Drives, adjoints
 from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.localisation.pose_graph import PoseGraph
+from pipeline.localisation.pose_graph import Drives, PoseGraph, adjoints
 from pipeline.localisation.registration import exponential, logarithm
 from pipeline.transforms import from_yaw, inverse
 

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig, SlamConfig
+from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -99,6 +101,27 @@ def test_a_frame_that_repeats_a_keyframe_is_passed_by_and_the_odometry_goes_on_f
     slam.add(on)
     slam.optimise()
     assert distance(slam.poses[-1], slam.poses[0] @ from_yaw(0.01, 0, 0, 0)) < 0.005
+
+
+@pytest.mark.parametrize(("way", "repeats"), [(0.3, True), (0.15, False)])
+def test_a_frame_from_which_a_new_keyframe_is_due_repeats_none(way: float, repeats: bool) -> None:
+    """Halfway between two keyframes, the robot sees nothing that neither of them saw."""
+    slam = Slam(config=LocalisationConfig(keyframes=KeyframePolicy(way=way)))
+    for k, x in enumerate((0.0, 0.4, 0.2)):
+        T = AROUND[0] @ from_yaw(x, 0.0, 0.0, 0.0)
+        match = slam.localise(seen(T, T, time=k))
+        if k < 2:
+            slam.add(match)
+    assert match.repeats == repeats
+
+
+def test_settings_that_cannot_work_are_refused() -> None:
+    for settings in ({"rounds": 0}, {"way": 1.0}, {"way": 0.0}, {"turn": np.nan}, {"labelled_every": 0}):
+        with pytest.raises(InputError, match=next(iter(settings))):
+            LocalisationConfig(
+                registration=RegistrationConfig(**settings) if "rounds" in settings else RegistrationConfig(),
+                keyframes=KeyframePolicy() if "rounds" in settings else KeyframePolicy(**settings),
+            )
 
 
 def test_a_new_view_repeats_nothing() -> None:

@@ -55,7 +55,10 @@ class DepthOdometry:
             self._T = T
             new = shares_of(target, cloud, T, registration)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
-        if not self._kept or self._is_new():
+        # Keep frames at half the spacing of keyframes, so that these find all their surfaces.
+        moved, spacing = inverse(self._kept[-1] if self._kept else self._T) @ self._T, self._config.keyframes
+        is_far = np.linalg.norm(moved[:3, 3]) > spacing.way / 2 or angle_of(moved) > spacing.turn / 2
+        if not self._kept or is_far:
             self._map.add(len(self._kept), self._T, cloud, frame.T_base_camera[:3, 3], new)
             self._kept.append(self._T)
         return self._T
@@ -100,11 +103,6 @@ class DepthOdometry:
             if target is not None:
                 found.append((target, register(target, cloud, [Prior(T, information)], config.widest, config)))
         return max(found, key=lambda pair: pair[1].overlap, default=None)
-
-    def _is_new(self) -> bool:
-        """Whether half the spacing of keyframes is passed, so that keyframes find all their surfaces."""
-        moved, spacing = inverse(self._kept[-1]) @ self._T, self._config.keyframes
-        return bool(np.linalg.norm(moved[:3, 3]) > spacing.way / 2 or angle_of(moved) > spacing.turn / 2)
 
 
 def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> Pose | None:

@@ -308,8 +308,10 @@ class Slam(Localisation):
             # Odometry that has jumped says nothing about the motion.
             if np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > self._config.slam.jump:
                 self._anchor, odometry, farthest = self.T_map_reference, None, config.widest
-        anchored = np.diag(self._found_sigmas() ** -2.0)
-        first = prior_of(odometry) if odometry else Prior(np.asarray(self._anchor), anchored)
+        if odometry:
+            first = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE])))
+        else:
+            first = Prior(np.asarray(self._anchor), np.diag(self._found_sigmas() ** -2.0))
         step = first
         if odometry and start.is_keyframe:
             step = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
@@ -317,9 +319,13 @@ class Slam(Localisation):
         target = self._target(cloud.points()[:, :3], first.T, frame, self._local, config.widest) if cloud else None
         if target is None:
             return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
+        # The poses of the keyframes that own the target are uncertain, too, and their headings have an uncertainty of
+        # their own: with that of the position, a wall next to the robot would turn its estimated heading each time.
+        heading, way = (float(np.median(sigma[target.owner])) for sigma in (self._headings, self._deviations))
+        covariance = np.linalg.inv(first.information) + np.diag(np.repeat([heading, way], 3) ** 2)
+        first = Prior(first.T, np.asarray(np.linalg.inv(covariance)))
         # Register the frame, with the prediction, gravity and the ground below as priors.
         registered = partial(Match, frame, cloud=cloud, target=target)
-        first = self._relative_to(target, first)
         stand = self._stand(first.T)
         heights = [Prior(stand.T, stand.information)] if stand else []
         level = by_gravity(first.T, frame, self._config.odometry.gravity_sigma)
@@ -356,16 +362,6 @@ class Slam(Localisation):
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
         camera = (T @ frame.T_base_camera)[:3, 3]
         return self.local_map.around(transform_places(T, points), camera, owners, margin)
-
-    def _relative_to(self, target: Target, prior: Prior) -> Prior:
-        """A prior of the pose relative to the keyframes that own the target, whose own poses are uncertain.
-
-        The heading has its own uncertainty: with that of the position, a wall next to the robot would turn its
-        estimated heading in each frame.
-        """
-        heading, way = (float(np.median(sigma[target.owner])) for sigma in (self._headings, self._deviations))
-        covariance = np.linalg.inv(prior.information) + np.diag(np.repeat([heading, way], 3) ** 2)
-        return Prior(prior.T, np.asarray(np.linalg.inv(covariance)))
 
     def _stand(self, T_map_base: Pose) -> Share | None:
         """The pose, raised or lowered to the ground that earlier keyframes saw there; None if they saw too little.
@@ -423,11 +419,6 @@ def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.Point
     points = frame.intrinsics.rays[::2, ::2][returns] * depth[returns, None]
     cloud = cloud_of(transform_points(frame.T_base_camera, points), config)
     return cloud if cloud.size() >= config.least_points else None
-
-
-def prior_of(prediction: Prediction) -> Prior:
-    """The predicted pose as a Gaussian."""
-    return Prior(prediction.T_map_base, np.asarray(np.linalg.inv(prediction.covariance[POSE, POSE])))
 
 
 def log_likelihood(registration: Registration, target: Target, frame: Frame, config: LocalisationConfig) -> float:

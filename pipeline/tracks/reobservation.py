@@ -67,8 +67,8 @@ class Reobservation:
 
     def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) rewards, m², for one object."""
-        config, camera = self._config, required(self.camera)
-        sensor, height = camera.sensor, float(camera.T_base_camera[2, 3])
+        config, frame = self._config, required(self.camera)
+        sensor, height = frame.sensor, float(frame.T_base_camera[2, 3])
         target = np.median(track.points, axis=0).astype(np.float64)
         least, most = track.policy.distances(track, sensor)
         way = target[:2] - places[:, :2]
@@ -81,7 +81,7 @@ class Reobservation:
             camera = places[n] + (0, 0, height)
             reward[n] *= self._map.is_free_along(camera, target, body, config.margin, config.beside_camera)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(self.camera, track))
+        return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track))
 
 
 def half_view(frame: Frame, track: Track) -> float:

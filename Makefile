@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup develop ros episode test endurance lint benchmark results leaderboard claims docs dist clean
+.PHONY: help setup develop ros episode test endurance lint benchmark results claims docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -47,11 +47,6 @@ benchmark: develop ## compare with other software, such as make benchmark SUBJEC
 
 results: develop ## measure and write all pages of results, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
 	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
-
-leaderboard: develop ## compare all explorers on the frozen 2D maps, and write the leaderboard page
-	$(PYTHON) scripts/sweep.py --arenas grid:test --seeds 0 1 2 --out runs/leaderboard
-	mkdir -p docs/results/leaderboard && cp runs/leaderboard/entries/*.json docs/results/leaderboard
-	$(PYTHON) scripts/results.py --write
 
 claims: develop ## check the claims in the section Reproduce of README, and report which hold
 	$(PYTHON) scripts/results.py --claims

@@ -27,20 +27,6 @@ Labels = NetworkName | Literal["rules", "truth"] | str
 Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
 Localisation = Literal["slam", "odometry"] | str
 Planner = Literal["topological"] | str
-GridExplorer = (
-    Literal[
-        "next_best_view",
-        "viewpoint_tour",
-        "frontier_tour",
-        "nearest_frontier",
-        "random_tree",
-        "learned",
-        "random_walk",
-        "oracle",
-    ]
-    | str
-)
-"""An explorer of 2D maps in sweeps; the oracle knows the map."""
 METHODS = {
     flag: tuple(name for part in get_args(kind) for name in get_args(part))
     for flag, kind in {
@@ -49,7 +35,7 @@ METHODS = {
         "detector-class": str,
         "localisation": Localisation,
         "planner": Planner,
-        "methods": GridExplorer,
+        "methods": Exploration,
         "sink": str,
         "reader": str,
         "arena": str,

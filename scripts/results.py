@@ -202,7 +202,7 @@ def leaderboard(files: tuple[Path, ...], about: str) -> str:
     for board in boards(map(read_entry, files)):
         rows = [line(board.heads), "|---" * len(board.heads) + "|", *(line(row) for row in board.rows)]
         parts += [f"## {board.title}", "\n".join(rows)]
-    command = "make leaderboard   # run the frozen 2D maps again, and write this page"
+    command = "sarsim-sweep --arenas nist_6x4 --seeds 0 1 2   # run one of the tables again"
     return markdown("Results: leaderboard", about, command, *parts or [f"{NOT_MEASURED.capitalize()}."])
 
 

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Make sarsim run on this machine: the system packages that it lacks, then .venv with the pinned Python packages.
 #   scripts/setup.sh        what an episode and the other commands need
-#   scripts/setup.sh dev    the rest: what tests, style checks, benchmarks, Ray and the training of explorers need
+#   scripts/setup.sh dev    the rest: what tests, style checks, benchmarks and Ray need
 set -eu
 
 LIBRARIES="libegl1 libgl1 libgl1-mesa-dri libgomp1 libidn2-0 libusb-1.0-0" # rendering without a screen; Open3D

@@ -15,7 +15,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pipeline.explorer import Explorer
@@ -23,10 +22,7 @@ from pipeline.sink import Step
 from sarsim.commands import cli, names, settings
 from sarsim.commands.run_episode import EpisodeConfig
 from sarsim.commands.settings import save_settings
-from sarsim.commands.sweeps.arenas import grid_scene
 from sarsim.dataset.generate import generate
-from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, explore
-from sarsim.tasks.grid_world import PAPERS, GridWorld
 from tests.sarsim.dataset.small import RECIPE, InProcess
 from tests.source_tree import ROOT
 
@@ -173,19 +169,6 @@ def test_the_python_of_a_page_runs_from_its_top(
         if f"data/{name}" in code:
             generate(RECIPE, 1, desk / "data" / name, InProcess())
     exec(compile(code, page.name, "exec"), {"__name__": "page"})
-
-
-def test_the_explorer_of_the_page_of_sweeps_sees_more_than_a_random_walk() -> None:
-    space: dict[str, Any] = {}
-    exec("\n".join(blocks(ROOT / "docs" / "sweeps.md", "python")), space)
-
-    def seen(explorer: Explorer2D) -> float:
-        world = GridWorld(grid_scene("grid:test:2"), PAPERS)
-        explore(world, explorer, np.random.default_rng(0), lambda world: None)
-        return world.explored_fraction
-
-    (own,) = (thing for thing in space.values() if isinstance(thing, type))
-    assert seen(own()) > seen(EXPLORERS["random_walk"])
 
 
 def calls(page: Path) -> list[list[str]]:

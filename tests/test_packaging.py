@@ -159,7 +159,7 @@ def test_commands_need_no_package_that_only_development_brings() -> None:
     paths = [
         path.relative_to(ROOT).with_suffix("")
         for path in (ROOT / "sarsim").rglob("[!_]*.py")
-        if path.parent.name != "tasks"  # which the extra ``rl`` is for; sweeps import what needs none of it
+        if path.parent.name != "tasks"  # which the extra ``rl`` is for
     ]
     modules = [".".join(path.parts) for path in paths]
     assert "sarsim.episode" in modules and "sarsim.commands.sweep" in modules

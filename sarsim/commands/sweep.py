@@ -21,7 +21,7 @@ from pipeline.files import atomic_write, make_folder, read_text
 from sarsim.commands.cli import progress
 from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.commands.sweeps.names import GRID, check_sweep
+from sarsim.commands.sweeps.arenas import arenas_of, check_names
 from sarsim.flags import Given
 from sarsim.jobs import FolderLock, locked, make_engine
 from sarsim.opengl import check_rendering, without_opengl
@@ -44,20 +44,18 @@ class SweepSettings:
     """Which episodes to run, and how.
 
     Attributes:
-        methods: methods as in --exploration, explorers of 2D maps, or your own MODULE:CLASS. By default all
-            that sarsim ships.
-        arenas: arenas as in --arena; train, val or test (12 frozen arenas each); grid:train, grid:val or grid:test
-            (100 frozen 2D maps each); or grid:FOLDER with dungeon maps.
+        methods: methods as in --exploration. By default all that sarsim ships.
+        arenas: arenas as in --arena; or train, val or test, with 12 frozen arenas each.
         seeds: seeds of the episodes in each arena.
         engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray).
         workers: number of episodes to run at the same time. By default one per core.
         out: folder for the results: the episodes, a Parquet table, leaderboard entries and an HTML page.
-        steps: maximum number of steps of an episode in a MuJoCo arena.
+        steps: maximum number of steps of an episode.
         limit: wall-clock limit of an episode, s.
     """
 
     methods: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="")] = ()
-    arenas: tuple[str, ...] = ("grid:test",)
+    arenas: tuple[str, ...] = ("nist_6x4",)
     seeds: tuple[int, ...] = (0,)
     engine: Literal["local", "ray"] = "local"
     workers: Given[int] = None
@@ -78,19 +76,17 @@ def sweep(settings: SweepSettings) -> None:
         raise InputError(f"steps {settings.steps}: must be at least 1")
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: must be at least 1")
-    check_sweep(settings.methods, settings.arenas)
-    with without_opengl():
-        from sarsim.commands.sweeps.arenas import arenas_of
-        from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
+    check_names(settings.methods, settings.arenas)
+    from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, write_parquet
     from sarsim.commands.sweeps.leaderboard import write_entry
     from sarsim.commands.sweeps.page import write_page
-    from sarsim.commands.sweeps.parquet import write_parquet
+    from sarsim.methods.make import load_class
 
-    arenas = arenas_of(settings.arenas)
-    shipped = METHODS["methods" if arenas[0].startswith(GRID) else "exploration"]
-    methods = dict.fromkeys(settings.methods or shipped)
-    check_methods(methods, arenas[0])
-    if settings.engine == "local" and not arenas[0].startswith(GRID):
+    arenas, methods = arenas_of(settings.arenas), dict.fromkeys(settings.methods or METHODS["exploration"])
+    for method in methods:
+        if ":" in method:
+            load_class("methods", method)
+    if settings.engine == "local":
         check_rendering()
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])

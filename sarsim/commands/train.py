@@ -14,7 +14,6 @@ from rich.console import Console
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.files import atomic_write
 from pipeline.semantic_map.networks.training_config import (
     BlockAugmentation,
     Optimization,
@@ -25,7 +24,6 @@ from sarsim.commands.cli import Interruptible, check_folder_of, progress
 from sarsim.commands.settings import run_one_of, save_settings
 from sarsim.flags import Given
 from sarsim.settings import POINT_NETWORKS
-from sarsim.tasks.settings import ExplorerTrainingConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,17 +72,6 @@ class TrainPoints(PointTrainingConfig, TrainingFiles):
     optimization: Fixed[Optimization] = field(default_factory=Optimization)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrainExplorer(ExplorerTrainingConfig):
-    """Train an explorer of 2D maps with PPO; needs Stable-Baselines3.
-
-    Attributes:
-        out: file for the weights (.safetensors).
-    """
-
-    out: Path
-
-
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings, ".safetensors")
@@ -111,23 +98,6 @@ def train_points(settings: TrainPoints, network: str) -> None:
         _train(training, settings, "mIoU of the thesis's four classes", settings.tensorboard)
     finally:
         worker.leave()
-
-
-def train_explorer(settings: TrainExplorer) -> None:
-    """Train an explorer of 2D maps, and print the path of its weights."""
-    _check_out(settings.out, ".safetensors")
-    try:
-        from sarsim.tasks import ppo
-    except ModuleNotFoundError as error:
-        raise InputError(f"explorer: {error.name} is not installed; run: pip install 'sarsim[rl]'") from error
-    from safetensors.torch import save_file
-
-    with progress() as bars:
-        bar = bars.add_task("steps", total=settings.steps // settings.worlds)
-        network = ppo.train_explorer(settings, lambda: bars.advance(bar))
-    with atomic_write(settings.out) as part:
-        save_file(network.state_dict(), part)
-    Console().print(f"Weights in {settings.out}", soft_wrap=True)
 
 
 def _config(kind: type[Config], settings: Any) -> Config:
@@ -235,5 +205,4 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
 def main() -> None:
     """Entry point."""
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
-    networks["explorer"] = (train_explorer, TrainExplorer)
     run_one_of(networks, str(__doc__))

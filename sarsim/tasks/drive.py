@@ -2,15 +2,19 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
+import open3d as o3d
 from dm_control.rl.control import PhysicsError
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from pipeline.sensor import XTION
@@ -18,12 +22,10 @@ from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.sensors.camera import optical_pose
+from sarsim.sensors.camera import camera_intrinsics, optical_pose
 from sarsim.sensors.odometry import WheelOdometry
-from sarsim.tasks.depth_rays import DepthRays
-from sarsim.tasks.exploration_task import CLOSED, NOT_RESET
-from sarsim.tasks.settings import DriveWeights
 
 PERIODS = 5
 """Control periods of the drive's firmware per step."""
@@ -34,11 +36,54 @@ ARRIVED_WITHIN = 0.3
 TIPPED = np.cos(np.deg2rad(60))
 """A robot has tipped over if the z component of its vertical axis is less than this."""
 MOST_SEEDS = 1_000_000
-"""Number of random arenas from which episodes are drawn."""
+"""Number of seeds, and of random arenas, from which episodes are drawn."""
+CLOSED = "the task is closed; create a new one with gymnasium.make"
+NOT_RESET = "the task has not been reset; call reset() before step()"
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
 """The slice of each measurement in the array of all measurements."""
 MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [3, 3, 4, 2])
 """Measurements are clipped to these bounds, in rad/s, m/s² and m."""
+
+
+@dataclass(frozen=True)
+class DriveWeights:
+    """What a driving agent is rewarded for; a reward is the sum of these times what a step brought.
+
+    Attributes:
+        progress: per m nearer to the goal.
+        time: per second.
+        contact: per contact with a wall, clutter or a victim.
+        tipping: for tipping over.
+    """
+
+    progress: float = 1.0
+    time: float = -0.1
+    contact: float = -1.0
+    tipping: float = -10.0
+
+
+class DepthRays:
+    """A camera's rays, and what they can hit: all visible geoms except the robot's, at their initial poses.
+
+    They are cast by Open3D (Embree), without a renderer.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, camera_id: int, size: tuple[int, int]):
+        """``size``: width and height of the images, pixels, over the camera's whole field of view."""
+        self._scene = true_scene(model, data, model.cam_bodyid[camera_id])
+        k = camera_intrinsics(model, camera_id, *size)
+        u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
+        self._optical = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1)
+
+    def depth(self, T_world_camera: Pose) -> NDArray[np.float32]:
+        """(height, width) float32 depths along the optical axis, m; 0 where a ray hits no surface."""
+        along = self._optical @ T_world_camera[:3, :3].T
+        origins = np.broadcast_to(T_world_camera[:3, 3], along.shape)
+        rays = np.ascontiguousarray(np.concatenate([origins, along], axis=-1), np.float32)
+        hit = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
+        return np.where(np.isfinite(hit), hit, 0).astype(np.float32)
+
+
 DEFAULT_DRIVE = DriveWeights()
 
 

@@ -1,10 +1,14 @@
 """``sarsim/Explore-v0``: explore an arena in MuJoCo, viewpoint by viewpoint, with the robot's own software."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
+import gymnasium
 import numpy as np
 from dm_control.rl.control import PhysicsError
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
@@ -22,31 +26,57 @@ from sarsim.methods.make import make_localisation
 from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
-from sarsim.tasks.exploration_task import (
+from sarsim.tasks.drive import CLOSED, MOST_SEEDS, NOT_RESET
+from sarsim.tasks.observations import (
+    LOCAL_CELL,
     LOCAL_SIDE,
-    NOT_RESET,
-    Action,
-    ExplorationTask,
+    VIEWPOINTS,
     Maps,
-    action_mask,
+    local_maps,
     observation,
-    wanted_pose,
+    observation_space,
+    picture,
 )
-from sarsim.tasks.settings import VIEWPOINTS, ExploreWeights
-from sarsim.tasks.surroundings import LOCAL_CELL, local_maps, picture
 
-MOST_SEEDS = 1_000_000
-"""Number of seeds, and of random arenas, from which episodes are drawn."""
+Action = int | np.integer[Any] | NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class ExploreWeights:
+    """What an agent is rewarded for; a reward is the sum of these times what a step brought.
+
+    Attributes:
+        ground: per m² of ground seen for the first time.
+        time: per second.
+        finds: per person or thing to find.
+        contact: per contact with a wall, clutter or a victim.
+        tipping: for tipping over.
+    """
+
+    ground: float = 1.0
+    time: float = -0.1
+    finds: float = 10.0
+    contact: float = -1.0
+    tipping: float = -10.0
+
+
 DEFAULT_EXPLORE = ExploreWeights()
 
 
-class Explore(ExplorationTask):
-    """Explore an arena; actions and observations are those of :class:`ExplorationTask`.
+class Explore(gymnasium.Env[Any, Any]):
+    """Explore an arena from viewpoint to viewpoint.
 
-    The viewpoints are those that the robot's own explorer considers worth the drive, each for what those chosen
-    before it do not show; a viewpoint's share of what is left to see is its share of their total gain. Path length
-    is the expected driving time multiplied by the robot's speed. In a step, the robot drives to the viewpoint with
-    its own navigator and maps.
+    An action is the number of a viewpoint in the observation (``action="viewpoint"``; numbers beyond the last wrap
+    around), or x, y and heading (``action="pose"``), each in [-1, 1]: x and y are in halves of the local map's side
+    from the robot, x along the map's columns, and the heading is in half turns. The robot drives to the viewpoint,
+    or to the nearest place that it can reach, with its own navigator and maps, and turns to the heading.
+
+    An observation has the local maps ``elevation`` (m), ``label`` and ``seen`` (64, 64), with the robot in the middle
+    and rows along y; ``pose``: x, y from the start, m, and cosine and sine of the heading; ``viewpoints`` (32, 4):
+    x, y and path length from the robot, in units of the sensor's range, and the share of what is left to see that
+    the viewpoint shows, nearest first, padded with zeros; ``frontiers``: their number. The viewpoints are those that
+    the robot's own explorer considers worth the drive, each for what those chosen before it do not show; a share is
+    that of their total gain. Path length is the expected driving time multiplied by the robot's speed.
 
     An episode terminates when no viewpoint is worth the drive any more, as an expedition does, and when the robot
     tips over or is lost; it is truncated after ``steps``.
@@ -54,6 +84,12 @@ class Explore(ExplorationTask):
     Attributes:
         explorer: the robot's software; None before the first reset.
     """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -85,9 +121,15 @@ class Explore(ExplorationTask):
         Raises:
             InputError: a setting is wrong.
         """
-        super().__init__(action, render_mode)
+        if action not in ("viewpoint", "pose"):
+            raise InputError(f"action = {action!r}: must be 'viewpoint' or 'pose'")
         if steps < 1:
             raise InputError(f"steps = {steps}: must be at least 1")
+        self._by_pose = action == "pose"
+        self.render_mode = render_mode
+        self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self._by_pose else spaces.Discrete(VIEWPOINTS)
+        self.observation_space = observation_space()
+        self._is_closed = False
         self._arena, self._most_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
         self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
@@ -103,6 +145,7 @@ class Explore(ExplorationTask):
         and a random seed. InputError if the task was closed.
         """
         super().reset(seed=seed)
+        self._check_open()
         drawn: dict[str, Any] = {
             "arena": f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena,
             "seed": int(self.np_random.integers(MOST_SEEDS)),
@@ -130,7 +173,7 @@ class Explore(ExplorationTask):
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Drive to a viewpoint and take a keyframe; see the class."""
-        self.check_open()
+        self._check_open()
         if self.explorer is None:
             raise InputError(NOT_RESET)
         before = self._achieved.totals
@@ -151,9 +194,13 @@ class Explore(ExplorationTask):
         return picture(self._seen.keyframe.frame.rgb, self._maps)
 
     def close(self) -> None:
-        """Free the physics."""
-        super().close()
+        """Free the physics; the task cannot be used any more."""
+        self._is_closed = True
         self._free()
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise InputError(CLOSED)
 
     def _free(self) -> None:
         if self._robot is not None:
@@ -190,17 +237,17 @@ class Explore(ExplorationTask):
 
     def _chosen(self, action: Action) -> Viewpoint | None:
         """The viewpoint to which an action sends the robot; None if there is none."""
-        if not self.by_pose:
+        if not self._by_pose:
             return self._offered[int(action) % len(self._offered)] if self._offered else None
         context = self._seen.context
-        away, heading = wanted_pose(action)
+        x, y, turn = np.clip(np.asarray(action, np.float64), -1, 1).tolist()
         ground = context.traversability
         places = ground.grid.centre_of(np.argwhere(ground.turnable & context.paths.reachable))
         if not len(places):
             return None
-        wanted = context.T_map_base[:2, 3] + away * LOCAL_SIDE * LOCAL_CELL / 2
+        wanted = context.T_map_base[:2, 3] + np.array([x, y]) * LOCAL_SIDE * LOCAL_CELL / 2
         place = places[np.linalg.norm(places - wanted, axis=1).argmin()]
-        return Viewpoint(place, heading, turn=True, gain=0.0)
+        return Viewpoint(place, turn * np.pi, turn=True, gain=0.0)
 
     def _observation(self) -> Maps:
         assert self._robot is not None and self.explorer is not None and self.explorer.T_map_start is not None
@@ -224,6 +271,6 @@ class Explore(ExplorationTask):
             "sim_time_s": self._achieved.seconds,
             **self._achieved.figures(),
             **({"exploration.ended": self._ended} if self._ended else {}),
-            "action_mask": action_mask(len(self._offered)),
+            "action_mask": (np.arange(VIEWPOINTS) < max(len(self._offered), 1)).astype(np.int8),
             "own_choice": own[0] if own else 0,
         }

@@ -319,17 +319,13 @@ class WorldsSettings(RunsSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class TasksSettings(SubjectSettings):
-    """Steps per second of the Gymnasium tasks, and path lengths of the explorers of 2D maps.
+    """Step rates of the Gymnasium task Drive-v0.
 
     Attributes:
         steps: number of timed steps.
-        drawn: number of generated maps on which to compare the explorers; 0 for none.
-        maps: folder of dungeon maps on which to compare the explorers too.
     """
 
-    steps: Fixed[int] = 2000
-    drawn: int = 100
-    maps: Given[Path] = None
+    steps: Fixed[int] = 500
 
 
 SUBJECTS: dict[str, type[SubjectSettings]] = {

@@ -9,7 +9,7 @@ import re
 import signal
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,19 +17,15 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from pipeline.errors import InputError, one_line
 from pipeline.files import atomic_write, read_text
 from pipeline.rescue_report.figures import figures as flat
-from sarsim.commands.sweeps.arenas import checked, grid_scene
-from sarsim.commands.sweeps.names import GRID
-from sarsim.methods.names import OWN_CLASS, load_own
-from sarsim.scoring.progress import ExploredCurve, progress_figures
+from sarsim.commands.sweeps.arenas import checked
+from sarsim.scoring.progress import ExploredCurve
 from sarsim.settings import EpisodeConfig
-from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
-from sarsim.tasks.grid_oracle import GridOracle
-from sarsim.tasks.grid_world import PAPERS, GridWorld
 
 FOLDER = "episodes"
 OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
@@ -37,9 +33,6 @@ OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|ver
 LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
 GRACE = 1.1
 """An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
-
-ORACLE = "oracle"
-"""Name of the method for 2D maps that knows the map in advance."""
 
 CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
 """Decimal places to which a curve is stored."""
@@ -67,7 +60,7 @@ class SweepJob:
 
     Attributes:
         method: name of the method, or MODULE:CLASS.
-        arena: arena as in ``--arena``, or the name of a 2D map.
+        arena: arena as in ``--arena``.
         seed: seed of all random numbers.
     """
 
@@ -91,7 +84,7 @@ class SweepJob:
 def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     """Run an episode, and write its row to a sweep's folder.
 
-    ``steps`` is the maximum number of steps in a MuJoCo arena, ``limit`` the episode's wall-clock limit, s.
+    ``steps`` is the episode's maximum number of steps, ``limit`` its wall-clock limit, s.
 
     Raises:
         InputError: the method or the arena fails; the message is one line.
@@ -99,7 +92,7 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     start = time.process_time()
     try:
         with limited(limit):
-            figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, steps)
+            figures, curve = driven(job, steps)
         failure = ""
     except Exception as error:
         failure = str(error) if isinstance(error, InputError) else one_line(error)
@@ -140,67 +133,9 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
     return {name: values[is_new].tolist() for name, values in rounded.items()}
 
 
-def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
-    """Explore a 2D map by the papers' protocol; returns the row's figures and the explored share over time."""
-    found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
-    track = [_state(world)]
-
-    def on_move(world: GridWorld) -> None:
-        track.append(_state(world))
-
-    if job.method == ORACLE:
-        ended = GridOracle(world.scene, PAPERS).follow(world, on_move)
-    else:
-        ended = explore(world, grid_explorer(job.method), np.random.default_rng(job.seed), on_move)
-    curve, (seconds, way, share) = ExploredCurve(*np.array(track).T), track[-1]
-    seen = progress_figures(curve, (seconds, way)) | {"explored_fraction": share, "ended": ended}
-    row = {"checksum": found, "steps": world.moves, "sim_time_s": seconds, "navigation.distance_m": way}
-    return row | {f"exploration.{key}": value for key, value in seen.items()}, curve
-
-
-def _state(world: GridWorld) -> tuple[float, float, float]:
-    """Time in s, distance driven in m, and explored share."""
-    return world.seconds, world.way * world.scene.cell, world.explored_fraction
-
-
-def check_methods(names: Iterable[str], arena: str) -> None:
-    """Raises InputError unless every method can be loaded for the kind of ``arena``: a 2D map or a MuJoCo arena."""
-    for name in names:
-        if arena.startswith(GRID) and name != ORACLE:
-            grid_explorer(name)
-        elif ":" in name:
-            load_own("methods", name, OWN_CLASS)
-
-
-def grid_explorer(name: str) -> Explorer2D:
-    """The explorer of 2D maps with this name, or MODULE:CLASS; the nodes that it returns are checked.
-
-    Raises:
-        InputError: there is no such explorer; when called, it fails or does not return a reachable node.
-    """
-    if ":" not in name and name not in EXPLORERS:
-        raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")
-    explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_own("methods", name, OWN_CLASS)()
-
-    def guarded(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-        try:
-            node = explorer(world, sights, rng)
-        except Exception as error:
-            raise InputError(f"--methods {name} failed: {one_line(error)}") from error
-        if not isinstance(node, int | np.integer) or not _is_reachable(int(node), world, sights.before):
-            raise InputError(f"--methods {name}: returned {node!r:.40}, which is not a reachable node")
-        return int(node)
-
-    return guarded
-
-
-def _is_reachable(node: int, world: GridWorld, before: NDArray[np.int64]) -> bool:
-    return 0 <= node < len(before) and (before[node] >= 0 or node == world.here)
-
-
 def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
-    """Run an episode in MuJoCo with ``--exploration`` set to the method; returns what :func:`explored` does."""
-    from sarsim.episode import Episode  # imported here, because 2D maps do not need it
+    """Run an episode with ``--exploration`` set to the method; returns figures, and the explored share over time."""
+    from sarsim.episode import Episode  # here, because only the workers need it
 
     found = checked(job.arena)
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
@@ -228,3 +163,20 @@ def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
         raise InputError(
             f"{file}: not a valid episode result ({one_line(error)}); delete it to run the episode again"
         ) from error
+
+
+def write_parquet(rows: Sequence[Row], path: Path) -> None:
+    """Write a row for each episode, and a column for each key in any of them, empty where an episode lacks it.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    keys = dict.fromkeys(
+        ("method", "arena", "seed", "checksum", "failed", *sorted({key for row in rows for key in row}))
+    )
+    columns = {key: [row.get(key) for row in rows] for key in keys}
+    for key, values in columns.items():
+        if any(isinstance(value, float) for value in values):  # so that a type does not depend on the episodes
+            columns[key] = [float(value) if isinstance(value, int) else value for value in values]
+    with atomic_write(path) as part:
+        pq.write_table(pa.table({key: pa.array(values) for key, values in columns.items()}), part)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from sarsim.commands.sweeps.episodes import ORACLE, Row
+from sarsim.commands.sweeps.episodes import Row
 from sarsim.commands.sweeps.statistics import Estimate, estimate
 from sarsim.scoring.progress import mean_up_to
 
@@ -182,26 +182,6 @@ def _ratio(group: Sequence[Entry]) -> list[Values]:
         return [np.nan_to_num(times[e.method] / times[REFERENCE], nan=1.0, posinf=np.inf) for e in group]
 
 
-def _over_oracle(axis: str, key: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """Ratios of times or distances to the oracle's.
-
-    If the oracle is an entry, they compare complete episodes, and are inf below 99 %; otherwise they are as reported.
-    """
-
-    def ratios(group: Sequence[Entry]) -> list[Values]:
-        found = {entry.method: entry for entry in group}
-        if ORACLE not in found:
-            return _shown(key)(group)
-        best = found[ORACLE].values(ENDS[axis], np.inf)
-        t99 = [e.values("exploration.t99_s", np.inf) for e in group]
-        return [
-            np.where(np.isfinite(t), e.values(ENDS[axis], np.inf) / best, np.inf)
-            for e, t in zip(group, t99, strict=True)
-        ]
-
-    return ratios
-
-
 def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
     """Mean explored shares up to the end of the longest episode in each arena."""
 
@@ -242,8 +222,8 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     f"T_99 over {REFERENCE}": _ratio,
     "explored, mean over time": _mean("time"),
     "explored, mean over path": _mean("way"),
-    "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
-    "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
+    "path over oracle": _shown("exploration.path_over_oracle"),
+    "time over oracle": _shown("exploration.time_over_oracle"),
     "time over physical": _shown("exploration.time_over_physical"),
     "mean speed, m/s": _mean_speed,
     "turning in place": _turning,

@@ -10,9 +10,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.environment import RescueEnvironment
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
-from sarsim.tasks.depth_rays import DepthRays
-from sarsim.tasks.drive import Drive
-from sarsim.tasks.settings import DriveWeights
+from sarsim.tasks.drive import DepthRays, Drive, DriveWeights
 
 NAME = "sarsim.tasks:sarsim/Drive-v0"
 

@@ -1,118 +1,60 @@
-"""Episodes of a sweep: their rows, and what goes wrong in a method."""
+"""Episodes of a sweep: their rows, and what goes wrong in one."""
 
 import json
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob, grid_explorer, limited, result_of, run_episode
+from sarsim.commands.sweeps import episodes
+from sarsim.commands.sweeps.episodes import SweepJob, limited, result_of, run_episode
 from sarsim.scoring.progress import area_under
-from sarsim.tasks.grid_explorers import Sights
-from sarsim.tasks.grid_scenes import draw_scene
-from sarsim.tasks.grid_world import PAPERS, GridWorld
-
-MINE = """
-class Wrong:
-    answer = float("nan")
-
-    def __call__(self, world, sights, rng):
-        return self.answer
-
-
-class Outside(Wrong):
-    answer = 10**9
-
-
-class Throws:
-    def __call__(self, world, sights, rng):
-        raise ValueError("a line\\nand another")
-
-
-class Hangs:
-    def __call__(self, world, sights, rng):
-        while True:
-            pass
-
-
-class First:
-    def __call__(self, world, sights, rng):
-        return sights.nodes[sights.visible.any(axis=1).argmax()]
-"""
-
+from tests.sarsim.rooms import room
 
 WHOLE = {"row": {}, "curve": {"time_s": [0, 1], "way_m": [0, 1], "explored": [0.1, 0.2]}, "processor_s": 1}
 BROKEN = [WHOLE | {"row": 3}, WHOLE | {"curve": {}}, WHOLE | {"curve": WHOLE["curve"] | {"way_m": [0]}}]
 
 
-@pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Runs a method of a module in the working folder on a map."""
-    (tmp_path / "mine_2d.py").write_text(MINE)
-    monkeypatch.chdir(tmp_path)
-
-    def run(method: str, limit: float = 60.0) -> EpisodeResult:
-        job = SweepJob(method, "grid:test:2", 0)
-        run_episode(10, limit, job, tmp_path)
-        found = result_of(job, tmp_path)
-        assert found is not None
-        return found
-
-    return run
-
-
-def test_a_row_has_the_figures_of_a_report_and_is_the_same_again(run) -> None:
-    row, _, seconds = run("nearest_frontier")
-    assert (row["method"], row["arena"], row["seed"], row["exploration.ended"]) == (
-        "nearest_frontier", "grid:test:2", 0, "nothing_left",
-    )  # fmt: skip
-    assert 0 < row["exploration.t90_s"] < row["exploration.t99_s"] <= row["sim_time_s"]
-    assert 0 < row["exploration.auc_way"] < row["navigation.distance_m"]
-    assert seconds > 0 and run("nearest_frontier").row == row
-
-
-def test_a_curve_is_that_of_the_row_s_figures_and_has_no_place_where_nothing_new_was_seen(run) -> None:
-    row, curve, _ = run("nearest_frontier")
-    assert area_under(curve.time_s, curve.explored, row["sim_time_s"]) == approx(row["exploration.auc_time"])
-    assert area_under(curve.way_m, curve.explored, row["navigation.distance_m"]) == approx(row["exploration.auc_way"])
+def test_a_row_has_the_figures_of_a_report_and_a_curve_that_fits_them(tmp_path: Path) -> None:
+    (tmp_path / "room.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
+    job = SweepJob("nearest_frontier", str(tmp_path / "room.xml"), 0)
+    run_episode(2, 600.0, job, tmp_path)
+    row, curve, seconds = result_of(job, tmp_path)
+    assert (row["method"], row["arena"], row["seed"], row["steps"]) == (*job.row.values(), 2)
+    assert seconds > 0 and row["checksum"] and row["exploration.ended"] == "steps"
+    for along, key, end in (
+        (curve.time_s, "auc_time", "sim_time_s"),
+        (curve.way_m, "auc_way", "navigation.distance_m"),
+    ):
+        assert area_under(along, curve.explored, row[end]) == pytest.approx(row[f"exploration.{key}"], rel=1e-3)
     assert curve.explored[-1] == pytest.approx(row["exploration.explored_fraction"], abs=5e-5)
-    assert (np.diff(curve.explored) > 0).all() and len(curve.explored) < row["steps"]
+    assert (np.diff(curve.explored) > 0).all()
+    assert not any(episodes.OF_THE_RUN.match(key) for key in set(row) - set(job.row))
 
 
-def approx(area: float):
-    """To the digits that a curve keeps."""
-    return pytest.approx(area, rel=1e-4)
+def throws(job: SweepJob, steps: int) -> Any:
+    raise ValueError("a line\nand another")
 
 
-def test_a_class_of_ones_own_explores(run) -> None:
-    assert run("mine_2d:First").row["exploration.explored_fraction"] > 0.9
+def hangs(job: SweepJob, steps: int) -> Any:
+    while True:
+        pass
 
 
 @pytest.mark.parametrize(
-    ("method", "complaint"),
-    [
-        ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: returned nan, .*node$"),
-        ("mine_2d:Outside", "returned 1000000000, .*node$"),
-        ("mine_2d:Throws", "^--methods mine_2d:Throws failed: ValueError: a line and another$"),
-        ("mine_2d:Hangs", "TimeoutError: .* 1 s$"),
-        (
-            "missing_2d:Mine",
-            "^--methods missing_2d:Mine cannot be loaded: ModuleNotFoundError: No module named 'missing_2d'$",
-        ),
-        ("nearest", "^--methods nearest: .*next_best_view, .* or MODULE:CLASS$"),
-    ],
+    ("driven", "complaint"),
+    [(throws, "^ValueError: a line and another$"), (hangs, "^TimeoutError: exceeded the time limit of 1 s$")],
 )
-def test_what_is_wrong_with_a_method_is_said_in_one_line(run, method: str, complaint: str) -> None:
+def test_what_is_wrong_with_a_method_is_said_in_one_line(
+    driven: Any, complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(episodes, "driven", driven)
     with pytest.raises(InputError, match=complaint):
-        run(method, limit=1.0 if "Hangs" in method else 60.0)
-
-
-def test_methods_see_the_map_and_no_more() -> None:
-    world = GridWorld(draw_scene(2_000_002, (480, 640), 20, 1.0), PAPERS)
-    node = grid_explorer("nearest_frontier")(world, Sights.of(world), np.random.default_rng(0))
-    assert np.isfinite(world.ways(world.here)[0][node])
+        run_episode(1, 1.0, SweepJob("m", "nist_6x4", 0), tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_block_that_ends_in_time_is_left_alone() -> None:

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from sarsim.commands.sweeps.leaderboard import FIRST, TABLE_COLUMNS, Entry, boards, entry_of, read_entry, write_entry
 
 ORIGIN = {"commit": "abc", "version": "1", "processor": "P", "processor_s": 2.0}
-ABOUT = ORIGIN | {"arenas": ("grid:toys",), "seeds": (0, 1)}
+ABOUT = ORIGIN | {"arenas": ("toys",), "seeds": (0, 1)}
 
 
 def row(arena: str, seed: int, t99: float | None, end: float = 100.0, **more: Any) -> dict[str, Any]:
@@ -87,19 +87,12 @@ def test_pace_is_shown_of_entries_that_have_it_and_a_failed_episode_went_nowhere
     assert speed([older]) == turning([older]) == []
 
 
-def test_ways_over_the_oracle_s_where_it_is_an_entry() -> None:
-    oracle = entry("oracle", [10.0] * 4, end=50.0)
-    ratios = TABLE_COLUMNS["path over oracle"]([SLOW, oracle])
-    assert ratios[0].tolist() == [[4.0, 4.0], [4.0, np.inf]]
-    assert ratios[1].tolist() == [[1.0, 1.0]] * 2
-
-
 def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() -> None:
     other = replace(FAST, rows=tuple(r | {"checksum": "changed"} for r in FAST.rows))
     tables = list(boards([SLOW, FAST, other]))
     assert sorted([r[0] for r in table.rows] for table in tables) == [["fast"], ["fast", "nearest_frontier"]]
     (pair,) = (table for table in tables if len(table.rows) == 2)
-    assert pair.title == "grid:toys: 2 arenas, seeds 0 1"
+    assert pair.title == "toys: 2 arenas, seeds 0 1"
     assert "path over oracle" not in pair.heads and "map F1, 10 cm" not in pair.heads
     assert pair.rows[0][pair.heads.index(FIRST)].startswith("25 (")
     assert pair.rows[0][-2:] == ("0", "abc, P")
@@ -108,7 +101,7 @@ def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() ->
 def test_a_title_counts_one_arena_and_one_seed() -> None:
     single = replace(FAST, seeds=(0,), rows=FAST.rows[:1])
     (table,) = boards([single])
-    assert table.title == "grid:toys: 1 arena, seed 0"
+    assert table.title == "toys: 1 arena, seed 0"
 
 
 @pytest.mark.parametrize(

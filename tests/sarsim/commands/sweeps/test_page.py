@@ -14,14 +14,7 @@ from sarsim.commands.sweeps.leaderboard import Entry, boards, entry_of
 from sarsim.commands.sweeps.page import OKABE_ITO, band, write_page
 from sarsim.scoring.progress import ExploredCurve
 
-ABOUT = {
-    "arenas": ("grid:toys",),
-    "seeds": (0, 1),
-    "commit": "c",
-    "version": "1",
-    "processor": "P",
-    "processor_s": 1.0,
-}
+ABOUT = {"arenas": ("toys",), "seeds": (0, 1), "commit": "c", "version": "1", "processor": "P", "processor_s": 1.0}
 PLACES = np.array([0.0, 9.0, 10.0, 99.0])
 NOTHING = EpisodeResult.of_nothing({}).curve
 

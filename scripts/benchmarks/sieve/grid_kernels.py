@@ -177,15 +177,3 @@ def shortest_ways(neighbours, lengths, is_open, start):
                 before[m] = n
                 heapq.heappush(heap, (ways[m], m))
     return ways, before
-
-
-@njit(cache=True)
-def local_map(belief, row, col, side, stride):
-    """Every ``stride``-th cell of ``belief`` (H, W) around a cell, (side, side); unknown outside the map."""
-    result = np.full((side, side), IS_UNKNOWN, np.uint8)
-    for i in range(side):
-        for j in range(side):
-            r, c = row + (i - side // 2) * stride, col + (j - side // 2) * stride
-            if 0 <= r < belief.shape[0] and 0 <= c < belief.shape[1]:
-                result[i, j] = belief[r, c]
-    return result

@@ -6,7 +6,7 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.transforms import from_yaw
-from sarsim.tasks.surroundings import local_maps, picture
+from sarsim.tasks.observations import local_maps, picture
 
 
 def test_local_maps_have_the_robot_in_the_middle_and_rows_along_y() -> None:

@@ -1,9 +1,7 @@
 """Strategies to explore a 2D map: at every node, a strategy decides to which node the robot goes next."""
 
 from collections.abc import Callable
-from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +9,8 @@ from scipy import ndimage
 
 from pipeline.arrays import Cells, Values
 from pipeline.planning.visiting_order import visiting_order
-from sarsim.assets import asset
-from sarsim.tasks import grid_kernels as kernels
-from sarsim.tasks.grid_world import GridWorld, route
-from sarsim.tasks.settings import VIEWPOINTS
-
-if TYPE_CHECKING:
-    from sarsim.tasks.viewpoint_network import ViewpointNetwork
+from scripts.benchmarks.sieve import grid_kernels as kernels
+from scripts.benchmarks.sieve.world import GridWorld, route
 
 
 class Sights(NamedTuple):
@@ -25,8 +18,7 @@ class Sights(NamedTuple):
 
     Attributes:
         frontiers: (M, 2) row and column of the frontier cells that at least one node sees.
-        nodes: (N,) reachable nodes from which something new may be seen. Visited nodes are left out if the sensor
-            sees all around; with a narrower field of view, the robot may still turn there.
+        nodes: (N,) reachable nodes from which the robot has not looked yet.
         visible: (N, M) whether each node sees each frontier.
         ways: (N,) path lengths from the robot to each of these nodes, cells.
         before: for every node of the lattice, its predecessor on the shortest path from the robot, or -1.
@@ -42,8 +34,7 @@ class Sights(NamedTuple):
     def of(cls, world: GridWorld) -> "Sights":
         """The sights of a world in its current state."""
         ways, before = world.ways(world.here)
-        is_wanted = np.isfinite(ways) & (~world.visited | (world.rules.field_of_view < 360))
-        nodes, frontiers = np.flatnonzero(is_wanted), world.frontiers()
+        nodes, frontiers = np.flatnonzero(np.isfinite(ways) & ~world.visited), world.frontiers()
         visible = world.visible(nodes, frontiers)
         seen = visible.any(axis=0)
         return cls(frontiers[seen], nodes, visible[:, seen], ways[nodes], before)
@@ -118,45 +109,12 @@ def random_tree(world: GridWorld, sights: Sights, rng: np.random.Generator) -> i
     return nearest_frontier(world, sights, rng)
 
 
-def random_walk(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """A random neighbour of the robot's node."""
-    return int(rng.choice(world.next_nodes()))
-
-
-class Learned:
-    """Goes to the viewpoint chosen by a network trained with PPO, and chooses again on arrival.
-
-    See assets/weights/explorer.md.
-    """
-
-    def __init__(self) -> None:
-        """Begin without goals."""
-        self._goals = WeakKeyDictionary[GridWorld, int]()
-
-    def __call__(self, world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-        """The node to go to."""
-        goal = self._goals.get(world, world.here)
-        if goal == world.here or sights.before[goal] < 0:
-            rows, viewpoints = viewpoint_rows(world, sights)
-            goal = self._goals[world] = int(sights.nodes[rows[_shipped_network().choice(viewpoints)]])
-        return goal
-
-
-@cache
-def _shipped_network() -> "ViewpointNetwork":
-    from sarsim.tasks.viewpoint_network import ViewpointNetwork  # here, because the others do not need PyTorch
-
-    return ViewpointNetwork.load(asset("weights", "explorer.safetensors"))
-
-
 EXPLORERS: dict[str, Explorer2D] = {
-    "next_best_view": next_best_view,
     "viewpoint_tour": viewpoint_tour,
+    "next_best_view": next_best_view,
     "frontier_tour": frontier_tour,
     "nearest_frontier": nearest_frontier,
     "random_tree": random_tree,
-    "learned": Learned(),
-    "random_walk": random_walk,
 }
 
 
@@ -182,38 +140,13 @@ def first_of_tour(world: GridWorld, places: list[int]) -> int:
     return stops[visiting_order(cost)[0]]
 
 
-def viewpoint_rows(world: GridWorld, sights: Sights) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The nearest nodes that see a frontier: their rows in ``sights``, and their features.
-
-    Returns:
-        (N,) rows, and (N, 4) x, y and path length from the robot in units of the sensor's range, and the share of the
-        frontiers that the node sees.
-    """
-    counts = sights.visible.sum(axis=1)
-    rows = np.flatnonzero(counts)
-    rows = rows[np.argsort(sights.ways[rows], kind="stable")][:VIEWPOINTS]
-    away = (world.nodes[sights.nodes[rows]] - world.nodes[world.here])[:, ::-1]
-    in_reaches = np.column_stack([away, sights.ways[rows]]) / world.rules.reach
-    return rows, np.column_stack([in_reaches, counts[rows] / max(len(sights.frontiers), 1)])
-
-
-def explore(
-    world: GridWorld,
-    explorer: Explorer2D,
-    rng: np.random.Generator,
-    on_move: Callable[[GridWorld], object] = lambda world: None,
-) -> str:
-    """Explore to the end, deciding at every node; returns ``nothing_left`` or ``steps``, as in report.json.
-
-    ``on_move`` is called after every move.
-    """
-    while world.moves < world.rules.most_moves:
+def explore(world: GridWorld, explorer: Explorer2D, rng: np.random.Generator) -> None:
+    """Explore until the map is explored, nothing is left to see or the moves are used up, deciding at every node."""
+    while world.moves < world.rules.most_moves and not world.is_explored:
         sights = Sights.of(world)
-        if world.is_explored or not len(sights.frontiers):
-            return "nothing_left"
+        if not len(sights.frontiers):
+            break
         nodes = route(sights.before, world.here, explorer(world, sights, rng))
         if not nodes:
-            return "nothing_left"
+            break
         world.move(nodes[0])
-        on_move(world)
-    return "steps"

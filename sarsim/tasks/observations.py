@@ -1,17 +1,63 @@
-"""Local maps of what a robot knows about its surroundings."""
+"""What an exploring agent observes: local maps of what the robot knows about its surroundings, and viewpoints."""
+
+from collections.abc import Mapping
+from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Pose, Rgb
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.semantic_map import SemanticMap
-from sarsim.tasks.exploration_task import LOCAL_SIDE, ROBOT_COLOUR, Maps
 
-LOCAL_CELL = 0.2
-"""Side of a cell of the local maps, m, as in ``Explore2D-v0`` with the rules ``camera``."""
+VIEWPOINTS = 32
+"""Maximum number of viewpoints from which an agent chooses."""
+LOCAL_SIDE, LOCAL_CELL = 64, 0.2
+"""Number of rows, and of columns, of the local maps; side of a cell, m."""
+FARTHEST_COORDINATE = 10_000.0
+"""Coordinates in observations are clipped to this, m."""
+ROBOT_COLOUR = (220, 40, 40)
+
+Maps = dict[str, NDArray[Any]]
+
+
+def observation_space() -> spaces.Dict:
+    """The observation space; see :class:`sarsim.tasks.explore.Explore`."""
+    far = FARTHEST_COORDINATE
+    low, high = np.array([-far, -far, -1, -1], np.float32), np.array([far, far, 1, 1], np.float32)
+    return spaces.Dict(
+        {
+            "elevation": spaces.Box(-far, far, (LOCAL_SIDE, LOCAL_SIDE), np.float32),
+            "label": spaces.Box(0, max(Label), (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
+            "seen": spaces.Box(0, 1, (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
+            "pose": spaces.Box(low, high, dtype=np.float32),
+            "viewpoints": spaces.Box(-far, far, (VIEWPOINTS, 4), np.float32),
+            "frontiers": spaces.Box(0, far, (1,), np.float32),
+        }
+    )
+
+
+def observation(
+    maps: Mapping[str, NDArray[Any]], place: ArrayLike, heading: float, viewpoints: ArrayLike, frontiers: int
+) -> Maps:
+    """An observation, clipped to the bounds of its space.
+
+    Args:
+        maps: ``elevation``, ``label`` and ``seen``, (64, 64).
+        place: (2,) x and y from the start, m.
+        heading: heading of the robot, rad.
+        viewpoints: (N, 4) rows, at most 32.
+        frontiers: number of frontiers.
+    """
+    far, rows = FARTHEST_COORDINATE, np.zeros((VIEWPOINTS, 4), np.float32)
+    found = np.asarray(viewpoints, np.float64).reshape(-1, 4)
+    rows[: len(found)] = np.clip(found, -far, far)
+    pose = np.clip(np.array([*np.asarray(place), np.cos(heading), np.sin(heading)], np.float32), -far, far)
+    count = np.array([min(frontiers, far)], np.float32)
+    return {**maps, "pose": pose, "viewpoints": rows, "frontiers": count}
 
 
 def local_maps(mapper: Mapper, T_map_base: Pose) -> Maps:

@@ -24,6 +24,7 @@ from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.sweeps.arenas import arenas_of, check_names
 from sarsim.flags import Given
 from sarsim.jobs import FolderLock, locked, make_engine
+from sarsim.methods.names import OWN_CLASS, load_own
 from sarsim.opengl import check_rendering, without_opengl
 from sarsim.settings import METHODS
 
@@ -80,12 +81,11 @@ def sweep(settings: SweepSettings) -> None:
     from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, write_parquet
     from sarsim.commands.sweeps.leaderboard import write_entry
     from sarsim.commands.sweeps.page import write_page
-    from sarsim.methods.make import load_class
 
     arenas, methods = arenas_of(settings.arenas), dict.fromkeys(settings.methods or METHODS["exploration"])
-    for method in methods:
-        if ":" in method:
-            load_class("methods", method)
+    with without_opengl():
+        for method in (method for method in methods if ":" in method):
+            load_own("methods", method, OWN_CLASS)
     if settings.engine == "local":
         check_rendering()
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]

@@ -50,7 +50,9 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
-        distance = way_length(self._odometry) if self.is_recorded else driven(self._odometry)
+        # Of a recording, all steps count, however long or short.
+        steps = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
+        distance = float(steps.sum()) if self.is_recorded else driven(self._odometry)
         # The true poses of an earlier episode's keyframes are unknown; those of its map are used instead.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
@@ -70,11 +72,6 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
     return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
-def way_length(trajectory: Sequence[Pose]) -> float:
-    """Length in m of the true trajectory in 3D, over all steps, however long or short."""
-    return float(np.linalg.norm(np.diff([p.T_world_base[:3, 3] for p in trajectory], axis=0), axis=1).sum())
-
-
 def driven(trajectory: Sequence[Pose]) -> float:
     """Distance in m that a simulated robot drove along its true trajectory."""
     return float(ways_driven(trajectory)[-1])
@@ -90,31 +87,20 @@ def ways_driven(trajectory: Sequence[Pose]) -> Values:
 
 
 def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
-    """The figures of a true trajectory for report.json."""
-    roll, pitch = greatest_tilt(trajectory)
+    """How often a robot fell over, how far it drove, m, and how far it leaned, for report.json."""
+    tipped = np.array([is_tipped(pose.T_world_base) for pose in trajectory])
+    roll, pitch = np.abs([tilt_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
     return {
-        "tipped": times_tipped(trajectory),
+        "tipped": int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0)),
         "distance_m": driven(trajectory),
         "max_roll_deg": float(np.degrees(roll)),
         "max_pitch_deg": float(np.degrees(pitch)),
     }
 
 
-def greatest_tilt(trajectory: Sequence[Pose]) -> tuple[float, float]:
-    """Maximum absolute roll and pitch of the true trajectory, rad."""
-    tilts = np.abs([tilt_of(p.T_world_base) for p in trajectory])
-    return float(tilts[:, 0].max()), float(tilts[:, 1].max())
-
-
 def is_tipped(T: NDArray[np.float64]) -> bool:
     """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over: leans by more than ``TIPPED``."""
     return bool(T[2, 2] < np.cos(TIPPED))
-
-
-def times_tipped(trajectory: Sequence[Pose]) -> int:
-    """How often the robot fell over."""
-    tipped = np.array([is_tipped(p.T_world_base) for p in trajectory])
-    return int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0))
 
 
 def write_true_tum(path: Path, trajectory: Sequence[Pose]) -> None:

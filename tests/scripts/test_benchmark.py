@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from scripts import benchmark
 from scripts.benchmarks import camera
 from scripts.benchmarks.common import Result
-from scripts.benchmarks.settings import SUBJECTS, CameraSettings, SubjectSettings
+from scripts.benchmarks.settings import CameraSettings, SubjectSettings
 from tests.refusal import refusal
 
 
@@ -74,12 +74,6 @@ def test_what_cannot_be_measured_is_status_2(
     monkeypatch.setattr("sys.argv", ["benchmark.py", *flags])
     assert complaint in refusal(capsys, benchmark.main)
     assert not list(tmp_path.rglob("*.json"))
-
-
-@pytest.mark.parametrize("subject", SUBJECTS)
-def test_every_subject_has_a_module(subject: str) -> None:
-    file = Path(camera.__file__).with_name(f"{subject.replace('-', '_')}.py")
-    assert "\ndef measure(settings: " in file.read_text()
 
 
 def test_the_camera_is_measured_against_the_renderer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.robots.pose import Pose
-from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped
+from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures
 
 
 def straight(length, drift=0.0):
@@ -114,8 +114,9 @@ def test_tilt_and_tipping():
         Pose(t, from_rotation(Rotation.from_euler("x", r).as_matrix(), np.zeros(3)), np.eye(4))
         for t, r in enumerate(rolls)
     ]
-    assert np.degrees(greatest_tilt(poses)) == pytest.approx([80, 0])
-    assert times_tipped(poses) == 2
+    figures = motion_figures(poses)
+    assert figures["max_roll_deg"] == pytest.approx(80) and figures["max_pitch_deg"] == pytest.approx(0)
+    assert figures["tipped"] == 2
 
 
 def test_tum_files_read_back(tmp_path):

@@ -55,28 +55,13 @@ def npy(cells: object) -> bytes:
     return file.getvalue()
 
 
-def test_a_path_is_read_as_it_was_written(tmp_path: Path) -> None:
-    (file := tmp_path / "path_1.npy").write_bytes(npy([[3, 4], [3, 5]]))
-    assert read_path(file).tolist() == [[3.0, 4.0], [3.0, 5.0]]
-
-
 @pytest.mark.parametrize(
     "content",
-    [
-        b"",
-        b"no array",
-        b"PK\x03\x04",
-        npy([[1, 2], [3, 4]])[:-3],
-        npy([1, 2, 3]),
-        npy([[1, 2, 3]]),
-        npy([[1.0, np.nan]]),
-        npy([["a", "b"]]),
-        npy([[None, 1]]),
-    ],
+    [b"", b"PK\x03\x04", npy([[1, 2]])[:-3], npy([1, 2]), npy([[1.0, np.nan]]), npy([["a", "b"]]), npy([[None, 1]])],
 )
 def test_a_file_that_is_no_path_is_refused(tmp_path: Path, content: bytes) -> None:
-    (file := tmp_path / "path_1.npy").write_bytes(content)
+    (file := tmp_path / "path_1.npy").write_bytes(npy([[3, 4], [3, 5]]))
+    assert read_path(file).tolist() == [[3.0, 4.0], [3.0, 5.0]]
+    file.write_bytes(content)
     with pytest.raises(InputError, match=r"path_1\.npy"):
         read_path(file)
-    with pytest.raises(InputError, match=r"path_2\.npy"):
-        read_path(tmp_path / "path_2.npy")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import InputError
 from scripts.benchmarks.cost import Sampler, measure
 from scripts.benchmarks.settings import CostSettings
 from tests.sarsim.rooms import room
@@ -22,11 +21,6 @@ def test_the_shares_are_those_of_the_whole_and_the_world_is_less(tmp_path: Path)
     assert {"share.detector", "share.labels", "share.images", "share.scores"} <= shares.keys()
     assert of_arena["over_world"] == pytest.approx(of_arena["processor_s"] / of_arena["world_s"])
     assert of_arena["over_world"] > 1
-
-
-def test_a_negative_seed_is_refused() -> None:
-    with pytest.raises(InputError, match="--seed -1"):
-        measure(CostSettings(seed=-1))
 
 
 def test_the_time_of_every_thread_counts_and_that_of_waiting_does_not() -> None:

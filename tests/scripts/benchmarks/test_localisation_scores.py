@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw
-from sarsim.scoring.trajectory import is_false
 from scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven, within
 
 
@@ -72,20 +70,6 @@ def test_nees_is_one_where_covariances_are_right_and_four_where_errors_are_twice
     covariances = np.tile(root @ root.T, (len(errors), 1, 1))
     assert nees(errors, covariances) == pytest.approx(1, abs=0.02)
     assert nees(2 * errors, covariances) == pytest.approx(4, abs=0.08)
-
-
-@pytest.mark.parametrize(
-    ("off", "is_wrong"),
-    [
-        (from_yaw(0.19, 0, 0, 0), False),
-        (from_yaw(0.21, 0, 0, 0), True),
-        (from_yaw(0, 0, 0, np.deg2rad(4.9)), False),
-        (from_yaw(0, 0, 0, np.deg2rad(5.1)), True),
-    ],
-)
-def test_a_loop_is_false_beyond_20_cm_or_5_degrees(off, is_wrong):
-    first, second = wandering(2)[[3, 40]]
-    assert is_false(Loop(0, 1, np.linalg.inv(first) @ second @ off), first, second) == is_wrong
 
 
 def test_of_normal_errors_997_in_1000_are_within_three_deviations():

@@ -22,9 +22,8 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.skid_steer import DriveModel
-from sarsim.scoring.set_cover import cells_shown
 from sarsim.scoring.sight import Sight
-from sarsim.scoring.view_tours import Leg, ViewTours
+from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown
 
 SPACING = KeyframePolicy()
 """Spacing of the keyframes on the oracle's paths: the robot's default."""

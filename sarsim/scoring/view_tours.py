@@ -1,5 +1,6 @@
 """Tours over viewpoints that see enough: chosen by set cover or by rate, in a short order, without needless stops."""
 
+import heapq
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ from scipy import sparse
 
 from pipeline.arrays import Mask, Values
 from pipeline.planning.visiting_order import visiting_order
-from sarsim.scoring.set_cover import greedy_cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,3 +123,33 @@ class ViewTours(ABC):
             if not quickest.seconds < tour.seconds:
                 return tour
             tour = quickest
+
+
+def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
+    """Views that together show ``wanted`` cells; each is the one that adds the most cells to those before it.
+
+    Evaluated lazily, because gains never grow (Minoux 1978). If all views together show fewer, so does the result.
+
+    Args:
+        views: (V, N), nonzero where a view shows a cell.
+        wanted: number of cells to show, including those already shown.
+        shown: which cells are shown already; not changed.
+    """
+    shown, chosen = shown.copy(), list[int]()
+    heap = [(-int(count), view) for view, count in enumerate(np.diff(views.indptr))]
+    heapq.heapify(heap)
+    while heap and shown.sum() < wanted:
+        _, view = heapq.heappop(heap)
+        gain = int(np.count_nonzero(~shown[cells_shown(views, view)]))
+        if gain and heap and gain < -heap[0][0]:
+            heapq.heappush(heap, (-gain, view))
+        elif gain:
+            chosen.append(view)
+            shown[cells_shown(views, view)] = True
+    return chosen
+
+
+def cells_shown(views: sparse.csr_array, view: int) -> NDArray[np.int32]:
+    """(M,) the cells that one of (V, N) views shows."""
+    cells: NDArray[np.int32] = views.indices[views.indptr[view] : views.indptr[view + 1]]
+    return cells

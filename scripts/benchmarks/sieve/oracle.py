@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from pipeline.arrays import Mask, Values
-from sarsim.scoring.set_cover import cells_shown
-from sarsim.scoring.view_tours import Leg, ViewTours
+from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown
 from scripts.benchmarks.sieve.world import PAPERS, GridRules, GridScene, GridWorld, route
 
 

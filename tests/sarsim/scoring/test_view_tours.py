@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.optimize import linprog
 
-from sarsim.scoring.set_cover import cells_shown, greedy_cover
+from sarsim.scoring.view_tours import cells_shown, greedy_cover
 
 
 def cover_of(rows, wanted=None, shown=()):

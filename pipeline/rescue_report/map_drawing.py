@@ -9,11 +9,24 @@ from scipy import ndimage
 
 from pipeline.arrays import MaskLayer, Place
 from pipeline.grid_map import Grid
+from pipeline.html_page import render
 from pipeline.labels import COLOURS, Label
-from pipeline.rescue_report.config import DrawingConfig
-from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
+from pipeline.rescue_report.words import FILTERS
 
+LINES = 6
+"""Minimum number of lines at round coordinates along the longer side."""
+EXTENT = 1000.0
+"""Width and height into which the drawing fits, units, unless the arena is so large that a metre would be narrower
+than a symbol."""
+SYMBOL = 30.0
+"""Width of symbols, units."""
+ARROWS = 45.0
+"""Distance between arrows up a slope, units."""
+BORDER = 0.4
+"""Margin around the mapped cells, m."""
+BAR = 0.25
+"""Maximum length of the scale bar, as a share of the width."""
 UNNAMED = ImageColor.getrgb("linen")
 """RGB of ground whose class is not known."""
 
@@ -29,16 +42,16 @@ class Paper:
         cell: side of a cell of the grid, units.
     """
 
-    def __init__(self, grid: Grid, mapped: MaskLayer, config: DrawingConfig):
+    def __init__(self, grid: Grid, mapped: MaskLayer):
         """A drawing that contains the mapped cells, or all cells if none is mapped."""
         cells = np.argwhere(mapped) if mapped.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
-        margin = round(config.border / grid.cell)
+        margin = round(BORDER / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
         high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
         self.low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
-        self.scale = float(max(config.extent / max(width, height), config.symbol))
+        self.scale = float(max(EXTENT / max(width, height), SYMBOL))
         self.width, self.height = float(width * self.scale), float(height * self.scale)
         self.cell = grid.cell * self.scale
 
@@ -51,11 +64,13 @@ class Paper:
 def draw_map(situation: Situation) -> str:
     """The semantic map with people, paths to them, and hazards, as an SVG element."""
     grid = situation.traversability.grid
-    config = situation.config.drawing
-    paper = Paper(grid, ~np.isnan(situation.traversability.elevation), config)
+    paper = Paper(grid, ~np.isnan(situation.traversability.elevation))
     size = np.array([paper.width, paper.height]) / paper.scale
-    apart = _round_length(float(size.max()) / config.lines)
-    return TEMPLATES.get_template("map.svg").render(
+    apart = _round_length(float(size.max()) / LINES)
+    return render(
+        "pipeline.rescue_report",
+        "map.svg",
+        FILTERS,
         situation=situation,
         paper=paper,
         ground=_ground(paper, situation),
@@ -66,8 +81,7 @@ def draw_map(situation: Situation) -> str:
         digits=0 if apart >= 1 else 1,
         drops=paper(grid.centre_of(np.argwhere(situation.hazards.drop > 0))) - paper.cell / 2,
         arrows=_arrows(paper, situation),
-        most_named=config.most_named,
-        bar=_round_length(config.bar * paper.width / paper.scale),
+        bar=_round_length(BAR * paper.width / paper.scale),
     )
 
 
@@ -109,12 +123,12 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]:
     """Positions in units and headings in rad of arrows up the slopes, from each slope's centre outwards."""
-    grid, hazards = situation.traversability.grid, situation.hazards
+    grid = situation.traversability.grid
+    hazards = situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
-    config = situation.config.drawing
-    apart = config.arrows / paper.cell
-    for place in hazards.slopes[: config.most_named]:  # keep free: the place's number is drawn there
+    apart = ARROWS / paper.cell
+    for place in hazards.slopes[: situation.config.most_named]:  # keep free: the place's number is drawn there
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.html_page import render
 from pipeline.labels import PERSON_COLOUR, Label
 from pipeline.rescue_report.figures import figures
 from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale
-from pipeline.rescue_report.people import people_data
-from pipeline.rescue_report.rendering import TEMPLATES
+from pipeline.rescue_report.records import people_data
 from pipeline.rescue_report.scores import league_scores
 from pipeline.rescue_report.situation import Situation
+from pipeline.rescue_report.words import FILTERS
+from pipeline.tracks.find import plain_text
 
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
@@ -36,11 +38,15 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
             mission's scores, which say so.
         written: time of writing, for the head of the page.
     """
-    config, drawn = situation.config, np.unique(classes_from_above(situation))
-    return TEMPLATES.get_template("page.html").render(
+    drawn = np.unique(classes_from_above(situation))
+    arena = PurePath(str(report["arena"]))  # a file is called by its name
+    return render(
+        "pipeline.rescue_report",
+        "page.html",
+        (plain_text, *FILTERS),
         situation=situation,
         report=report,
-        title=_title(str(report["arena"])),
+        title=arena.stem if arena.suffix.lower() in (".raf", ".xml") else report["arena"],
         map=draw_map(situation),
         classes={PLAIN_NAMES.get(k, k.name.lower()): pale(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
@@ -50,14 +56,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),
-        most_named=config.drawing.most_named,
     )
-
-
-def _title(arena: str) -> str:
-    """The name of an arena; for a file, without its folder and extension."""
-    path = PurePath(arena)
-    return path.stem if path.suffix.lower() in (".raf", ".xml") else arena
 
 
 def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, str]]]:

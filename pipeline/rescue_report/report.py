@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.files import atomic_write
+from pipeline.html_page import write_html
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.config import RescueReportConfig
-from pipeline.rescue_report.finds import write_finds
 from pipeline.rescue_report.page import page
-from pipeline.rescue_report.people import write_people
+from pipeline.rescue_report.records import write_finds, write_people
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.sink import Result, Sink, Step
 
@@ -32,7 +31,8 @@ class RescueReport(Sink):
     ) -> None:
         self.ended: str | None = None
         self.situation: Situation | None = None
-        self._recorder, self._config = recorder, config
+        self._recorder = recorder
+        self._config = config
         self._camera_height = 0.0
         self._left: list[Viewpoint] = []
 
@@ -43,7 +43,8 @@ class RescueReport(Sink):
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Store why exploration ended and which viewpoints are left."""
         if step.explores:
-            self.ended, self._left = step.ended or "interrupted", step.left
+            self.ended = step.ended or "interrupted"
+            self._left = step.left
 
     def situation_in(self, mapper: Mapper) -> Situation:
         """The current situation according to maps with at least one keyframe of this run."""
@@ -76,5 +77,4 @@ class RescuePage(Sink):
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
     """Write the page from a situation and report.json's figures; InputError if it cannot be written."""
-    with atomic_write(path) as partial:
-        partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")
+    write_html(path, page(situation, report, datetime.now().astimezone()))

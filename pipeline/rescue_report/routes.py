@@ -2,25 +2,29 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from math import sqrt
+from math import radians, sqrt
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from pipeline.arrays import Place, Places, Points
+from pipeline.arrays import Cells, Place, Places, Points
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.errors import required
 from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.rescue_report.config import RouteConfig
-from pipeline.rescue_report.hazards import Hazards
-from pipeline.rescue_report.places import ReportedPlace, places
-from pipeline.robot import RobotModel
+from pipeline.rescue_report.config import RescueReportConfig
+from pipeline.rescue_report.ground import Hazards, ReportedPlace, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
+
+VIEWS = 400
+"""Maximum number of cells whose view of a person is checked: the nearest, and fewer of those farther away."""
+BEND = radians(20)
+"""Change of direction above which a new straight part of a path begins, rad."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +50,7 @@ class Route:
 
     Attributes:
         way: bends of the path, its start and end included.
-        trace: the same path with points on the ground between the bends.
-        length: length along the ground, m.
-        steepest: maximum inclination of the ground under the path, rad.
+        trace: the same path with points on the ground between the bends, at most a cell apart.
         drops: drops next to the path, the deepest first, with their depth, m.
         gap: horizontal distance from the end to the person's points, m.
         in_sight: whether the robot's map shows nothing between the end and the person.
@@ -58,8 +60,6 @@ class Route:
 
     way: Places
     trace: Places
-    length: float
-    steepest: float
     drops: list[ReportedPlace]
     gap: float
     in_sight: bool
@@ -71,75 +71,87 @@ class Route:
         """The end of the path, x and y."""
         return self.way[-1, :2]
 
+    @property
+    def length(self) -> float:
+        """Length along the ground, m."""
+        return sum(leg.length for leg in self.legs)
 
+    @property
+    def steepest(self) -> float:
+        """Maximum inclination of the ground under the path, rad."""
+        return max((leg.steepest for leg in self.legs), default=0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Router:
-    """Finds paths from the entrance to people with the robot's own maps."""
+    """Finds paths from the entrance to people with the robot's own maps.
 
-    def __init__(
-        self,
-        traversability: Traversability,
-        paths: PosePaths,
-        topology: TopologicalMap,
-        metric_map: MetricMap,
-        hazards: Hazards,
-        robot: RobotModel,
-        heading: float,
-        camera_height: float,
-        config: RouteConfig,
-    ):
-        """Routes begin at the start of ``paths`` with ``heading``, rad; people are seen from ``camera_height`` m.
+    Attributes:
+        paths: cheapest paths from the entrance.
+        topology: the topological map.
+        metric_map: shows what is between a position and a person.
+        hazards: drops within the robot's length of a route are next to it.
+        heading: heading at the entrance, rad.
+        camera_height: height from which people are seen, m.
+        config: when a route arrives.
+    """
 
-        Drops within the robot's length of a route are next to it; those closer together than its width are one place.
-        """
-        self._traversability, self._paths, self._topology = traversability, paths, topology
-        self._metric_map, self._hazards = metric_map, hazards
-        self._robot, self._heading, self._camera_height = robot, heading, camera_height
-        self._config = config
-        self._cells = np.argwhere(paths.reachable)
+    paths: PosePaths
+    topology: TopologicalMap
+    metric_map: MetricMap
+    hazards: Hazards
+    heading: float
+    camera_height: float
+    config: RescueReportConfig
+
+    @property
+    def _traversability(self) -> Traversability:
+        return self.paths.traversability
+
+    @cached_property
+    def _cells(self) -> Cells:
+        return np.argwhere(self.paths.reachable)
 
     def to(self, points: Points) -> Route | None:
         """The route to the person with these points; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
+        # Cells are ranked by ring around the person, two cells wide, and within a ring by the cost of their path.
         grid = self._traversability.grid
         centres = grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
+        order = np.lexsort((self.paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
+        # The first cell in sight of the person is the end, or the first of all.
         person = KDTree(points)
-        # Cells are ranked by ring around the person, two cells wide, and within a ring by the cost of their path.
-        order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
-        checked = order[np.unique(np.geomspace(1, len(order), self._config.views).astype(int)) - 1]
+        checked = order[np.unique(np.geomspace(1, len(order), VIEWS).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
         end = order[0] if seeing is None else seeing
-        plan = required(plan_path(self._topology, self._paths, centres[end]))
-        start = self._traversability.on_ground(required(self._paths.start)[None])
-        return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
+        plan = required(plan_path(self.topology, self.paths, centres[end]))
+        way = np.vstack([self._traversability.on_ground(required(self.paths.start)[None]), plan.way_points])
+        ends = pairwise(way[:, :2])
+        parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in ends]
+        trace = self._traversability.on_ground(np.vstack(parts))
+        return Route(
+            way=way,
+            trace=trace,
+            drops=self._drops_beside(trace),
+            gap=float(gaps[end]),
+            in_sight=seeing is not None,
+            arrives=seeing is not None and float(gaps[end]) <= self.config.arrival,
+            legs=list(self._legs(way)),
+        )
 
     def _sees(self, place: Place, person: KDTree) -> bool:
         """Whether the metric map shows nothing between the camera at a position and the centre of a person."""
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
-        eye = np.append(place, ground + self._camera_height)
+        eye = np.append(place, ground + self.camera_height)
         middle = person.data.mean(axis=0)
-        of_person = self._metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
-        return self._metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
-
-    def _route(self, way: Places, gap: float, in_sight: bool) -> Route:
-        legs = list(self._legs(way))
-        trace = self._trace(way[:, :2])
-        return Route(
-            way=way,
-            trace=trace,
-            length=sum(leg.length for leg in legs),
-            steepest=max((leg.steepest for leg in legs), default=0.0),
-            drops=self._drops_beside(trace),
-            gap=gap,
-            in_sight=in_sight,
-            arrives=in_sight and gap <= self._config.arrival,
-            legs=legs,
-        )
+        of_person = self.metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
+        return self.metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
 
     def _legs(self, way: Places) -> Iterator[RouteLeg]:
-        heading = self._heading
-        for points in straight_parts(way[:, :2], self._config.bend):
+        heading = self.heading
+        for points in straight_parts(way[:, :2], BEND):
             first, last = np.diff(points, axis=0)[[0, -1]]
             bearing = float(np.arctan2(first[1], first[0]))
             length, steepest = self._measure(points)
@@ -148,7 +160,10 @@ class Router:
 
     def _measure(self, points: Places) -> tuple[float, float]:
         """Length along the ground, m, and maximum inclination, rad, of a path over points."""
-        grid, gradient, length, steepest = self._traversability.grid, self._traversability.gradient, 0.0, 0.0
+        grid = self._traversability.grid
+        gradient = self._traversability.gradient
+        length = 0.0
+        steepest = 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
             steps = max(1, int(np.ceil(2 * level / grid.cell)))
@@ -156,24 +171,20 @@ class Router:
             rise = grid.at(gradient[..., 0], middles) * (b - a)[0]
             rise = rise + grid.at(gradient[..., 1], middles) * (b - a)[1]
             length += float(np.hypot(level, rise).mean())
-            steepest = max(steepest, float(grid.at(self._hazards.slope, middles).max()))
+            steepest = max(steepest, float(grid.at(self.hazards.slope, middles).max()))
         return length, steepest
 
-    def _trace(self, way: Places) -> Places:
-        """Points on the ground under a path, at most a cell apart."""
-        cell = self._traversability.grid.cell
-        parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
-        return self._traversability.on_ground(np.vstack(parts))
-
     def _drops_beside(self, trace: Places) -> list[ReportedPlace]:
-        drop, grid = self._hazards.drop, self._traversability.grid
-        edges = np.argwhere(drop > 0)
+        """Drops near a path; those closer together than the robot's width are one place."""
+        grid = self._traversability.grid
+        robot = self._traversability.robot
+        edges = np.argwhere(self.hazards.drop > 0)
         if not len(edges):
             return []
-        near = KDTree(trace[:, :2]).query(grid.centre_of(edges))[0] <= self._robot.length
+        near = KDTree(trace[:, :2]).query(grid.centre_of(edges))[0] <= robot.length
         beside = np.zeros(grid.shape, np.bool_)
         beside[tuple(edges[near].T)] = True
-        return places(grid, beside, drop, self._robot.width)
+        return places(grid, beside, self.hazards.drop, robot.width)
 
 
 def straight_parts(way: Places, bend: float) -> Iterator[Places]:

@@ -3,25 +3,62 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from pipeline.arrays import Labels, MaskLayer, Place, Places, Points, Pose
+from pipeline.arrays import Labels, MaskLayer, Place, Places, Points, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.viewpoint import Viewpoint
+from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.config import RescueReportConfig
-from pipeline.rescue_report.hazards import Hazards, find_hazards
-from pipeline.rescue_report.posture import Posture, posture_of
+from pipeline.rescue_report.ground import Hazards, Unseen, find_hazards, find_unseen
 from pipeline.rescue_report.routes import Route, Router
-from pipeline.rescue_report.trust import Trust, trust_in
-from pipeline.rescue_report.unseen import Unseen, find_unseen
-from pipeline.robot import RobotModel
 from pipeline.tracks.find import HEAT, Find
 from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
+
+CHECKED = 100
+"""Maximum number of keyframes that are compared with the map, evenly spread over the run."""
+OUTLIERS = 0.01
+"""Share of a person's points that is left out at either end of each dimension."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A person's size.
+
+    Attributes:
+        length, width: sides of the smallest upright box around the person's points, the longer side first, m.
+        height: height of this box, m.
+    """
+
+    length: float
+    width: float
+    height: float
+
+    @property
+    def name(self) -> str:
+        """How the person lies or sits; empty if the size does not determine it."""
+        if self.length >= max(1.0, 2 * self.height):
+            return "lying"
+        if self.height >= max(0.6, self.length * 2 / 3):
+            return "sitting, kneeling or leaning"
+        return ""
+
+
+def posture_of(points: Points) -> Posture:
+    """The size of a person."""
+    _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
+    low, high = np.quantile(sides, [OUTLIERS, 1 - OUTLIERS], axis=0)
+    one, other, height = (high - low).tolist()
+    return Posture(max(one, other), min(one, other), height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +95,54 @@ class Person:
         """Direction from the path's end to the person, rad to the left of the path's last part; 0 without a path."""
         if self.route is None or len(self.route.way) < 2:
             return 0.0
-        (x, y), (u, v) = np.diff(self.route.way[-2:, :2], axis=0)[0], self.victim.position[:2] - self.route.end
+        x, y = np.diff(self.route.way[-2:, :2], axis=0)[0]
+        u, v = self.victim.position[:2] - self.route.end
         return wrap_angle(float(np.arctan2(v, u) - np.arctan2(y, x)))
 
 
-FINISHED = ("nothing_left", "not_worth_it")
-"""Values of :attr:`Situation.ended` if the robot ended exploration by itself."""
+@dataclass(frozen=True)
+class Trust:
+    """Evidence against the map, according to the robot's own data.
+
+    Attributes:
+        contradicted: share of the keyframes' depth that contradicts the map, which is built from all keyframes: if a
+            wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
+        deviation: standard deviation of the least certain keyframe's position relative to the newest keyframe, m; 0
+            for a robot that relies on its odometry alone.
+        config: limits of these values.
+    """
+
+    contradicted: float
+    deviation: float
+    config: RescueReportConfig = RescueReportConfig()
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether the map agrees with its keyframes."""
+        return self.contradicted <= self.config.contradicted
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether every keyframe's position is certain enough."""
+        return self.deviation <= self.config.deviation
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is no evidence against the map."""
+        return self.is_consistent and self.is_certain
+
+
+def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
+    """Check a mapper's map against its keyframes and its localisation."""
+    kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
+    checked = kept[:: 1 + len(kept) // CHECKED]
+    belief = mapper.belief.config
+    whole = Agreement.of(
+        agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map, belief) for seen, T in checked
+    )
+    slam = mapper.localisation
+    deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
+    return Trust(1 - whole.share, float(deviations.max()), config)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +150,8 @@ class Situation:
     """The content of the page, except figures that need the ground truth.
 
     Attributes:
-        robot: size and abilities of the robot for which the paths are planned.
-        T_map_entrance: pose in which the robot was set down.
-        positions: x and y of the run's keyframes.
-        traversability: traversability of the ground.
+        poses: ``T_map_base`` of the run's keyframes; in the first, the robot was set down.
+        traversability: traversability of the ground; knows the robot for which the paths are planned.
         is_seen: cells where the ground was measured, not merely assumed.
         points: points of the semantic map.
         labels: labels of these points.
@@ -93,9 +170,7 @@ class Situation:
         config: parameters of the report.
     """
 
-    robot: RobotModel
-    T_map_entrance: Pose
-    positions: Places
+    poses: Poses
     traversability: Traversability
     is_seen: MaskLayer
     points: Points
@@ -114,9 +189,14 @@ class Situation:
     config: RescueReportConfig
 
     @property
+    def positions(self) -> Places:
+        """x and y of the run's keyframes."""
+        return self.poses[:, :2, 3]
+
+    @property
     def finished(self) -> bool:
         """Whether the robot ended exploration by itself, as no viewpoint was left that was worth the drive."""
-        return self.ended in FINISHED
+        return self.ended in ("nothing_left", "not_worth_it")
 
     @property
     def is_explored(self) -> bool:
@@ -137,12 +217,12 @@ class Situation:
     @property
     def entrance(self) -> Place:
         """Position at which the robot was set down, x and y."""
-        return self.T_map_entrance[:2, 3]
+        return self.poses[0, :2, 3]
 
     @property
     def entrance_yaw(self) -> float:
         """Heading with which the robot was set down, rad."""
-        return yaw_of(self.T_map_entrance)
+        return yaw_of(self.poses[0])
 
     def from_entrance(self, position: Place) -> tuple[float, float]:
         """Distance of a position from the entrance, m, and its bearing relative to the entrance's heading, rad."""
@@ -162,42 +242,39 @@ def situation_of(
         left: viewpoints that would have shown more ground but were not worth the drive.
         config: parameters of the report.
     """
-    traversability, measured = mapper.traversability, mapper.elevation_map.measured
-    robot = traversability.robot
+    traversability = mapper.traversability
+    measured = mapper.elevation_map.measured
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
-    paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
+    paths = PosePaths(traversability, poses[0][:2, 3])
+    points = mapper.semantic_map.points()
     # From all keyframes, because ground at the entrance, or from there to where the robot went, may be unseen.
     reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
-    hazards = find_hazards(traversability, reachable, points, robot, config.hazards)
-    maps = traversability, paths, mapper.topological_map, mapper.metric_map
+    hazards = find_hazards(traversability, reachable, points, config)
     finds = mapper.finds.reported
-    router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height, config.routes)
+    heat = [find.position for find in finds if find.of_person and find.kind == HEAT]
+    topology = mapper.topological_map
+    router = Router(paths, topology, mapper.metric_map, hazards, yaw_of(poses[0]), camera_height, config)
+
+    def person(display_id: str, victim: Track) -> Person:
+        is_warm = any(np.array_equal(position, victim.position) for position in heat)
+        return Person(display_id, victim, posture_of(victim.points), router.to(victim.points), is_warm)
+
     return Situation(
-        robot=robot,
-        T_map_entrance=poses[0],
-        positions=poses[:, :2, 3],
+        poses=poses,
         traversability=traversability,
         is_seen=~np.isnan(measured),
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, measured, reachable, robot, config.unseen),
-        people=[_person(*found, router, finds, config) for found in confirmed_ids(mapper.victims)],
-        sightings=[_person(*found, router, finds, config) for found in unconfirmed_ids(mapper.victims)],
+        unseen=find_unseen(traversability, measured, reachable, config),
+        people=[person(*found) for found in confirmed_ids(mapper.victims)],
+        sightings=[person(*found) for found in unconfirmed_ids(mapper.victims)],
         finds=finds,
         searched=mapper.detector is not None,
         ended=ended,
         left=left,
-        trust=trust_in(mapper, config.trust),
+        trust=trust_in(mapper, config),
         can_leave=bool(paths.reachable.any()),
         knows_camera=mapper.knows_camera,
         config=config,
     )
-
-
-def _person(
-    display_id: str, victim: Track, router: Router, finds: Sequence[Find], config: RescueReportConfig
-) -> Person:
-    posture, heat = posture_of(victim.points, config.posture), [f for f in finds if f.of_person and f.kind == HEAT]
-    is_warm = any(np.array_equal(find.position, victim.position) for find in heat)
-    return Person(display_id, victim, posture, router.to(victim.points), is_warm)

@@ -5,7 +5,6 @@ import re
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.tracks.find import plain_text
 from pipeline.transforms import wrap_angle
 
 LEVEL = np.deg2rad(4)
@@ -57,11 +56,6 @@ def counted(count: int, one: str, many: str = "") -> str:
     return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
 
 
-def shown(text: str) -> str:
-    """The content of a code, as far as it fits on one line."""
-    return plain_text(text)
-
-
 def breakable(text: str) -> str:
     """An escaped name or value as HTML that may be broken between its parts, never within a word or number."""
     return re.sub(r"(?<=[_/:])(?=\w)|(?<=\.)(?=[^\W\d])", "<wbr>", str(text))
@@ -96,3 +90,9 @@ def turn(angle: float) -> str:
 def rotate(angle: float) -> str:
     """The SVG transform that turns a symbol, which points right, by ``angle`` rad counter-clockwise."""
     return f"rotate({-np.degrees(angle):.0f})"
+
+
+FILTERS = (
+    *(breakable, centimetres, counted, degrees, metres, minutes, number, percent, place),
+    *(rotate, side, slope, turn),
+)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
-from pipeline.files import atomic_write
+from pipeline.html_page import jpeg, render, write_html
 from pipeline.labels import COLOURS, Label
-from pipeline.rescue_report.rendering import environment, jpeg
 from pipeline.sensor import XTION
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SPLITS
@@ -30,20 +29,17 @@ def write_summary(folder: Path) -> None:
         InputError: the dataset cannot be read, or the page cannot be written.
     """
     dataset = Dataset(folder)
-    html = (
-        environment("sarsim.dataset")
-        .get_template("index.html")
-        .render(
-            name=folder.name,
-            splits=list(_splits(dataset)),
-            balance=list(_balance(dataset)),
-            figures=list(_figures(dataset)),
-            recipe=dataset.recipe,
-            far=XTION.farthest,
-        )
+    html = render(
+        "sarsim.dataset",
+        "index.html",
+        name=folder.name,
+        splits=list(_splits(dataset)),
+        balance=list(_balance(dataset)),
+        figures=list(_figures(dataset)),
+        recipe=dataset.recipe,
+        far=XTION.farthest,
     )
-    with atomic_write(folder / FILE) as partial:
-        partial.write_text(html)
+    write_html(folder / FILE, html)
 
 
 def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipeline.arrays import Values
-from pipeline.files import atomic_write
-from pipeline.rescue_report.rendering import environment
+from pipeline.html_page import render, write_html
 from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, shares_at
@@ -43,10 +42,9 @@ Curves = Mapping[str, Sequence[ExploredCurve]]
 def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
     """Write the page of entries for the same arenas and seeds; InputError if it cannot be written."""
     strokes = dict(zip(curves, _strokes(), strict=False))
-    page = environment("sarsim.commands.sweeps").get_template("sweep.html")
-    html = page.render(plots=drawing(entries, curves, strokes), strokes=strokes, boards=list(boards(entries)))
-    with atomic_write(path) as part:
-        part.write_text(html)
+    plots = drawing(entries, curves, strokes)
+    found = list(boards(entries))
+    write_html(path, render("sarsim.commands.sweeps", "sweep.html", plots=plots, strokes=strokes, boards=found))
 
 
 def _strokes() -> Iterator[Stroke]:

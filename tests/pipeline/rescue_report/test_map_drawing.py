@@ -10,7 +10,6 @@ import pytest
 
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
-from pipeline.rescue_report.config import DrawingConfig
 from pipeline.rescue_report.map_drawing import Paper, draw_map, pale
 from pipeline.rescue_report.situation import Situation
 from tests.pipeline.rescue_report.html_page import read
@@ -24,7 +23,7 @@ def colour_at(situation: Situation, place: tuple[float, float]) -> tuple[str, in
     (image,) = read(draw_map(situation)).all("image")
     data = np.frombuffer(b64decode(image.attributes["href"].removeprefix("data:image/png;base64,")), np.uint8)
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation), DrawingConfig())
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     sharp = round(pixels.shape[1] / (paper.width / paper.cell))
     assert sharp > 1  # what a printer enlarges it blurs
     column, row = (paper(place) / paper.cell).astype(int)
@@ -39,7 +38,7 @@ def known(low: tuple[int, int], high: tuple[int, int]):
 
 
 def test_x_goes_right_and_y_goes_up() -> None:
-    paper = Paper(GRID, known((20, 20), (120, 60)), DrawingConfig(extent=1000.0, border=0.4))  # 5 × 2 m from (0, −1)
+    paper = Paper(GRID, known((20, 20), (120, 60)))  # 5 × 2 m from (0, −1)
     assert paper.scale == pytest.approx(1000 / 5.8)
     assert paper.height == pytest.approx(2.8 * paper.scale)
     margin = 0.4 * paper.scale
@@ -48,25 +47,25 @@ def test_x_goes_right_and_y_goes_up() -> None:
 
 
 def test_a_high_room_fits_too() -> None:
-    paper = Paper(GRID, known((20, 8), (40, 112)), DrawingConfig())
+    paper = Paper(GRID, known((20, 8), (40, 112)))
     assert paper.height == pytest.approx(1000)
     assert paper.width < 400
 
 
 def test_a_large_arena_gets_more_units() -> None:
     grid = Grid(np.zeros(2, np.int64), 0.05, (1040, 300))
-    paper = Paper(grid, np.ones(grid.shape, np.bool_), DrawingConfig())
+    paper = Paper(grid, np.ones(grid.shape, np.bool_))
     assert paper.scale == pytest.approx(30)
     assert paper.width == pytest.approx(1560)
 
 
 def test_an_empty_map_can_be_drawn() -> None:
-    assert Paper(GRID, known((0, 0), (0, 0)), DrawingConfig(extent=1000.0)).width == pytest.approx(1000)
+    assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(1000)
 
 
 def test_round_coordinates_stand_at_the_edges_where_they_are() -> None:
     situation = before_a_wall(None)
-    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation), DrawingConfig())
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     ticks = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" class="tick">([^<]+)<', draw_map(situation))
     along_x = {float(text.replace("−", "-")): float(x) for x, y, text in ticks if y == "16.0"}
     along_y = {float(text.replace("−", "-")): float(y) - 5 for x, y, text in ticks if x == "16.0"}
@@ -99,7 +98,7 @@ def test_a_person_is_drawn_where_the_map_has_them() -> None:
     person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
     situation = before_a_wall(victims(person))
     root = read(draw_map(situation))
-    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation), DrawingConfig())
+    paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
     (disc,) = root.all("circle", "person")
     assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
     (ellipse,) = root.all("ellipse")

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.rescue_report.config import HazardConfig, RouteConfig
-from pipeline.rescue_report.hazards import find_hazards
+from pipeline.rescue_report.config import RescueReportConfig
+from pipeline.rescue_report.ground import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
 from tests.pipeline.rescue_report.people import block
-from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -24,9 +23,9 @@ def route(
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
     paths = PosePaths(traversability, start)
-    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER, HazardConfig())
+    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), RescueReportConfig())
     metric_map = metric_map or MetricMap()
-    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, PIONEER, 0.0, HEIGHT, RouteConfig())
+    router = Router(paths, TopologicalMap(), metric_map, hazards, 0.0, HEIGHT, RescueReportConfig())
     return router.to(person)
 
 

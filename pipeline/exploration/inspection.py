@@ -1,20 +1,72 @@
 """Inspection of walls that no keyframe has shown from close and straight enough to read what may hang on them."""
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.arrays import Place, Poses
+from pipeline.arrays import Directions, Indices, Mask, Place, Poses, Values
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration.config import ExplorationConfig, InspectionConfig
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
-from pipeline.exploration.walls import WallPieces
 from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
-from pipeline.keyframes import Keyframes, Places
+from pipeline.keyframes import UNIT, Keyframes, Places, Seen
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import bits
-from pipeline.transforms import wrap_angle
+from pipeline.transforms import transform_places, wrap_angle
+
+
+class WallPieces(NamedTuple):
+    """Pieces of walls.
+
+    Attributes:
+        points: (N, 3) centres of the pieces, m.
+        normals: normals that point away from the wall.
+        sides: foreshortened width of a typical sign on each piece, as the keyframe would show it, pixels.
+        config: settings of the inspection.
+    """
+
+    points: NDArray[np.float64]
+    normals: Directions
+    sides: Values
+    config: InspectionConfig
+
+    @classmethod
+    def of(cls, seen: Seen, frame: Frame, config: InspectionConfig) -> "WallPieces":
+        """The pieces that a keyframe shows, in its ``base_link``: image squares that are flat, upright and low.
+
+        ``frame``: any frame of the same camera.
+        """
+        squares = _squares(seen.intrinsics.rays * (seen.depth * UNIT)[..., None], config.square)
+        middle = squares.mean(axis=1)
+        apart = squares - middle[:, None]
+        variances, axes = np.linalg.eigh(apart.swapaxes(1, 2) @ apart / apart.shape[1])
+        normals = axes[..., 0] * -np.sign((axes[..., 0] * middle).sum(axis=1))[:, None]
+        T = seen.T_base_camera
+        found = cls(transform_places(T, middle), normals @ T[:3, :3].T, np.zeros(len(middle)), config)
+        is_flat = variances[:, 0] < (config.flatness * frame.sensor.sigma(middle[:, 2])) ** 2
+        is_upright = np.abs(found.normals[:, 2]) < config.upright
+        height = found.points[:, 2]
+        found = found.where(is_flat & is_upright & (height > 0) & (height < config.highest))
+        return found._replace(sides=found.sides_from(T[None, :3, 3], frame)[:, 0])
+
+    def where(self, index: Mask | Indices) -> "WallPieces":
+        """The pieces that an index selects."""
+        return WallPieces(self.points[index], self.normals[index], self.sides[index], self.config)
+
+    def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
+        """(N, M) pixels across a typical sign on each piece, foreshortened, for cameras (M, 3), m; 0 from behind."""
+        ways = np.asarray(cameras, np.float64) - self.points[:, None]
+        distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
+        cosines = np.einsum("nmi,ni->nm", ways, self.normals) / distances
+        return frame.intrinsics.fx * self.config.sign * np.maximum(cosines, 0) / distances
+
+    @property
+    def before(self) -> NDArray[np.float64]:
+        """(N, 3) m, the point in front of each piece that represents it."""
+        return self.points + self.config.before * self.normals
 
 
 class Inspection(Strategy):
@@ -24,8 +76,10 @@ class Inspection(Strategy):
         self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig = ExplorationConfig()
     ):
         """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
-        self._keyframes, self._map = keyframes, metric_map
-        self._config, self._walls = config, config.inspection
+        self._keyframes = keyframes
+        self._map = metric_map
+        self._config = config
+        self._walls = config.inspection
         self._shown: list[WallPieces] = []
         self._aimed: list[Places] = []
 
@@ -34,7 +88,8 @@ class Inspection(Strategy):
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The pose reached soonest from which signs on a remaining wall are readable; None if there is none."""
-        left, paths = self._left(context), context.paths
+        left = self._left(context)
+        paths = context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         if not len(left.points) or not len(cells):
             return None
@@ -55,7 +110,8 @@ class Inspection(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the walls that the robot looks at next."""
-        left, place = self._left(context), context.traversability.on_ground(viewpoint.position[None])
+        left = self._left(context)
+        place = context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
         is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_view)
         camera = place[0] + _height(context.frame)
@@ -107,3 +163,10 @@ def _bearings(walls: WallPieces, places: NDArray[np.float64]) -> NDArray[np.floa
     """(N, M) bearings of N pieces of walls from positions (M, 3), rad."""
     ways = walls.points[:, None] - places
     return np.arctan2(ways[..., 1], ways[..., 0])
+
+
+def _squares(points: NDArray[np.float32], side: int) -> NDArray[np.float64]:
+    """(N, S², 3) the squares of S × S points of an image (H, W, 3), m, without squares that lack a return."""
+    h, w = points.shape[0] // side, points.shape[1] // side
+    parts = points[: h * side, : w * side].reshape(h, side, w, side, 3).swapaxes(1, 2).reshape(h * w, side**2, 3)
+    return parts[(parts[..., 2] > 0).all(axis=1)].astype(np.float64)

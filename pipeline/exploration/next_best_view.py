@@ -4,13 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, MaskLayer, Places
+from pipeline.arrays import Cells, MaskLayer
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
@@ -52,20 +51,6 @@ class Outlook:
         return replace(self, terrain=self.terrain._replace(target=target))
 
 
-class Offer(NamedTuple):
-    """Candidate viewpoints.
-
-    Attributes:
-        places: their positions.
-        cells: the cells in which they lie.
-        gains: (N, 16) gain of each with each heading, m²; 0 where it is too small or the robot cannot stand.
-    """
-
-    places: Places
-    cells: Cells
-    gains: NDArray[np.float64]
-
-
 class NextBestView(Strategy):
     """Chooses the viewpoint that is expected to show most per second of driving.
 
@@ -81,11 +66,13 @@ class NextBestView(Strategy):
 
     def __init__(self, robot: RobotModel, *, config: ExplorationConfig = ExplorationConfig()):
         """``robot``: its size and turn rate determine which viewpoints are worth a drive."""
-        self.config, self.sightings = config, Sightings(robot, config)
+        self.config = config
+        self.sightings = Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
         self._looks: Counter[tuple[float, float]] = Counter()  # by the position of a cell that blocks a path
-        self._promised, self._is_for_ground = (np.zeros((0, 2)), 0.0), False
+        self._promised = np.zeros((0, 2)), 0.0  # centres of the cells that the last viewpoint should show, and area
+        self._is_for_ground = False
         # Rays cast under one assumption about the ground behind crests do not apply under the other.
         self._gains = {falls: visibility.ViewpointGains(config.visibility.stride) for falls in (True, False)}
 
@@ -112,7 +99,8 @@ class NextBestView(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe at this viewpoint should show."""
-        ends, cells = np.stack([context.T_map_base[:2, 3], viewpoint.position]), self.outlook.in_view(viewpoint)
+        cells = self.outlook.in_view(viewpoint)
+        ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         self.sightings.expect(np.argwhere(cells), ends, context.poses)
         terrain = self.outlook.terrain
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
@@ -163,12 +151,17 @@ class NextBestView(Strategy):
         The largest unreachable pieces come first. What blocks the path may be small, but only unseen cells between
         reachable ground and the piece count.
         """
-        traversability, reachable, terrain = context.traversability, context.paths.reachable, outlook.terrain
+        terrain = outlook.terrain
+        traversability = context.traversability
+        reachable = context.paths.reachable
+        # Pieces of seen ground to which no path leads, and what may bar the way to them.
         pieces, _ = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
         areas = np.bincount(pieces.ravel()) * terrain.cell**2
         areas[0] = 0.0  # no piece
         bars = terrain.target & near_ground(context, reachable)
-        bars &= ~traversability.grid.mask_of(self._often_looked_at)
+        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # count as blocked
+        bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
+        # The largest piece that is worth the look at its bars.
         context = replace(context, rewards=None)
         for piece in np.argsort(-areas):
             if areas[piece] < self.needed(self.config.keyframe_time):
@@ -182,12 +175,6 @@ class NextBestView(Strategy):
                 return replace(viewpoint, opens=True)
         return None
 
-    @property
-    def _often_looked_at(self) -> Places:
-        """(N, 2) m, cells that the robot has looked at so often that they count as blocked."""
-        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
-        return np.array(often).reshape(-1, 2)
-
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
     ) -> Iterator[Viewpoint]:
@@ -198,53 +185,53 @@ class NextBestView(Strategy):
             outlook = outlook.after(viewpoint)
 
     def _best(self, outlook: Outlook, context: Context, least: float | None = None) -> Viewpoint | None:
-        """The viewpoint with the highest score; None if none shows anything."""
-        offer = self._offer(outlook, context, least)
-        if offer is None or (found := self._quickest(offer.gains, offer.cells, context)) is None:
-            return None
-        n, m, seconds = found
-        heading, gain = wrap_angle(float(ANGLES[m])), float(offer.gains[n, m])
-        return Viewpoint(offer.places[n], heading, True, gain, seconds, outlook.terrain.falls)
-
-    def _offer(self, outlook: Outlook, context: Context, least: float | None = None) -> Offer | None:
-        """The viewpoints that show enough to count; None if there are none.
+        """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         ``least``: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
         """
-        paths, traversability = context.paths, context.traversability
+        paths = context.paths
+        grid = context.traversability.grid
+        terrain = outlook.terrain
         if paths.start is None:
             return None
-        cells = self._candidates(outlook, context)
-        places = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        there = np.vstack([traversability.grid.cell_of(paths.start), cells])
-        gains = self._gains_of(places, cells, outlook, context)
-        least = self._robot.width * outlook.terrain.cell if least is None else least
-        gains = np.where(bits(paths.headings[tuple(there.T)]) & (gains >= least), gains, 0.0)
+        # Candidates: the robot's position, and cells all over the reachable ground.
+        spread = self._candidates(outlook, context)
+        places = np.vstack([paths.start, grid.centre_of(spread)])
+        cells = np.vstack([grid.cell_of(paths.start), spread])
+        # Gains: unseen ground in view and rewards, where that is enough and the robot can stand.
+        here = visibility.gains(places[:1], outlook.camera, terrain)
+        gains = np.vstack([here, self._gains[terrain.falls].of(spread, outlook.camera, terrain)])
+        if self.takes_rewards and context.rewards and context.rewards.wanted:
+            gains = gains + context.rewards.gains(context.traversability.on_ground(places), ANGLES)
+        least = self._robot.width * terrain.cell if least is None else least
+        gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= least), gains, 0.0)
         is_some = gains.any(axis=1)
-        return Offer(places[is_some], there[is_some], gains[is_some]) if is_some.any() else None
-
-    def _quickest(
-        self, gains: NDArray[np.float64], cells: Cells, context: Context
-    ) -> tuple[np.intp, np.intp, float] | None:
-        """Row and heading with the highest score, and the seconds until its keyframe; None if no path leads to any.
-
-        ``gains``: (N, 16) m². The search for paths goes no farther than necessary.
-        """
-        paths, keyframe_time, horizon = context.paths, self.config.keyframe_time, self.config.horizon
+        if not is_some.any():
+            return None
+        places = places[is_some]
+        cells = cells[is_some]
+        gains = gains[is_some]
+        # Scores: gain per second. The search for paths goes no farther than the best viewpoint requires: those
+        # beyond its horizon take longer than the horizon, and no less than a straight drive.
         straight = paths.least_seconds_to(cells)[:, None]
+        horizon = self.config.horizon
         while True:
             found = paths.seconds_to(cells, horizon)
-            # Paths beyond the search's horizon cost more than the horizon, and no less than a straight drive.
             beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
-            least = np.where(np.isfinite(found), found, beyond)
-            worth = self.worth(gains, keyframe_time + least)
+            seconds = np.where(np.isfinite(found), found, beyond)
+            worth = self.worth(gains, self.config.keyframe_time + seconds)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(found[n, m])):
                 return None
             if np.isfinite(found[n, m]):
-                quickest = paths.without_risk.seconds_to(cells[n][None], float(found[n, m]))
-                return n, m, keyframe_time + float(min(quickest[0, m], found[n, m]))
+                break
             horizon *= 2
+        # Scores count the risk on the path as time; the viewpoint's own time does not.
+        quickest = paths.without_risk.seconds_to(cells[n][None], float(found[n, m]))[0, m]
+        drive = float(min(quickest, found[n, m]))
+        heading = wrap_angle(float(ANGLES[m]))
+        gain = float(gains[n, m])
+        return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 
     def _candidates(self, outlook: Outlook, context: Context) -> Cells:
         """The cell of each block with the most reachable headings, and some cells where the robot cannot turn around.
@@ -252,19 +239,11 @@ class NextBestView(Strategy):
         The latter are close to ground that was assumed, not seen, at the start: with its back to the wall of a small
         room, or on a ramp that it backed up, the robot sees ground that is otherwise too close to its camera.
         """
-        traversability, paths = context.traversability, context.paths
+        traversability = context.traversability
+        paths = context.paths
         spread = best_of_blocks(np.bitwise_count(paths.headings), self.config.visibility.stride)
         assumed = outlook.terrain.target & paths.reachable
         near = traversability.grid.distance_to(assumed) <= outlook.camera.reach
         is_one = paths.reachable & ~traversability.turnable & near
         is_one[tuple(spread.T)] = True
         return np.argwhere(is_one)
-
-    def _gains_of(self, candidates: Places, cells: Cells, outlook: Outlook, context: Context) -> NDArray[np.float64]:
-        """(1 + N, 16) m² that each candidate should show, plus rewards; all but the first are in ``cells``."""
-        terrain, camera = outlook.terrain, outlook.camera
-        here = visibility.gains(candidates[:1], camera, terrain)
-        gains = np.vstack([here, self._gains[terrain.falls].of(cells, camera, terrain)])
-        if self.takes_rewards and context.rewards and context.rewards.wanted:
-            gains = gains + context.rewards.gains(context.traversability.on_ground(candidates), ANGLES)
-        return gains

@@ -4,11 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, Poses
+from pipeline.arrays import Cells, Poses, Values
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import unseen
-from pipeline.exploration.posterior import MOST_MISSES, chances
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, Layer
@@ -16,6 +15,8 @@ from pipeline.keyframes import Places
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
+MOST_MISSES = np.iinfo(np.uint8).max
+"""After so many misses, further ones of a cell are not counted."""
 NOWHERE = Places.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
 
@@ -30,12 +31,15 @@ class Sightings:
     _layers: GridMap
 
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
-        self._robot, self._config = robot, config
+        self._robot = robot
+        self._config = config
         self.chances = np.ones(MOST_MISSES + 1)
         # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
-        self._shown, self._missed = np.zeros((2, MOST_MISSES + 1), np.int64)
+        self._shown = np.zeros(MOST_MISSES + 1, np.int64)
+        self._missed = np.zeros(MOST_MISSES + 1, np.int64)
         # The cells that the next keyframe should show, and the ends of the drive to it.
-        self._expected, self._drive = NOWHERE, NOWHERE
+        self._expected = NOWHERE
+        self._drive = NOWHERE
         # Cells that viewpoints should have shown but did not, and that are not among the misses of their keyframes.
         self._disappointing: list[Places] = []
         # Poses of the keyframes when their misses were counted.
@@ -51,7 +55,8 @@ class Sightings:
         ground = context.traversability
         if not len(self._poses):
             self._layers = GridMap(ground.grid.cell, LAYERS)
-        layers, guesses = self._layers, self._config.visibility
+        layers = self._layers
+        guesses = self._config.visibility
         layers.match(ground.grid)
         first = self._count_shown(context, camera)
         layers.write("target", unseen(context))
@@ -86,8 +91,10 @@ class Sightings:
 
     def _count_shown(self, context: Context, camera: CameraView) -> int:
         """Count the targets that were shown; return the index of the first keyframe with misses not counted yet."""
-        layers, before = self._layers, self._poses
-        first, ahead = len(before), (camera.far, 0.0, 0.0, 1.0)
+        layers = self._layers
+        before = self._poses
+        first = len(before)
+        ahead = camera.far, 0.0, 0.0, 1.0
         moved = np.linalg.norm(((context.poses[:first] - before) @ ahead)[:, :2], axis=1).max(initial=0.0)
         if moved < layers.grid.cell:
             # Even a smaller move makes the map cover ground along its edges without showing it; opening drops this.
@@ -96,14 +103,16 @@ class Sightings:
             self._poses = np.concatenate([before, context.poses[first:]])
             return first
         # The misses are counted again from the corrected poses.
-        self._poses, self._missed[:] = context.poses, 0
+        self._poses = context.poses
+        self._missed[:] = 0
         layers.write("misses", np.zeros_like(layers["misses"]))
         layers.write("missed_from", np.full_like(layers["missed_from"], np.inf))
         return 0
 
     def _count_misses(self, poses: Poses, first: int, camera: CameraView, terrain: SearchedTerrain) -> None:
         """Count the targets that keyframes from index ``first`` on missed, according to the newest map."""
-        misses, missed_from = self._layers["misses"].copy(), terrain.missed_from
+        misses = self._layers["misses"].copy()
+        missed_from = terrain.missed_from
         visibility.count_misses(poses[first:], camera, terrain, misses, self._missed)
         self._note_disappointment(missed_from, poses)
         for cells in self._disappointing:
@@ -129,3 +138,20 @@ class Sightings:
             centres = self._layers.grid.centre_of(np.argwhere(expected))
             self._disappointing.append(Places.anchored(centres, poses, len(poses) - 1))
         self._expected = self._drive = NOWHERE
+
+
+def chances(shown: Values, missed: Values) -> Values:
+    """Probability that ground in view is shown after 0, 1, … misses: the means of Beta distributions.
+
+    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries, so with
+    k / (k + 1) times the probability after k - 1 misses. The run's tries are added to these k + 1. The probability
+    without misses stays 1: there may be no ground beyond an outer edge, but there may be behind the next corner.
+
+    Args:
+        shown: number of tries that showed ground after 0, 1, … misses.
+        missed: number of tries that missed ground again after 0, 1, … misses.
+    """
+    result = np.ones(len(shown))
+    for k in range(1, len(shown)):
+        result[k] = (k * result[k - 1] + shown[k]) / (k + 1 + shown[k] + missed[k])
+    return result

@@ -87,18 +87,6 @@ class Gap(NamedTuple):
     seconds: float
 
 
-class Offer(NamedTuple):
-    """A view of a gap.
-
-    Attributes:
-        view: the view.
-        seconds: time to the goal via the view, including the expected cost of another look, s.
-    """
-
-    view: WayView
-    seconds: float
-
-
 class UnseenWays:
     """Finds views of where the cheapest path to a goal, if unseen ground were free, first meets unseen ground.
 
@@ -106,7 +94,8 @@ class UnseenWays:
     """
 
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
-        self._config, self._numbers = config, config.unseen_ways
+        self._config = config
+        self._numbers = config.unseen_ways
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
@@ -132,11 +121,12 @@ class UnseenWays:
 
     def obstacle_to(self, goal: Place, context: Context) -> str | None:
         """Why no path leads to a goal through unseen ground, for the log; None if unseen ground is not the cause."""
-        ground, robot = context.traversability, context.T_map_base[:2, 3]
+        ground = context.traversability
         if not np.isfinite(goal).all() or context.paths.start is None:
             return None
         if self.is_far(goal, context):
-            away, most = np.linalg.norm(goal - robot), self._numbers.farthest
+            away = np.linalg.norm(goal - context.T_map_base[:2, 3])
+            most = self._numbers.farthest
             return f"{goal_name(goal)} is {away:.1f} m away; paths through unseen ground are limited to {most:g} m"
         is_seen = np.isfinite(ground.grid.at(ground.elevation, goal, outside=np.nan))
         if is_seen or ground.grid.at(ground.to_hazard, goal, outside=np.inf) < ground.robot.half_width:
@@ -152,12 +142,10 @@ class UnseenWays:
         return bool(np.isfinite(PosePaths(ground, start, context.paths.heading).cost_to(goal)))
 
     def view_towards(self, goal: Place, context: Context) -> WayView | None:
-        """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left.
-
-        Ground that keyframes missed is weighted by its chance to be shown or, if this yields no view, counts fully.
-        """
+        """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left."""
         if context.paths.start is None or self.is_far(goal, context):
             return None
+        # Ground that keyframes missed is weighted by its chance to be shown or, if this yields no view, counts fully.
         anyhow = np.ones_like(self._terrain.probability)
         for terrain in (self._terrain, self._terrain._replace(probability=anyhow)):
             if (view := self._view_on(terrain, goal, context)) is not None:
@@ -166,34 +154,32 @@ class UnseenWays:
 
     def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> WayView | None:
         """The best view for a few paths through different unseen ground."""
-        shut, offers = self._shut(context), list[Offer]()
-        while len(offers) < self._numbers.alternatives:
+        shut = self._shut(context)
+        views = list[tuple[float, WayView]]()
+        while len(views) < self._numbers.alternatives:
+            # The cheapest path if unseen ground is free, and the unseen ground that it meets first.
             ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
             search = GoalSearch(ground, goal, context.paths.caution)
             gap = self._first_gap(search, context) if ground.grid.at(ground.traversable, goal) else None
-            if gap is None or gap.seconds >= min((offer.seconds for offer in offers), default=np.inf):
+            if gap is None or gap.seconds >= min((seconds for seconds, _ in views), default=np.inf):
                 break
-            if (offer := self._best_offer(gap, search, context, terrain)) is not None:
-                offers.append(offer)
+            # The best view of this ground. From below a crest, a deck behind it is visible, but falling ground is
+            # not: decks are assumed last.
+            for falls, within in product((True, False), (self._numbers.detour, np.inf)):
+                searched = terrain._replace(target=gap.hidden, falls=falls)
+                if (best := self._best_view(gap, search, context, searched, within)) is not None:
+                    views.append(best)
+                    break
             # Another path may need no look, or a quicker one; if no view shows this ground, the path must avoid it.
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
-        return min(offers, key=lambda offer: offer.seconds).view if offers else None
-
-    def _best_offer(self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain) -> Offer | None:
-        """The best view of a gap; None if none shows enough of it."""
-        # From below a crest, a deck behind it is visible, but falling ground is not: decks are assumed last.
-        for falls, within in product((True, False), (self._numbers.detour, np.inf)):
-            searched = terrain._replace(target=gap.hidden, falls=falls)
-            if (offer := self._best_view(gap, search, context, searched, within)) is not None:
-                return offer
-        return None
+        return min(views, key=lambda found: found[0])[1] if views else None
 
     def commit(self, view: WayView, context: Context) -> None:
         """Remember what a view returned by :meth:`view_towards` should show."""
         self._promised = view.shows
         self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
-        ends, grid = np.stack([context.T_map_base[:2, 3], view.position]), context.traversability.grid
-        self._sightings.expect(grid.cell_of(view.shows), ends, context.poses)
+        ends = np.stack([context.T_map_base[:2, 3], view.position])
+        self._sightings.expect(context.traversability.grid.cell_of(view.shows), ends, context.poses)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the last view should show."""
@@ -212,7 +198,8 @@ class UnseenWays:
         start = self._start(search, context)
         if start is None:
             return None
-        states, t = search.states_from(*start), context.traversability
+        t = context.traversability
+        states = search.states_from(*start)
         states[:, :2] += search.ground.grid.low - t.grid.low
         first = self._known_until(states, search, context)
         if first == len(states):
@@ -227,11 +214,14 @@ class UnseenWays:
 
         Unseen ground that the robot can drive around in less time than it needs to look at it is no gap.
         """
-        can_reach = context.paths.can_reach(states)
-        known, (i, j, heading) = np.flatnonzero(can_reach), states[can_reach].T
+        paths = context.paths
+        can_reach = paths.can_reach(states)
+        known = np.flatnonzero(can_reach)
         if not len(known):
             return 0
-        cells, rows, paths = np.column_stack([i, j]), np.arange(len(known)), context.paths
+        rows = np.arange(len(known))
+        cells = states[can_reach, :2]
+        heading = states[can_reach, 2]
         places = context.traversability.grid.centre_of(cells)
         left = search.seconds_from(places)[rows, heading]
         until = paths.seconds_at(places[0], int(heading[0])) + float(np.ptp(left)) + self._numbers.second_look
@@ -241,14 +231,16 @@ class UnseenWays:
 
     def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
         """Where the path starts: the robot's pose or, if it has too little room there, a pose that it can reach."""
-        paths, grid = context.paths, context.traversability.grid
+        paths = context.paths
+        grid = context.traversability.grid
         start = required(paths.start)
         headings = range(HEADINGS) if paths.heading is None else [nearest_heading(paths.heading)]
         seconds = [search.least_seconds_from(start, heading) for heading in headings]
         if np.isfinite(min(seconds)):
             return start, headings[int(np.argmin(seconds))]
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
-        places, can_stand = grid.centre_of(cells), bits(paths.headings[tuple(cells.T)])
+        places = grid.centre_of(cells)
+        can_stand = bits(paths.headings[tuple(cells.T)])
         total = np.where(can_stand, paths.seconds_to(cells) + search.seconds_from(places), np.inf)
         if not np.isfinite(total).any():
             return None
@@ -257,18 +249,31 @@ class UnseenWays:
 
     def _best_view(
         self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
-    ) -> Offer | None:
-        """The view via which the robot reaches the goal soonest; None if none shows enough of a gap.
+    ) -> tuple[float, WayView] | None:
+        """The view via which the robot reaches the goal soonest, and when; None if none shows enough of a gap.
 
-        ``within``: maximum delay compared with driving there without a look, s.
+        Args:
+            gap: the unseen ground.
+            search: paths to the goal.
+            context: what the robot knows.
+            terrain: the ground, with the gap as its target.
+            within: maximum delay compared with driving there without a look, s.
+
+        Returns:
+            Time to the goal via the view, including the expected cost of another look, s; and the view.
         """
-        t, paths, camera = context.traversability, context.paths, self._camera
+        t = context.traversability
+        paths = context.paths
+        # Candidates show enough of the gap, and the robot can stand there.
         cells = self._candidates(gap, context)
         places = t.grid.centre_of(cells)
-        shares = visibility.gains(places, camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
+        shares = visibility.gains(places, self._camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
         shares = np.where(bits(paths.headings[tuple(cells.T)]), np.minimum(shares, 1.0), 0.0)
         some = (shares >= self._numbers.least_share).any(axis=1)
-        cells, places, shares = cells[some], places[some], shares[some]
+        cells = cells[some]
+        places = places[some]
+        shares = shares[some]
+        # Their cost is the time to the goal via the view, and that of a second look at what the view does not show.
         left = search.seconds_from(places, gap.seconds + within)
         if not np.isfinite(left).any():
             return None
@@ -279,27 +284,29 @@ class UnseenWays:
         if np.isinf(cost[n, m]):
             return None
         heading = wrap_angle(float(ANGLES[m]))
-        shown = visibility.cells_in_view(places[n], heading, camera, terrain)
+        shown = visibility.cells_in_view(places[n], heading, self._camera, terrain)
         seconds = self._config.keyframe_time + float(there[n, m])
-        gain, shows = float(shown.sum()) * t.grid.cell**2, t.grid.centre_of(np.argwhere(shown))
+        gain = float(shown.sum()) * t.grid.cell**2
+        shows = t.grid.centre_of(np.argwhere(shown))
         view = WayView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)
-        return Offer(view, float(cost[n, m]))
+        return float(cost[n, m]), view
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
         """(N, 2) cells from which a gap may be in view: some all around it, and all on the path to it."""
-        t, paths = context.traversability, context.paths
-        cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
+        t = context.traversability
+        cells = best_of_blocks(np.bitwise_count(context.paths.headings), self._config.visibility.stride)
         cells = np.unique(np.vstack([cells, gap.before[:, :2]]), axis=0)
         hidden = t.grid.centre_of(np.argwhere(gap.hidden))
-        low, high = hidden.min(axis=0) - self._camera.reach, hidden.max(axis=0) + self._camera.reach
+        low = hidden.min(axis=0) - self._camera.reach
+        high = hidden.max(axis=0) + self._camera.reach
         places = t.grid.centre_of(cells)
         return cells[((places >= low) & (places <= high)).all(axis=1)]
 
 
 def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
     """The unknown cells that keep the robot from all but the first of successive poses (N, 3), cells and headings."""
-    length, width = t.robot.half_length, t.robot.half_width
-    offsets, distances, _ = footprint_distances(length, width, t.grid.cell, t.config.costs.comfort)
+    size = t.robot.half_length, t.robot.half_width
+    offsets, distances, _ = footprint_distances(*size, t.grid.cell, t.config.costs.comfort)
     is_near = distances + 100 * t.config.leniency < t.least.max()
     hidden = np.zeros(t.grid.shape, np.bool_)
     for (i, j, h), (a, b, k) in pairwise(states.tolist()):

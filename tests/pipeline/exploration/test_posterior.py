@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.exploration.posterior import chances
+from pipeline.exploration.sightings import chances
 
 NONE = np.zeros(256)
 

@@ -7,9 +7,8 @@ import pytest
 
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.config import InspectionConfig
-from pipeline.exploration.inspection import Inspection
+from pipeline.exploration.inspection import Inspection, WallPieces
 from pipeline.exploration.viewpoint import Context
-from pipeline.exploration.walls import WallPieces
 from pipeline.keyframes import Seen
 from pipeline.localisation.localisation import Localised
 from pipeline.localisation.odometry import OdometryLocalisation

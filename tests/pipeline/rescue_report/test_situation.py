@@ -35,7 +35,7 @@ def mapped(drift: float, slam: bool = False) -> Mapper:
         seen = look(SCENE, T @ T_BASE_CAMERA, 0.0, k, camera=HALF)
         believed = from_yaw(drift * k, 0, 0, 0) @ T
         frame = replace(seen, T_base_camera=T_BASE_CAMERA, T_odom_base=believed)
-        mapper.add(mapper.localise(frame), labelled=False)
+        mapper.add_frame(mapper.localise(frame), labelled=False)
     return mapper
 
 

@@ -1,14 +1,18 @@
 """Write files completely or not at all, read files of limited size, and try untrusted ones in a separate process."""
 
 import os
+import pickle
 import resource
-import select
 import signal
 import stat
+import subprocess
+import sys
 import threading
+import time
 import zipfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -81,13 +85,15 @@ def make_folder(path: Path, marks: Collection[str] = ()) -> None:
 
 
 def run_all(*actions: Callable[[], object]) -> None:
-    """Run every action even if others fail; then raise the first failure, since the others may follow from it."""
+    """Run every action even if others fail; then raise the failure, or a flat ``ExceptionGroup`` of several."""
     failures: list[Exception] = []
     for action in actions:
         try:
             action()
         except Exception as error:  # A failure must not cost the remaining results
-            failures.append(error)
+            failures += error.exceptions if isinstance(error, ExceptionGroup) else [error]
+    if len(failures) > 1:
+        raise ExceptionGroup("several actions failed", failures)
     if failures:
         raise failures[0]
 
@@ -226,39 +232,45 @@ def load_results(path: Path, what: str, name: str, form: str, version: int) -> d
     return arrays
 
 
-def run_isolated(action: Callable[[], str], seconds: int, memory: int) -> str:
-    """Run an action in a separate process, so that a library that hangs or crashes does no harm.
+def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory: int) -> str:
+    """Call a function in a new Python process, so that a library that hangs or crashes does no harm.
+
+    The process is not forked, as a fork would inherit locks that threads of this process hold. It does not import the
+    main module, as processes of multiprocessing do, so it also works from a user's script without a main guard.
 
     Args:
-        action: returns its answer as text.
+        function: returns its answer as text; it must be importable.
+        args: its arguments, which must be picklable.
         seconds: limit of processor time, s; the wall time may be ten times as long, as the process may have to wait.
-        memory: limit of additional memory beyond that of this process, bytes.
+        memory: limit of memory beyond that of the process before the call, bytes.
 
     Returns:
-        The first ``PIPE_BUF`` bytes of the answer; empty if a limit was exceeded or the process crashed.
+        The answer; empty if a limit was exceeded or the process crashed.
     """
-    reading, writing = os.pipe()
-    child = os.fork()  # Spawning takes a second, and multiprocessing's daemonic workers may not spawn
-    if not child:
-        try:
-            _limit(seconds, memory)
-            os.write(writing, action().encode()[: select.PIPE_BUF])
-        finally:
-            os._exit(0)
-    os.close(writing)
+    command = [sys.executable, "-P", "-c", f"from {__name__} import _answer; _answer()"]
     try:
-        answered, _, _ = select.select([reading], [], [], 10 * seconds)
-        return os.read(reading, select.PIPE_BUF).decode(errors="replace") if answered else ""
-    finally:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-        os.close(reading)
+        process = subprocess.run(
+            command,
+            input=pickle.dumps((function, args, seconds, memory)),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            timeout=10 * seconds,
+        )
+    except subprocess.TimeoutExpired:
+        return ""
+    return process.stdout.decode(errors="replace") if process.returncode == 0 else ""
 
 
-def _limit(seconds: int, memory: int) -> None:
-    """Permanently limit the processor time (s) and the memory (bytes) of this process, and silence its stderr."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+def _answer() -> None:
+    """In the new process: permanently limit its processor time and memory, call the function and print its answer."""
+    function, args, seconds, memory = pickle.load(sys.stdin.buffer)
+    answer = os.dup(1)
+    os.dup2(2, 1)  # What libraries print is no part of the answer
+    seconds += ceil(time.process_time())  # That of the imports
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(OSError, ValueError):  # Without Linux's /proc, only the time is limited
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
+    os.write(answer, function(*args).encode())
+    os._exit(0)

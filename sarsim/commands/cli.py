@@ -203,6 +203,13 @@ def guarded(action: Callable[[], object]) -> None:
                 sys.stdout.flush()
     except InputError as error:
         _exit(f"error: {error}", BAD_INPUT)
+    except ExceptionGroup as failures:
+        if failures.split(InputError)[1] is not None:  # A fault of the program is among them
+            raise
+        *others, last = (f"error: {error}" for error in failures.exceptions)
+        for line in others:
+            print(" ".join(line.split()), file=sys.stderr)
+        _exit(last, BAD_INPUT)
     except KeyboardInterrupt as interrupt:
         _exit("interrupted", SIGNALLED + (interrupt.args or (signal.SIGINT,))[0])
     except BrokenPipeError:

@@ -98,7 +98,7 @@ def open_file(path: Path) -> h5py.File:
             fill all memory when they are decompressed.
     """
     check_regular(path)
-    if (said := run_isolated(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
+    if (said := run_isolated(_looked_through, path, seconds=SECONDS, memory=MEMORY)) != GOOD:
         limits = f"{SECONDS} s or {MEMORY / 1e9:g} GB"
         raise InputError(f"{path}: {said or f'damaged: HDF5 crashed or needed more than {limits} to read it'}")
     try:

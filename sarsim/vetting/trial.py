@@ -56,7 +56,7 @@ def vet_mjcf(path: Path) -> None:
             out of range, or needs too much memory or time.
     """
     check_files(path)
-    said = run_isolated(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
+    said = run_isolated(_tried, path, seconds=SECONDS, memory=TRIAL_MEMORY)
     if said != GOOD:
         limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {SECONDS} s of processor time"
         raise InputError(

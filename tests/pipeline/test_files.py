@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -15,7 +17,9 @@ from pipeline.files import (
     read_numbers,
     read_text,
     run_all,
+    run_isolated,
 )
+from tests.source_tree import ROOT
 
 
 def test_the_file_appears_when_it_is_whole(tmp_path):
@@ -67,15 +71,62 @@ def test_a_file_or_a_place_without_room_is_no_folder_for_results(tmp_path: Path)
             make_folder(path)
 
 
-def test_each_runs_what_remains_after_a_failure_and_then_raises_the_first() -> None:
+def test_all_actions_run_and_no_failure_is_lost() -> None:
     done: list[str] = []
 
     def fail(text: str) -> None:
         raise InputError(text)
 
-    with pytest.raises(InputError, match="first"):
-        run_all(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"), lambda: fail("second"))
+    with pytest.raises(InputError, match=r"^first$"):
+        run_all(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"))
     assert done == ["a", "b"]
+    with pytest.raises(ExceptionGroup) as raised:
+        run_all(lambda: fail("first"), lambda: run_all(lambda: fail("second"), lambda: fail("third")))
+    assert [str(error) for error in raised.value.exceptions] == ["first", "second", "third"]
+
+
+def answer(text: str) -> str:
+    """Answer, and print something else, as libraries do."""
+    print("noise", flush=True)
+    os.write(2, b"noise")
+    return text + "!"
+
+
+def run_forever() -> str:
+    while True:
+        pass
+
+
+def crash() -> str:
+    os.abort()
+
+
+def fill_memory() -> str:
+    return str(np.ones(3 * 10**8).sum())
+
+
+def test_a_function_that_hangs_crashes_or_fills_the_memory_does_no_harm() -> None:
+    limits = {"seconds": 3, "memory": 10**9}
+    assert run_isolated(answer, "Z\xfcrich", **limits) == "Z\xfcrich!"
+    assert run_isolated(answer, "x" * 10**6, **limits) == "x" * 10**6 + "!"
+    for harmful in (run_forever, crash, fill_memory):
+        assert run_isolated(harmful, **limits) == ""
+
+
+def test_a_script_without_a_main_guard_and_with_busy_threads_is_answered(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import threading\n"
+        "from pipeline.files import run_isolated\n"
+        "from tests.pipeline.test_files import answer\n"
+        "lock = threading.RLock()\n"
+        "threading.Thread(target=lambda: lock.acquire() and threading.Event().wait(), daemon=True).start()\n"
+        "print(run_isolated(answer, 'one', seconds=3, memory=10**9))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+    )
+    assert (done.stdout, done.stderr) == ("one!\n", "")
 
 
 def test_only_regular_files_of_bounded_size_are_read(tmp_path: Path) -> None:

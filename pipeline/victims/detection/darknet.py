@@ -88,7 +88,8 @@ class DarknetNetwork:
         check_hash(weights)
         content = read_bytes(weights)
         size = len(content) - header_size(content, weights)
-        if (said := run_isolated(lambda: cls._tried(sections, content, size), SECONDS, MEMORY)) != GOOD:
+        said = run_isolated(cls._tried, sections, content, size, seconds=SECONDS, memory=MEMORY)
+        if said != GOOD:
             raise InputError(f"{cfg}, {weights}: {said or CRASHED}")
         try:
             network = cls(sections, content, kinds)

@@ -23,6 +23,8 @@ def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) 
     """Do something ``count`` times."""
     if fail == "input":
         raise InputError(f"count {count}\n  is too much")
+    if fail == "both":
+        raise ExceptionGroup("both", [InputError("a.ply: no room"), InputError("b.npz:\n  no room")])
     if fail == "interrupt":
         raise KeyboardInterrupt
     if fail == "pipe":
@@ -41,6 +43,11 @@ def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str]) 
     captured = capsys.readouterr()
     assert captured.err == "error: count 3 is too much\n"
     assert captured.out == ""
+
+
+def test_each_of_several_failures_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--count", "3", "--fail", "both"]) == 2
+    assert capsys.readouterr().err == "error: a.ply: no room\nerror: b.npz: no room\n"
 
 
 def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,6 +24,7 @@ from pipeline.errors import InputError
 
 MOST_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
 MOST_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
+STARTING = 60  # s, most that a new Python process takes to start on a busy machine
 GOOD = "good"  # The answer of a separate process that has found no fault
 
 
@@ -241,7 +242,8 @@ def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory:
     Args:
         function: returns its answer as text; it must be importable.
         args: its arguments, which must be picklable.
-        seconds: limit of processor time, s; the wall time may be ten times as long, as the process may have to wait.
+        seconds: limit of processor time, s; the wall time may be ten times as long, as the process may have to wait,
+            and ``STARTING`` more.
         memory: limit of memory beyond that of the process before the call, bytes.
 
     Returns:
@@ -255,7 +257,7 @@ def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-            timeout=10 * seconds,
+            timeout=STARTING + 10 * seconds,
         )
     except subprocess.TimeoutExpired:
         return ""

@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,14 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert Episode(config).run()
             save_settings(config, out / "config.yaml")
     return out
+
+
+@pytest.fixture
+def unisolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check files in this process: a new one for each takes a second, and that is tested elsewhere."""
+    for name in ("sarsim.vetting.trial", "pipeline.victims.detection.darknet"):
+        if name in sys.modules:
+            monkeypatch.setattr(f"{name}.run_isolated", lambda function, *args, **limits: function(*args))
 
 
 @pytest.fixture(scope="session")

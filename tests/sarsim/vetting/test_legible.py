@@ -23,6 +23,8 @@ ODD = {
     "prefix": b"",
 }
 
+pytestmark = pytest.mark.usefixtures("unisolated")
+
 
 def read(tmp_path, content):
     (tmp_path / "a.xml").write_bytes(content)

@@ -41,6 +41,8 @@ ARENA = """<mujoco model="arena">{}<worldbody><light pos="0 0 4"/>
 diaginertia=".3 .2 .2"/><geom type="box" size=".2 .2 .2"/></body></worldbody></mujoco>"""
 TURNED = '<site name="imu" euler="1 2 3"'
 
+pytestmark = pytest.mark.usefixtures("unisolated")
+
 
 @pytest.fixture
 def joined():

@@ -35,6 +35,7 @@ LAYERS = {
 """Between the first layer and the last: text, number of weights, channels."""
 
 
+@pytest.mark.usefixtures("unisolated")
 @pytest.mark.parametrize("name", LAYERS)
 def test_layers_are_run(name: str, tmp_path: Path) -> None:
     body, count, channels = LAYERS[name]
@@ -43,6 +44,7 @@ def test_layers_are_run(name: str, tmp_path: Path) -> None:
     assert detector.detect(np.full((8, 16, 3), 200, np.uint8))
 
 
+@pytest.mark.usefixtures("unisolated")
 def test_layers_after_the_last_head_do_not_matter(tmp_path: Path) -> None:
     numbers = np.concatenate([small_numbers(), np.zeros(7 * 3)])
     text = SMALL + "[route]\nlayers=1\n[convolutional]\nfilters=3\nactivation=linear\n"
@@ -51,6 +53,7 @@ def test_layers_after_the_last_head_do_not_matter(tmp_path: Path) -> None:
     assert found == [VictimDetector.load(*darknet_files(tmp_path)).detect(image)]
 
 
+@pytest.mark.usefixtures("unisolated")
 def test_defaults_are_those_of_darknet(tmp_path: Path) -> None:
     """OpenCV pools with a stride of 2, and upsamples by 1, where nothing is said."""
     image = np.random.default_rng(1).integers(0, 256, (8, 16, 3), np.uint8)
@@ -85,6 +88,7 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
     assert found >= 0.9 * wanted
 
 
+@pytest.mark.usefixtures("unisolated")
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -120,6 +124,7 @@ def test_a_cfg_that_cannot_be_run_is_refused(old: str, new: str, message: str, t
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.usefixtures("unisolated")
 @pytest.mark.parametrize(
     "content",
     [b"", HEADER[:9], b"\0" * 300, b"\0" * 3000, b"PK\3\4" * 99, HEADER + b"\0" * 3, HEADER + b"\xff" * 352],

@@ -1,5 +1,7 @@
-"""The exception for invalid input from the user, errors as text, and the check of what a method needs."""
+"""The exception for invalid input from the user, errors as text, and checks of what a method or a setting needs."""
 
+from collections.abc import Callable
+from operator import ge, gt
 from typing import TypeVar
 
 Value = TypeVar("Value")
@@ -19,3 +21,27 @@ def required(value: Value | None) -> Value:
 def one_line(error: BaseException) -> str:
     """Type and message of an error, in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def require_positive(section: str, config: object, *fields: str) -> None:
+    """Raise InputError unless these fields of a dataclass, a ``section`` of the settings, are greater than 0."""
+    _require(section, config, fields, gt, 0, "greater than 0")
+
+
+def require_at_least(least: float, section: str, config: object, *fields: str) -> None:
+    """Raise InputError unless these fields of a dataclass, a ``section`` of the settings, are at least ``least``."""
+    _require(section, config, fields, ge, least, f"at least {least:g}")
+
+
+def _require(
+    section: str,
+    config: object,
+    fields: tuple[str, ...],
+    holds: Callable[[float, float], bool],
+    bound: float,
+    rule: str,
+) -> None:
+    for field in fields:
+        value = getattr(config, field)
+        if not holds(value, bound):
+            raise InputError(f"{section}.{field} = {value}: must be {rule}")

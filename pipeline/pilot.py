@@ -41,7 +41,7 @@ class Pilot:
         """``sinks``: notified of each motion; may grow. ``navigator``: by default one that commands velocities."""
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
         self.robot = robot
-        self.faults = Faults(navigation.faults, localisation.vertical)
+        self.faults = Faults(navigation.faults)
         self.navigator = navigator or Navigator(robot.model, robot.control_period, navigation)
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)

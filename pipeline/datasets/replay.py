@@ -154,13 +154,13 @@ class Replay:
             InputError: neither shows which way is up.
         """
         if self.recording.up is not None:
-            return T_lowest_camera(first, self.recording.up, self._numbers.vertical)
+            return T_lowest_camera(first, self.recording.up)
         odometry = DepthOdometry(np.eye(4), config=self._numbers)
         with suppress(LostError):
             for frame in dropwhile(lambda frame: frame.time < first.time, self.recording.frames()):
                 T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
-                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up, self._numbers.vertical)
+                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up)
         unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
 

@@ -1,6 +1,7 @@
 """Agreement between frames and the map, from which a robot notices that it was carried elsewhere."""
 
 from collections.abc import Iterable
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +11,19 @@ from scipy import ndimage
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.ray_kernels import cast
-from pipeline.localisation.belief import MotionState, tiles_seen
+from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tiles_seen
 from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
+
+DEPTH_TOLERANCE = 0.2
+"""Maximum difference between a measured depth and the map's, m: the diagonal of a voxel, 0.17, and noise."""
+POSE_ERROR = 0.1
+"""Error of the camera's position that is allowed for when a frame is compared with the map, m."""
+RAY_STEP = 0.25
+"""Depth between the samples of a ray, in voxels along the optical axis."""
+STILL_WAY, STILL_TURN = 0.02, radians(2)
+"""Maximum motion that the wheels measure between two frames if they are still, m and rad."""
 
 
 class Agreement(NamedTuple):
@@ -58,25 +68,26 @@ class Agreement(NamedTuple):
         likely = self.log_likelihoods(config)
         return bool(likely[MotionState.CARRIED] > likely[MotionState.NOMINAL])
 
-    def expects_enough(self, config: BeliefConfig) -> bool:
+    @property
+    def expects_enough(self) -> bool:
         """Whether the map predicts enough returns for their absence to show that the camera has failed."""
-        return self.expected >= config.correlated_tiles
+        return self.expected >= CORRELATED_TILES
 
 
-def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig) -> Agreement:
+def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreement:
     """Compare a frame with the map in front of the camera, tile by tile of the depth image.
 
     A tile contradicts the map only if all returns in the window around it are nearer, or all farther, than all that
     the map has there, whatever the pose error. Pose errors at edges and returns from dust therefore do not count.
     """
-    depth, tolerance = tile_depths(frame, config), config.depth_tolerance
-    free, surface = expected_depths(frame, T_map_camera, metric_map, config)
+    depth = tile_depths(frame)
+    free, surface = expected_depths(frame, T_map_camera, metric_map)
     # Ignore voxels too near to measure: each fills more than a window, though it may hold only the end of a wall.
     sensor = frame.sensor
     nearest, farthest = sensor.nearest + sensor.margin, sensor.farthest - sensor.margin
     surface = np.where(surface < nearest, np.inf, surface)
-    short = _highest(depth) + tolerance < _lowest(free)
-    through = _lowest(depth) > _highest(surface) + tolerance
+    short = _highest(depth) + DEPTH_TOLERANCE < _lowest(free)
+    through = _lowest(depth) > _highest(surface) + DEPTH_TOLERANCE
     seen = np.isfinite(depth)
     # The windows of the outermost tiles extend beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
@@ -86,19 +97,19 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: B
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
-def change(frame: Frame, last: Frame, config: BeliefConfig) -> Agreement | None:
+def change(frame: Frame, last: Frame) -> Agreement | None:
     """Compare a frame with the last one, tile by tile; with still wheels, only a carried robot sees another place.
 
     Returns None if the wheels moved. This helps where the map does not: in front of a wall too near for the camera, a
     frame cannot contradict the map, but it lacks returns where the last frame had some.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) > config.still_way or angle_of(moved) > config.still_turn:
+    if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
         return None
-    before, now = tile_depths(last, config), tile_depths(frame, config)
+    before, now = tile_depths(last), tile_depths(frame)
     seen, expected = np.isfinite(now), np.isfinite(before)
     both, shift = seen & expected, np.where(seen & expected, now, 0.0) - np.where(seen & expected, before, 0.0)
-    short, through = int((shift < -config.depth_tolerance).sum()), int((shift > config.depth_tolerance).sum())
+    short, through = int((shift < -DEPTH_TOLERANCE).sum()), int((shift > DEPTH_TOLERANCE).sum())
     return Agreement(int(both.sum()) - short - through, short, through, int(seen.sum()), int(expected.sum()))
 
 
@@ -111,14 +122,14 @@ def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     return ndimage.maximum_filter(depths, 3)
 
 
-def _side(frame: Frame, config: BeliefConfig) -> int:
+def _side(frame: Frame) -> int:
     """Side length of a tile, pixels."""
-    return max(2, frame.intrinsics.width // config.tiles)
+    return max(2, frame.intrinsics.width // TILES)
 
 
-def tile_depths(frame: Frame, config: BeliefConfig) -> NDArray[np.float64]:
+def tile_depths(frame: Frame) -> NDArray[np.float64]:
     """(R, C) median depths of the tiles, m; infinite where fewer than half of a tile's pixels have a return."""
-    side = _side(frame, config)
+    side = _side(frame)
     rows, columns = (n // side for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
     # Every second pixel of every second row is enough for a median.
@@ -128,25 +139,25 @@ def tile_depths(frame: Frame, config: BeliefConfig) -> NDArray[np.float64]:
 
 
 def expected_depths(
-    frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig
+    frame: Frame, T_map_camera: Pose, metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths that the map predicts at the centre of every tile (R, C), for a camera off by up to ``pose_error``.
+    """Depths that the map predicts at the centre of every tile (R, C), for a camera off by up to ``POSE_ERROR``.
 
     Returns:
         The smallest depth up to which space is free, and the largest at which the ray meets a surface, m along the
         optical axis; the latter is infinite if the ray meets no surface from one of the positions.
     """
-    side = _side(frame, config)
+    side = _side(frame)
     rows, columns = (n // side * side for n in frame.depth.shape)
     middle = frame.intrinsics.rays[side // 2 : rows : side, side // 2 : columns : side].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size
     rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
-    shifts = config.pose_error * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+    shifts = POSE_ERROR * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
     origins = T_map_camera[:3, 3] + shifts
     index = metric_map.voxel_index(np.vstack([origins, *(o + rays * metric_map.max_range for o in origins)]))
     lower, upper = index.min(axis=0), index.max(axis=0) + 1
     free, surface = np.empty(len(rays)), np.empty(len(rays))
     origins = (origins - metric_map.corner) / size - lower
     log_odds = metric_map.log_odds(lower, upper)
-    cast(rays, origins, log_odds, metric_map.max_range / size, config.ray_step, free, surface)
+    cast(rays, origins, log_odds, metric_map.max_range / size, RAY_STEP, free, surface)
     return free.reshape(shape) * size, surface.reshape(shape) * size

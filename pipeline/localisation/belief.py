@@ -14,6 +14,23 @@ from scipy.linalg import expm
 from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import BeliefConfig
 
+RECOVERY_WAY = 1.0
+"""Mean length of a slip, or of being held, as the wheels measure it, m."""
+TILES = 32
+"""Number of tiles in a row of an image, whose depths are compared with the map: for the Xtion, 1.8° each."""
+CORRELATED_TILES = 9
+"""Number of tiles that count as one observation, since each is compared in a 3 × 3 window."""
+IMAGE_SHARE = 0.75
+"""Number of tiles in an image divided by the square of ``TILES``, for an aspect ratio of 4:3."""
+SHOWN_HERE, MISSING_HERE = 0.94, 0.05
+"""Probabilities that a tile for which the map predicts a surface shows it, or has no return, if the robot is where it
+believes to be. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.0002 of the tiles contradicted
+the map. Tiles without a return come in patches, where surfaces are dark or seen at a grazing angle, so they count for
+less."""
+SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE = 0.6, 0.2, 0.2
+"""Probabilities that such a tile agrees, contradicts the map or has no return in a frame taken elsewhere, as measured
+in 281 such frames."""
+
 
 class MotionState(IntEnum):
     """How the robot moves."""
@@ -84,7 +101,7 @@ def transition(way: float, seconds: float, config: BeliefConfig) -> NDArray[np.f
     """
     rates = np.zeros((len(MotionState),) * 2)
     rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = way / config.fault_way
-    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = way / config.recovery_way
+    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = way / RECOVERY_WAY
     rates[:, MotionState.CARRIED] = seconds / config.lift_time
     np.fill_diagonal(rates, 0.0)
     return np.asarray(expm(rates - np.diag(rates.sum(axis=1))))
@@ -105,26 +122,26 @@ def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
 def _by_place(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
     """(3,) log-likelihoods of tiles if the robot is where it believes to be, if it is elsewhere, if it is blind."""
     rare = 1 - config.confidence
-    here = config.shown_here, rare, config.missing_here
-    elsewhere = config.shown_elsewhere, config.contradicted_elsewhere, config.missing_elsewhere
+    here = SHOWN_HERE, rare, MISSING_HERE
+    elsewhere = SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE
     outcomes = np.log([here, elsewhere, (rare, rare, 1 - 2 * rare)])
-    return outcomes @ (explained, contradicted, missing) / config.correlated_tiles
+    return outcomes @ (explained, contradicted, missing) / CORRELATED_TILES
 
 
-def evidence_of_overlap(overlap: float, chance: float, config: BeliefConfig, covered: float = 1.0) -> float:
+def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> float:
     """Log-likelihood ratio of a correct pose to a wrong one, from the share of points that fit.
 
     An overlap that ``chance`` alone explains is no evidence for either: the other points may be new ground, or dust.
     ``covered``: share of the image that the points cover.
     """
-    parts = covered * config.tiles**2 * config.image_share / config.correlated_tiles
+    parts = covered * TILES**2 * IMAGE_SHARE / CORRELATED_TILES
     return float(-np.log(chance) * parts * max(0.0, overlap - chance))
 
 
-def tiles_covered(pixels: Indices, width: int, config: BeliefConfig) -> float:
+def tiles_covered(pixels: Indices, width: int) -> float:
     """Share of an image's tiles in which (N, 2) pixels, row and column, lie; ``width`` of the image in pixels."""
-    row, column = (pixels * config.tiles // width).T
-    return len(np.unique(row * config.tiles + column)) / (config.tiles**2 * config.image_share)
+    row, column = (pixels * TILES // width).T
+    return len(np.unique(row * TILES + column)) / (TILES**2 * IMAGE_SHARE)
 
 
 def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:

@@ -1,9 +1,9 @@
 """Parameters of localisation."""
 
 from dataclasses import dataclass
-from math import radians, tau
+from math import radians
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, require_at_least, require_positive
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 
 
@@ -48,9 +48,10 @@ class RegistrationConfig:
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
-        """Check that a frame is registered at all."""
-        if self.rounds < 1:
-            raise InputError(f"localisation.registration.rounds = {self.rounds}: must be at least 1")
+        """InputError if nothing could be registered like this."""
+        section = "localisation.registration"
+        require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
+        require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "least_points")
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,13 @@ class OdometryConfig:
     slide_sigma: float = 0.2
     bias_sigma: float = 5e-5
 
+    def __post_init__(self) -> None:
+        """InputError if an error of the odometry is impossible."""
+        section = "localisation.odometry"
+        require_positive(section, self, "gravity_sigma", "turn_sigma", "way_sigma", "way_error_sigma")
+        require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma")
+        require_at_least(0, section, self, "turn_sigma_per_rad", "least_way", "slide_noise")
+
 
 @dataclass(frozen=True)
 class PoseGraphConfig:
@@ -110,47 +118,22 @@ class PoseGraphConfig:
 
 @dataclass(frozen=True)
 class BeliefConfig:
-    """How often the robot's motion goes wrong, and how much a frame says about where the robot is.
+    """How often the robot's motion goes wrong.
 
     Attributes:
         confidence: probability above which the robot is sure of its state; no single frame makes it surer.
         fault_way: mean distance driven between two slips, m, and likewise between two times that the robot is held,
             and between two losses of sight. No slip occurred in four recorded drives.
-        recovery_way: mean length of a slip, or of being held, as the wheels measure it, m.
         lift_time: mean time between two lifts of the robot, s; a mission of an hour has at most one.
-        tiles: number of tiles in a row of an image, whose depths are compared with the map: for the Xtion, 1.8° each.
-        correlated_tiles: number of tiles that count as one observation, since each is compared in a 3 × 3 window.
-        image_share: number of tiles in an image divided by the square of ``tiles``, for an aspect ratio of 4:3.
-        shown_here, missing_here: probabilities that a tile for which the map predicts a surface shows it, or has no
-            return, if the robot is where it believes to be. In 169 frames of unchanging arenas, 0.99 and 0.01 were
-            measured, and 0.0002 of the tiles contradicted the map. Tiles without a return come in patches, where
-            surfaces are dark or seen at a grazing angle, so they count for less.
-        shown_elsewhere, contradicted_elsewhere, missing_elsewhere: probabilities that such a tile agrees, contradicts
-            the map or has no return in a frame taken elsewhere, as measured in 281 such frames.
-        depth_tolerance: maximum difference between a measured depth and the map's, m: the diagonal of a voxel, 0.17,
-            and noise.
-        pose_error: error of the camera's position that is allowed for when a frame is compared with the map, m.
-        ray_step: depth between the samples of a ray, in voxels along the optical axis.
-        still_way, still_turn: maximum motion that the wheels measure between two frames if they are still, m and rad.
     """
 
     confidence: float = 0.99
     fault_way: float = 300.0
-    recovery_way: float = 1.0
     lift_time: float = 3600.0
-    tiles: int = 32
-    correlated_tiles: int = 9
-    image_share: float = 0.75
-    shown_here: float = 0.94
-    missing_here: float = 0.05
-    shown_elsewhere: float = 0.6
-    contradicted_elsewhere: float = 0.2
-    missing_elsewhere: float = 0.2
-    depth_tolerance: float = 0.2
-    pose_error: float = 0.1
-    ray_step: float = 0.25
-    still_way: float = 0.02
-    still_turn: float = radians(2)
+
+    def __post_init__(self) -> None:
+        """InputError if a rate would be infinite."""
+        require_positive("localisation.belief", self, "fault_way", "lift_time")
 
 
 @dataclass(frozen=True)
@@ -184,145 +167,13 @@ class SlamConfig:
     Attributes:
         local_deviation: keyframes with a smaller standard deviation relative to the reference, m, form the local map
             that frames are registered with. The others can only be matched by a loop.
-        found_deviation: standard deviation of a pose without odometry, m: where a carried robot was found, or after a
-            jump.
         jump: odometry that measures a greater distance since the reference, m, has jumped and is ignored.
-        least_extent: minimum size assumed for the map, m, when the robot may be anywhere in it.
-        held_sigma: standard deviation of the position of a robot that is held, m; for a robot that slips, it is added
-            to the distance driven.
         most_shares: maximum number of keyframes that a new one is connected to; the most informative are chosen.
-        stopped_way: a camera that shows the same image after a longer drive, m, has stopped.
-        foot_radius, ground_upward: radius of the disc under the robot in which ground is searched for, m, and the
-            minimum upward component of a ground normal.
-        ground_sigma: standard deviation of the mapped ground's height under the robot, m, as measured on half ramps.
-        least_ground_points: minimum number of ground points under the robot.
     """
 
     local_deviation: float = 0.1
-    found_deviation: float = 0.1
     jump: float = 1.0
-    least_extent: float = 1.0
-    held_sigma: float = 0.02
     most_shares: int = 6
-    stopped_way: float = 0.05
-    foot_radius: float = 0.25
-    ground_upward: float = 0.8
-    ground_sigma: float = 0.015
-    least_ground_points: int = 20
-
-
-@dataclass(frozen=True)
-class RelocalisationConfig:
-    """How a carried robot is found in its map.
-
-    Attributes:
-        least_frames: minimum number of frames; one corner of a room looks like another, especially in an incomplete
-            map.
-        patch: size of a patch, m; the frames' points are thinned to patches, which are matched with the map.
-        searched: number of patches that the search uses, drawn at random; also the minimum number of points.
-        headings: number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m,
-            which the voxel on either side of a surface allows for.
-        random_poses: number of random poses from which the probability is estimated that a patch meets a surface by
-            chance.
-        missed: probability that a patch lies in free space at the correct pose, relative to that at a random pose.
-        promising: a guess is considered if its evidence is more than this share of the best guess's; both may be off
-            by half a step.
-        most_guesses: maximum number of promising guesses; with more, the place is ambiguous.
-        same_place_way, same_place_turn: guesses closer together than this, m and rad, count as one.
-        registered_voxel: edge length of the voxels to which the frames' points are thinned for registration, m.
-        ground_tolerance: maximum height of a pose above or below the ground, m.
-        surface_tolerance: maximum distance from a surface of the map at which a patch lies on it, m.
-        least_explained: minimum share of the patches that lie on surfaces of the map.
-        rival: maximum likelihood of any other place, relative to the best one.
-        correlated_patches: number of patches that count as one observation, because neighbours fit, or fail to fit,
-            together.
-        drift: standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns.
-        most_uncertain: maximum standard deviation of the position at which a robot is found, m.
-    """
-
-    least_frames: int = 3
-    patch: float = 0.2
-    searched: int = 256
-    headings: int = 72
-    random_poses: int = 2000
-    missed: float = 0.05
-    promising: float = 0.7
-    most_guesses: int = 12
-    same_place_way: float = 0.3
-    same_place_turn: float = radians(15)
-    registered_voxel: float = 0.1
-    ground_tolerance: float = 0.1
-    surface_tolerance: float = 0.1
-    least_explained: float = 0.85
-    rival: float = 1e-4
-    correlated_patches: int = 3
-    drift: float = 0.1
-    most_uncertain: float = 0.05
-
-
-@dataclass(frozen=True)
-class DepthOdometryConfig:
-    """How motion is measured with an RGB-D camera alone.
-
-    Attributes:
-        guess_sigma: standard deviation of the next frame's pose about a guess, rad and m.
-        image_turn_sigma, image_way_sigma: the same about the pose from visual odometry, rad and m; small, because
-            along a plane GICP falsely measures no motion.
-        least_overlap: minimum share of a frame's points that were seen before, unless its image shows the motion.
-        most_blind: maximum number of consecutive frames with too few returns to register and no visual odometry; with
-            more, the pose is lost.
-        most_corners, least_corners: maximum number of corners, and minimum number that agree on a motion; at least
-            half of the tracked corners must agree, too.
-        corner_quality: minimum quality of a corner relative to the strongest.
-        corner_spacing: minimum distance between two corners, pixels.
-        pixel_error: maximum error of a corner, pixels, both against the motion and after tracking it there and back.
-    """
-
-    guess_sigma: float = 0.15
-    image_turn_sigma: float = 0.004
-    image_way_sigma: float = 0.008
-    least_overlap: float = 0.4
-    most_blind: int = 30
-    most_corners: int = 400
-    least_corners: int = 20
-    corner_quality: float = 0.01
-    corner_spacing: int = 8
-    pixel_error: float = 2.0
-
-
-@dataclass(frozen=True)
-class VerticalConfig:
-    """How the vertical is estimated from the surfaces in view.
-
-    Attributes:
-        stride: step between the rows and columns that are used, pixels.
-        least_points: minimum number of returns to find a floor.
-        trials: number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one
-            sample lies on it with a probability of 96 %.
-        on_floor: number of standard deviations of a depth within which a point lies on the floor.
-        steepest: maximum angle between the floor's normal and the image's upward direction, rad.
-        least_floor: minimum share of the returns that lie on the floor.
-        least_surfaces: minimum share of the surfaces that must distinguish the vertical from other directions.
-        most_below: maximum share of the returns that lie below the floor; a table has more, because the floor is
-            below it.
-        below: a point lies below the floor if it is lower by this many times the tolerance of ``on_floor``.
-        first_angle, last_angle: surfaces count if they are this close to horizontal or vertical, rad, in the first
-            and in the last rounds (values as published).
-        rounds: number of rounds with each angle.
-    """
-
-    stride: int = 6
-    least_points: int = 100
-    trials: int = 400
-    on_floor: float = 3.0
-    steepest: float = radians(60)
-    least_floor: float = 0.05
-    least_surfaces: float = 0.05
-    most_below: float = 0.02
-    below: float = 3.0
-    first_angle: float = radians(45)
-    last_angle: float = radians(15)
-    rounds: int = 5
 
 
 @dataclass(frozen=True)
@@ -346,14 +197,15 @@ class PoseCheckConfig:
         looks: number of views in the full turn that a robot makes when its pose is in doubt.
         carried_way: a robot that is found farther than this from its estimated position was carried, m.
         carried_turn: the same for its heading, rad.
-        blind_turn: a camera that shows nothing during a turn of this size, rad, although the map predicts returns, is
-            broken.
     """
 
     looks: int = 8
     carried_way: float = 0.3
     carried_turn: float = radians(15)
-    blind_turn: float = tau
+
+    def __post_init__(self) -> None:
+        """InputError if the robot would not look."""
+        require_at_least(1, "localisation.pose_check", self, "looks")
 
 
 @dataclass(frozen=True)
@@ -366,9 +218,6 @@ class LocalisationConfig:
     belief: BeliefConfig = BeliefConfig()
     loops: LoopConfig = LoopConfig()
     slam: SlamConfig = SlamConfig()
-    relocalisation: RelocalisationConfig = RelocalisationConfig()
-    depth_odometry: DepthOdometryConfig = DepthOdometryConfig()
-    vertical: VerticalConfig = VerticalConfig()
     trajectory: TrajectoryConfig = TrajectoryConfig()
     pose_check: PoseCheckConfig = PoseCheckConfig()
     keyframes: KeyframePolicy = KeyframePolicy()

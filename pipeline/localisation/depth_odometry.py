@@ -10,12 +10,31 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Mask, Pose, Values
 from pipeline.frame import Frame
-from pipeline.localisation.config import DepthOdometryConfig, LocalisationConfig
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import angle_of, from_rotation, inverse, transform_places
+
+GUESS_SIGMA = 0.15
+"""Standard deviation of the next frame's pose about a guess, rad and m."""
+IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA = 0.004, 0.008
+"""The same about the pose from visual odometry, rad and m; small, because along a plane GICP falsely measures no
+motion."""
+LEAST_OVERLAP = 0.4
+"""Minimum share of a frame's points that were seen before, unless its image shows the motion."""
+MOST_BLIND = 30
+"""Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
+is lost."""
+MOST_CORNERS, LEAST_CORNERS = 400, 20
+"""Maximum number of corners, and minimum number that agree on a motion; at least half of the tracked ones must."""
+CORNER_QUALITY = 0.01
+"""Minimum quality of a corner relative to the strongest."""
+CORNER_SPACING = 8
+"""Minimum distance between two corners, pixels."""
+PIXEL_ERROR = 2.0
+"""Maximum error of a corner, pixels, both against the motion and after tracking it there and back."""
 
 
 class DepthOdometry:
@@ -39,11 +58,11 @@ class DepthOdometry:
         Raises:
             LostError: the frame overlaps too little with earlier ones, or too many frames in a row have no depth.
         """
-        registration, most_blind = self._config.registration, self._config.depth_odometry.most_blind
+        registration = self._config.registration
         cloud, by_image = cloud_of_frame(frame, registration), self._by_image(frame)
         if cloud is None:
             self._blind = 0 if by_image is not None else self._blind + 1
-            if self._blind > most_blind:
+            if self._blind > MOST_BLIND:
                 found = f"{self._blind} frames in a row had too little depth for registration"
                 raise LostError(f"up to {frame.time:.2f} s, {found}")
             self._T = self._T if by_image is None else by_image
@@ -68,7 +87,7 @@ class DepthOdometry:
         if self._shown is None:
             return None
         last, T = self._shown
-        motion = visual_motion(last, frame, self._config.depth_odometry)
+        motion = visual_motion(last, frame)
         return None if motion is None else T @ last.T_base_camera @ motion @ inverse(frame.T_base_camera)
 
     def _find(self, frame: Frame, cloud: small_gicp.PointCloud, by_image: Pose | None) -> tuple[Pose, Target | None]:
@@ -77,16 +96,15 @@ class DepthOdometry:
         Registration starts at the pose from visual odometry, which is kept if no earlier points are near. Without it,
         or if surfaces contradict it, registration starts both at the last pose and at a repeated last motion.
         """
-        config = self._config.depth_odometry
         if by_image is not None:
-            sigmas = np.repeat([config.image_turn_sigma, config.image_way_sigma], 3)
+            sigmas = np.repeat([IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA], 3)
             seen = self._best(frame, cloud, [by_image], sigmas)
             # Corners in noise or in a repeated pattern may agree on a wrong motion.
             if seen is None or seen[1].fits:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
-        sigmas = np.full(6, config.guess_sigma) * (1 + self._blind)
+        sigmas = np.full(6, GUESS_SIGMA) * (1 + self._blind)
         best = self._best(frame, cloud, [self._T, self._T @ self._motion], sigmas)
-        if best is None or best[1].overlap < config.least_overlap:
+        if best is None or best[1].overlap < LEAST_OVERLAP:
             raise LostError(f"the frame at {frame.time:.2f} s overlaps earlier frames too little to be registered")
         return best[1].T, best[0]
 
@@ -105,7 +123,7 @@ class DepthOdometry:
         return max(found, key=lambda pair: pair[1].overlap, default=None)
 
 
-def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> Pose | None:
+def visual_motion(before: Frame, after: Frame) -> Pose | None:
     """``T_before_after`` of the camera; None if too few corners agree.
 
     Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). PnP with
@@ -113,14 +131,14 @@ def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> P
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(
-        first, config.most_corners, config.corner_quality, config.corner_spacing, mask=before.returns.astype(np.uint8)
+        first, MOST_CORNERS, CORNER_QUALITY, CORNER_SPACING, mask=before.returns.astype(np.uint8)
     )
-    if corners is None or len(corners) < config.least_corners:
+    if corners is None or len(corners) < LEAST_CORNERS:
         return None
     there, found = _followed(first, second, corners)
     back, found_back = _followed(second, first, there)
-    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < config.pixel_error)
-    if np.count_nonzero(good) < config.least_corners:
+    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < PIXEL_ERROR)
+    if np.count_nonzero(good) < LEAST_CORNERS:
         return None
     columns, rows = np.rint(np.asarray(corners)[good, 0]).astype(int).T
     points = before.intrinsics.rays[rows, columns] * before.depth[rows, columns, None]
@@ -129,9 +147,9 @@ def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> P
         there[good].astype(np.float64),
         after.intrinsics.matrix,
         None,
-        reprojectionError=config.pixel_error,
+        reprojectionError=PIXEL_ERROR,
     )
-    if not ok or inliers is None or len(inliers) < max(config.least_corners, np.count_nonzero(good) / 2):
+    if not ok or inliers is None or len(inliers) < max(LEAST_CORNERS, np.count_nonzero(good) / 2):
         return None
     return inverse(from_rotation(Rotation.from_rotvec(turn.ravel()).as_matrix(), way.ravel()))
 

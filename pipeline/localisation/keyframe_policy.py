@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 
 from pipeline.arrays import Pose
-from pipeline.errors import InputError
+from pipeline.errors import require_at_least, require_positive
 from pipeline.transforms import angle_of, inverse
 
 
@@ -28,10 +28,9 @@ class KeyframePolicy:
     labelled_every: int = 6
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name, least in (("way", 0.0), ("turn", 0.0), ("labelled_every", 0)):
-            if not getattr(self, name) > least:
-                raise InputError(f"localisation.keyframes.{name} = {getattr(self, name)}: must be above {least:g}")
+        """InputError if keyframes cannot be spaced like this."""
+        require_positive("localisation.keyframes", self, "way", "turn")
+        require_at_least(1, "localisation.keyframes", self, "labelled_every")
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
         """Whether a pose is far enough from that of the last keyframe to take a new one."""

@@ -8,6 +8,11 @@ from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.registration import Target, front_normals
 from pipeline.transforms import transform_places
 
+FOOT_RADIUS = 0.25
+"""Radius of the disc under the robot in which ground is searched for, m."""
+GROUND_UPWARD = 0.8
+"""Minimum upward component of a ground normal."""
+
 
 class LocalMap:
     """Points in the frame of the keyframe that owns them, so that they move with it when its pose is corrected.
@@ -56,11 +61,11 @@ class LocalMap:
 
         ``owners``: whether each keyframe's points may be used.
         """
-        (at, normals), radius = self._in_map, self._config.slam.foot_radius
-        near = self._within(T_map_base[:3, 3] - radius, T_map_base[:3, 3] + radius, owners)
-        near = near[normals[near, 2] > self._config.slam.ground_upward]
+        at, normals = self._in_map
+        near = self._within(T_map_base[:3, 3] - FOOT_RADIUS, T_map_base[:3, 3] + FOOT_RADIUS, owners)
+        near = near[normals[near, 2] > GROUND_UPWARD]
         x, y, z = ((at[near] - T_map_base[:3, 3]) @ T_map_base[:3, :3]).T
-        is_below = np.hypot(x, y) < radius
+        is_below = np.hypot(x, y) < FOOT_RADIUS
         return z[is_below], self.owner[near][is_below]
 
     def _within(self, low: Place, high: Place, owners: Mask) -> Indices:

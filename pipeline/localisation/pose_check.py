@@ -5,6 +5,7 @@ Nothing here moves the robot: a check that needs another view asks its caller, w
 
 from collections.abc import Callable
 from itertools import pairwise
+from math import tau
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import angle_of, inverse, yaw_of
+
+BLIND_TURN = tau
+"""A camera that shows nothing during a turn of this size, rad, although the map predicts returns, is broken."""
 
 
 class Confirmed(NamedTuple):
@@ -115,7 +119,7 @@ class PoseCheck:
         if not self._localisation.may_err:
             return
         belief, config = self._belief, self._belief.config
-        found, changed = self._agreement(localised), None if last is None else change(localised.frame, last, config)
+        found, changed = self._agreement(localised), None if last is None else change(localised.frame, last)
         found = found._replace(expected=found.known) if is_driving else found
         if changed is not None and changed.shows_another_place(config):
             found = Agreement.of([found, changed])
@@ -134,11 +138,11 @@ class PoseCheck:
         if frame.returns.any():
             self._has_seen = True
             self._T_odom_unseen.clear()
-        elif not self._has_seen or self._agreement(localised).expects_enough(self._belief.config):
+        elif not self._has_seen or self._agreement(localised).expects_enough:
             self._T_odom_unseen.append(frame.T_odom_base)
         moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
-        if way > frame.sensor.nearest or sum(map(angle_of, moves)) > self._config.blind_turn:
+        if way > frame.sensor.nearest or sum(map(angle_of, moves)) > BLIND_TURN:
             raise LostError(
                 f"up to {frame.time:.2f} s, the camera measured no depth in {len(moves) + 1} frames in a row"
             )
@@ -157,7 +161,7 @@ class PoseCheck:
         return 2 * np.pi / self._config.looks
 
     def _agreement(self, localised: Localised) -> Agreement:
-        return agreement(localised.frame, localised.T_map_camera, self._metric_map, self._belief.config)
+        return agreement(localised.frame, localised.T_map_camera, self._metric_map)
 
     def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
         """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""

@@ -5,6 +5,7 @@ gravity gives roll and pitch, and the elevation map gives the height. The best p
 """
 
 from enum import IntEnum
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +20,49 @@ from pipeline.frame import Frame
 from pipeline.geometry.thinning import voxel_means
 from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.belief import disproves
-from pipeline.localisation.config import LocalisationConfig, RelocalisationConfig
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.pose_graph import spread
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, wrap_angle, yaw_of
+
+LEAST_FRAMES = 3
+"""Minimum number of frames; one corner of a room looks like another, especially in an incomplete map."""
+PATCH = 0.2
+"""Size of a patch, m; the frames' points are thinned to patches, which are matched with the map."""
+REGISTERED_VOXEL = 0.1
+"""Edge length of the voxels to which the frames' points are thinned for registration, m."""
+GROUND_TOLERANCE = 0.1
+"""Maximum height of a pose above or below the ground, m."""
+SURFACE_TOLERANCE = 0.1
+"""Maximum distance from a surface of the map at which a patch lies on it, m."""
+LEAST_EXPLAINED = 0.85
+"""Minimum share of the patches that lie on surfaces of the map."""
+RIVAL = 1e-4
+"""Maximum likelihood of any other place, relative to the best one."""
+CORRELATED_PATCHES = 3
+"""Number of patches that count as one observation, because neighbours fit, or fail to fit, together."""
+DRIFT = 0.1
+"""Standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns."""
+MOST_UNCERTAIN = 0.05
+"""Maximum standard deviation of the position at which a robot is found, m."""
+SEARCHED = 256
+"""Number of patches that the search uses, drawn at random; also the minimum number of points."""
+HEADINGS = 72
+"""Number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m, which the
+voxel on either side of a surface allows for."""
+RANDOM_POSES = 2000
+"""Number of random poses from which the probability is estimated that a patch meets a surface by chance."""
+MISSED = 0.05
+"""Probability that a patch lies in free space at the correct pose, relative to that at a random pose."""
+PROMISING = 0.7
+"""A guess is considered if its evidence is more than this share of the best guess's; both may be off by half a
+step."""
+MOST_GUESSES = 12
+"""Maximum number of promising guesses; with more, the place is ambiguous."""
+SAME_PLACE_WAY, SAME_PLACE_TURN = 0.3, radians(15)
+"""Guesses closer together than this, m and rad, count as one."""
 
 
 class VoxelState(IntEnum):
@@ -94,10 +132,10 @@ class Guess(NamedTuple):
     T_map_level: Pose
     evidence: float
 
-    def is_near(self, T_map_level: Pose, config: RelocalisationConfig) -> bool:
+    def is_near(self, T_map_level: Pose) -> bool:
         """Whether a pose is the same to within the accuracy of the search."""
         T = inverse(self.T_map_level) @ T_map_level
-        return bool(np.hypot(*T[:2, 3]) < config.same_place_way and abs(yaw_of(T)) < config.same_place_turn)
+        return bool(np.hypot(*T[:2, 3]) < SAME_PLACE_WAY and abs(yaw_of(T)) < SAME_PLACE_TURN)
 
 
 def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel) -> Places:
@@ -112,7 +150,7 @@ def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel)
     return places[~np.any(filled, axis=0)]
 
 
-def weigh(points: Places, places: Places, field: VoxelField, config: RelocalisationConfig) -> NDArray[np.float32]:
+def weigh(points: Places, places: Places, field: VoxelField) -> NDArray[np.float32]:
     """The weight of each point of a cloud as evidence, from how often random poses explain the point.
 
     Level ground, found almost anywhere, weighs little; a wall weighs much, and a point in unknown space nothing.
@@ -121,33 +159,30 @@ def weigh(points: Places, places: Places, field: VoxelField, config: Relocalisat
         points: (P, 3) points relative to the levelled robot.
         places: positions where the robot may be.
         field: voxel states of the map.
-        config: settings of the search.
 
     Returns:
         (P, 3) log-likelihood ratios of the correct pose to a random one, if the point is in UNKNOWN, SURFACE or FREE.
     """
     rng = np.random.default_rng(0)
     counts = np.zeros((len(points), 3), np.int64)
-    at = field.voxel(places[rng.integers(len(places), size=config.random_poses)])
-    yaws = rng.choice(headings(config), config.random_poses)
+    at = field.voxel(places[rng.integers(len(places), size=RANDOM_POSES)])
+    yaws = rng.choice(headings(), RANDOM_POSES)
     count_values((points / field.size).astype(np.float32), at, yaws, field.voxels, counts)
     counts += 1  # Laplace's rule of succession
     _, surface, empty = counts.T
     free = empty / (empty + surface)
     gain = np.zeros(counts.shape, np.float32)
-    gain[:, VoxelState.SURFACE] = np.log((1 - config.missed * free) / (1 - free))
-    gain[:, VoxelState.FREE] = np.log(config.missed)
+    gain[:, VoxelState.SURFACE] = np.log((1 - MISSED * free) / (1 - free))
+    gain[:, VoxelState.FREE] = np.log(MISSED)
     return gain
 
 
-def headings(config: RelocalisationConfig) -> Values:
+def headings() -> Values:
     """The headings to try, rad."""
-    return np.linspace(0, 2 * np.pi, config.headings, endpoint=False)
+    return np.linspace(0, 2 * np.pi, HEADINGS, endpoint=False)
 
 
-def search(
-    points: Places, gain: NDArray[np.float32], places: Places, field: VoxelField, config: RelocalisationConfig
-) -> list[Guess]:
+def search(points: Places, gain: NDArray[np.float32], places: Places, field: VoxelField) -> list[Guess]:
     """The promising poses, the best first; none if there are too many to distinguish.
 
     Args:
@@ -155,21 +190,20 @@ def search(
         gain: (P, 3) weights of the points, from :func:`weigh`.
         places: positions where the robot may be.
         field: voxel states of the map.
-        config: settings of the search.
     """
-    some, yaws = np.random.default_rng(0).permutation(len(points))[: config.searched], headings(config)
+    some, yaws = np.random.default_rng(0).permutation(len(points))[:SEARCHED], headings()
     scores = np.empty((len(places), len(yaws)), np.float32)
     cloud = (points[some] / field.size).astype(np.float32)
     score(cloud, gain[some], field.voxel(places), yaws, field.voxels, scores)
-    least, guesses = config.promising * scores.max(), list[Guess]()
-    while len(guesses) <= config.most_guesses:
+    least, guesses = PROMISING * scores.max(), list[Guess]()
+    while len(guesses) <= MOST_GUESSES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)
         if scores[n, m] <= max(least, 0):
             return guesses
         x, y, z = places[n].tolist()
         guesses.append(Guess(from_yaw(x, y, z, yaws[m]), float(scores[n, m])))
-        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < config.same_place_way
-        turned = np.abs(wrap_angle(yaws - yaws[m])) < config.same_place_turn
+        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < SAME_PLACE_WAY
+        turned = np.abs(wrap_angle(yaws - yaws[m])) < SAME_PLACE_TURN
         scores[np.ix_(beside, turned)] = -np.inf
     return []
 
@@ -195,7 +229,7 @@ class MapPoints:
     def are_near(self, points: Points) -> Mask:
         """Which of the ``points``, in ``map``, have a point of the map nearby."""
         _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
-        return np.asarray(np.asarray(squared) < self._config.relocalisation.surface_tolerance**2)
+        return np.asarray(np.asarray(squared) < SURFACE_TOLERANCE**2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: Pose) -> Pose:
         """The registered pose of a levelled cloud; it stays level."""
@@ -208,7 +242,7 @@ class MapPoints:
 
         None if the position is too uncertain.
         """
-        T, registration, config = T_map_level, self._config.registration, self._config.relocalisation
+        T, registration = T_map_level, self._config.registration
         for reach in (registration.coarse, registration.fine):
             result = self._register(cloud, T, reach)
             T = result.T_target_source
@@ -217,10 +251,10 @@ class MapPoints:
         # The errors of points closer together than a correspondence count as one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
         # A robot on a slope slides while it looks around.
-        drift = spread(config.drift, registration.lever)
+        drift = spread(DRIFT, registration.lever)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
-        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > config.most_uncertain**2:
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MOST_UNCERTAIN**2:
             return None
         change = covariance @ information @ change
         return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
@@ -261,32 +295,32 @@ class Relocalisation:
             ``T_map_base`` of the newest frame; None if in doubt, because no place fits, more than one fits, or too
             little is mapped there.
         """
-        config, registration = self._config.relocalisation, self._config.registration
-        if len(self.frames) < config.least_frames or not len(points):
+        registration = self._config.registration
+        if len(self.frames) < LEAST_FRAMES or not len(points):
             return None
         # Thin what the frames show, levelled, to patches, and list where on mapped ground the robot may stand.
         cloud = np.vstack([*map(self._points, self.frames)])
-        if len(cloud) < config.searched:
+        if len(cloud) < SEARCHED:
             return None
-        patches = voxel_means(cloud, config.patch)
+        patches = voxel_means(cloud, PATCH)
         field = VoxelField.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
         # Try every heading there.
-        gain = weigh(patches, places, field, config)
-        guesses = search(patches, gain, places, field, config)
+        gain = weigh(patches, places, field)
+        guesses = search(patches, gain, places, field)
         target = MapPoints(points, guesses, field.border[0] + registration.coarse, self._config)
         if target.is_empty:
             return None
         # Register the promising poses, and weigh again each distinct one on the ground, or where it is unknown.
-        source, _ = target.prepared(cloud, config.registered_voxel)
+        source, _ = target.prepared(cloud, REGISTERED_VOXEL)
         found: list[tuple[Guess, float]] = []
         for guess in guesses:
             T = target.align(source, guess.T_map_level)
             ground = elevation_map.grid.at(elevation_map.elevation, T[:2, 3], outside=np.nan)
-            is_new = not any(place.is_near(T, config) for place, _ in found)
-            if is_new and not abs(T[2, 3] - ground) > config.ground_tolerance:
+            is_new = not any(place.is_near(T) for place, _ in found)
+            if is_new and not abs(T[2, 3] - ground) > GROUND_TOLERANCE:
                 moved = transform_points(T, patches)
                 covered, is_unknown = target.are_near(moved), field.at(moved) == VoxelState.UNKNOWN
                 empty = np.where(is_unknown, VoxelState.UNKNOWN, VoxelState.FREE)
@@ -295,10 +329,10 @@ class Relocalisation:
                 found.append((Guess(T, evidence), float(covered.mean())))
         # Accept the best if the map covers it, and if it is far likelier than any other and than chance.
         found.sort(key=lambda place: -place[0].evidence)
-        if not found or found[0][1] < config.least_explained:
+        if not found or found[0][1] < LEAST_EXPLAINED:
             return None
         best, rival = found[0][0], found[1][0].evidence if len(found) > 1 else 0.0
-        is_clear = (best.evidence - rival) / config.correlated_patches > -np.log(config.rival)
+        is_clear = (best.evidence - rival) / CORRELATED_PATCHES > -np.log(RIVAL)
         if not is_clear or self._contradicts(best.T_map_level, metric_map):
             return None
         return self._correct(best.T_map_level, target)
@@ -315,15 +349,15 @@ class Relocalisation:
 
     def _contradicts(self, T_map_level: Pose, metric_map: MetricMap) -> bool:
         """Whether the frames contradict the map if the robot is at a pose."""
-        T_map_odom, config = T_map_level @ self._T_level_odom, self._config.belief
-        parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map, config) for f in self.frames)
+        T_map_odom = T_map_level @ self._T_level_odom
+        parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames)
         found = Agreement.of(parts)
-        return disproves(found.explained, found.short + found.through, config)
+        return disproves(found.explained, found.short + found.through, self._config.belief)
 
     def _correct(self, T_map_level: Pose, target: MapPoints) -> Pose | None:
         """``T_map_base`` corrected with the newest frame alone, because wheels slide while the robot looks around."""
         points = self._points(self.frames[-1])
-        if len(points) < self._config.relocalisation.searched:
+        if len(points) < SEARCHED:
             return None
         cloud, _ = target.prepared(points, self._config.registration.voxel)
         corrected = target.correct(cloud, T_map_level)

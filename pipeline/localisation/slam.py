@@ -37,6 +37,20 @@ from pipeline.localisation.registration import (
 )
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_places, transform_points
 
+FOUND_DEVIATION = 0.1
+"""Standard deviation of a pose without odometry, m: where a carried robot was found, or after a jump."""
+LEAST_EXTENT = 1.0
+"""Minimum size assumed for the map, m, when the robot may be anywhere in it."""
+HELD_SIGMA = 0.02
+"""Standard deviation of the position of a robot that is held, m; for a robot that slips, it is added to the distance
+driven."""
+STOPPED_WAY = 0.05
+"""A camera that shows the same image after a longer drive, m, has stopped."""
+GROUND_SIGMA = 0.015
+"""Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
+LEAST_GROUND_POINTS = 20
+"""Minimum number of ground points under the robot."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Match(Localised):
@@ -198,7 +212,7 @@ class Slam(Localisation):
         return match
 
     def _found_sigmas(self) -> Values:
-        return spread(self._config.slam.found_deviation, self._config.registration.lever)
+        return spread(FOUND_DEVIATION, self._config.registration.lever)
 
     def _refer(self, keyframe: int, T_keyframe_base: Pose, frame: Frame) -> None:
         """Measure motions from now on from a frame, whose pose is relative to a keyframe."""
@@ -271,7 +285,7 @@ class Slam(Localisation):
         moved = inverse(last.T_odom_base) @ frame.T_odom_base
         way = float(np.linalg.norm(moved[:3, 3]))
         is_same = np.array_equal(last.depth, frame.depth) and frame.returns.any()
-        if is_same and way > self._config.slam.stopped_way:
+        if is_same and way > STOPPED_WAY:
             raise LostError(
                 f"the depth image at {frame.time:.2f} s equals the previous one although the robot has moved"
             )
@@ -353,7 +367,7 @@ class Slam(Localisation):
             likely[state] = log_likelihood(registration, target, frame, config)
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
-        reach = max(config.slam.least_extent, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
+        reach = max(LEAST_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
         level = by_gravity(motion.T, frame, config.odometry.gravity_sigma)
         anywhere = level.information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
         likely[MotionState.CARRIED] = -min(motion.surprise, occam_factor(anywhere, motion.information))
@@ -368,12 +382,11 @@ class Slam(Localisation):
 
         In a narrow place, the camera sees only walls, which do not determine the robot's height.
         """
-        config = self._config.slam
         heights, owners = self.local_map.ground_below(T_map_base, self._local)
-        if not self.on_ground or len(heights) < config.least_ground_points:
+        if not self.on_ground or len(heights) < LEAST_GROUND_POINTS:
             return None
         lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
-        information = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, config.ground_sigma**-2])
+        information = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, GROUND_SIGMA**-2])
         return Share(int(np.bincount(owners).argmax()), lifted, information)
 
     def _find_loop(self, number: int, match: Match) -> None:
@@ -430,9 +443,9 @@ def log_likelihood(registration: Registration, target: Target, frame: Frame, con
     chance, fine = config.registration.chance_overlap, config.registration.fine
     pixels, z, depth = in_view(frame, registration.T, target.points)
     shown = float(np.mean(np.abs(depth - z) < fine)) if len(z) else 0.0
-    covered = tiles_covered(pixels, frame.intrinsics.width, config.belief)
+    covered = tiles_covered(pixels, frame.intrinsics.width)
     fits = (registration.overlap, 1.0), (shown, covered)
-    fit = max(evidence_of_overlap(share, chance, config.belief, part) for share, part in fits)
+    fit = max(evidence_of_overlap(share, chance, part) for share, part in fits)
     return fit - registration.surprise
 
 
@@ -450,7 +463,7 @@ def otherwise(
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
-    stay = config.slam.held_sigma
+    stay = HELD_SIGMA
     way = stay + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
     rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
     held, slips = (

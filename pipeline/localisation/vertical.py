@@ -1,15 +1,43 @@
 """Estimate the vertical from the surfaces that a camera sees, for recordings that do not provide it."""
 
+from math import radians
+
 import numpy as np
 
 from pipeline.arrays import Direction, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.geometry.planes import distances, planes_through
-from pipeline.localisation.config import LocalisationConfig, VerticalConfig
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import from_rotation, inverse, level
+
+FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)
+"""Surfaces count if they are this close to horizontal or vertical, rad, in the first and in the last rounds (values
+as published)."""
+ROUNDS = 5
+"""Number of rounds with each angle."""
+LEAST_SURFACES = 0.05
+"""Minimum share of the surfaces that must distinguish the vertical from other directions."""
+
+STRIDE = 6
+"""Step between the rows and columns that are searched for a floor, pixels."""
+LEAST_POINTS = 100
+"""Minimum number of returns to find a floor."""
+TRIALS = 400
+"""Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
+with a probability of 96 %."""
+ON_FLOOR = 3.0
+"""Number of standard deviations of a depth within which a point lies on the floor."""
+STEEPEST = radians(60)
+"""Maximum angle between the floor's normal and the image's upward direction, rad."""
+LEAST_FLOOR = 0.05
+"""Minimum share of the returns that lie on the floor."""
+MOST_BELOW = 0.02
+"""Maximum share of the returns that lie below the floor; a table has more, because the floor is below it."""
+BELOW = 3.0
+"""A point lies below the floor if it is lower by this many times the tolerance of ``ON_FLOOR``."""
 
 
 def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) -> Direction | None:
@@ -18,22 +46,22 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
     Floors and tables are horizontal, walls and cupboards vertical; a wall alone does not suffice. Method: S. Gupta,
     P. Arbeláez and J. Malik, "Perceptual Organization and Recognition of Indoor Scenes from RGB-D Images", CVPR 2013.
     """
-    cloud, c = cloud_of_frame(frame, config.registration), config.vertical
+    cloud = cloud_of_frame(frame, config.registration)
     if cloud is None:
         return None
     normals = front_normals(cloud, frame.T_base_camera[:3, 3])
     up = -frame.T_base_camera[:3, 1]
-    for angle in np.repeat([c.first_angle, c.last_angle], c.rounds):
+    for angle in np.repeat([FIRST_ANGLE, LAST_ANGLE], ROUNDS):
         along = np.abs(normals @ up)
         horizontal, upright = normals[along > np.cos(angle)], normals[along < np.sin(angle)]
         values, directions = np.linalg.eigh(upright.T @ upright - horizontal.T @ horizontal)
-        if values[1] - values[0] < c.least_surfaces * len(normals):
+        if values[1] - values[0] < LEAST_SURFACES * len(normals):
             return None
         up = directions[:, 0] * np.sign(directions[:, 0] @ up)
     return up
 
 
-def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> Pose:
+def T_floor_camera(frame: Frame) -> Pose:
     """Pose of ``camera_optical`` above the floor that it sees, in the frame of :func:`T_level_camera`.
 
     The floor is the plane with the most returns among those that face upward in the image and have nothing below.
@@ -41,20 +69,20 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
     Raises:
         InputError: there is no such plane, or there are too few returns.
     """
-    depth, rays = (image[:: config.stride, :: config.stride] for image in (frame.depth, frame.intrinsics.rays))
+    depth, rays = (image[::STRIDE, ::STRIDE] for image in (frame.depth, frame.intrinsics.rays))
     shown = depth > 0
     points = rays[shown].astype(np.float64) * depth[shown, None]
-    if len(points) < config.least_points:
-        needed = f"at least {config.least_points} to find the floor"
+    if len(points) < LEAST_POINTS:
+        needed = f"at least {LEAST_POINTS} to find the floor"
         raise InputError(f"the frame at {frame.time:.2f} s has only {len(points)} depths; it needs {needed}")
-    tolerance = config.on_floor * frame.sensor.sigma(points[:, 2])
-    best, most = None, config.least_floor * len(points)
-    planes = planes_through(points[np.random.default_rng(0).integers(0, len(points), (config.trials, 3))])
+    tolerance = ON_FLOOR * frame.sensor.sigma(points[:, 2])
+    best, most = None, LEAST_FLOOR * len(points)
+    planes = planes_through(points[np.random.default_rng(0).integers(0, len(points), (TRIALS, 3))])
     for plane in planes * -np.sign(planes[:, 1:2]):  # pointing up in the image
         height = distances(points, plane)
         on = np.abs(height) < tolerance
-        is_free_below = np.mean(height < -config.below * tolerance) < config.most_below
-        if -plane[1] > np.cos(config.steepest) and on.sum() > most and is_free_below:
+        is_free_below = np.mean(height < -BELOW * tolerance) < MOST_BELOW
+        if -plane[1] > np.cos(STEEPEST) and on.sum() > most and is_free_below:
             best, most = on, on.sum()
     if best is None:
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to determine the vertical from")
@@ -64,10 +92,10 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
     return T_level_camera(up, float(up @ middle))
 
 
-def T_lowest_camera(frame: Frame, up: Direction, config: VerticalConfig = VerticalConfig()) -> Pose:
+def T_lowest_camera(frame: Frame, up: Direction) -> Pose:
     """Pose of the camera above the lowest surface that it sees; ``up``: the vertical in ``camera_optical``."""
     heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
-    return T_level_camera(up, float(np.quantile(heights, config.most_below)))
+    return T_level_camera(up, float(np.quantile(heights, MOST_BELOW)))
 
 
 def T_level_camera(up: Direction, floor: float) -> Pose:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState
-from pipeline.localisation.config import VerticalConfig
 from pipeline.localisation.vertical import T_floor_camera
 from pipeline.navigation.config import FaultConfig
 
@@ -39,10 +38,10 @@ class Faults:
         all: all faults in the order in which they were noticed.
     """
 
-    def __init__(self, config: FaultConfig = FaultConfig(), vertical: VerticalConfig = VerticalConfig()) -> None:
-        """Start without faults; ``vertical``: how the floor is found."""
+    def __init__(self, config: FaultConfig = FaultConfig()) -> None:
+        """Start without faults."""
         self.all: list[Fault] = []
-        self._config, self._vertical = config, vertical
+        self._config = config
 
     def note(self, kind: str, time: float, text: str) -> None:
         """Add a fault noticed at a time, s, unless it equals the newest one, which then persists."""
@@ -58,7 +57,7 @@ class Faults:
         """Note a fault if the floor seen at the start is not at the expected distance below the camera."""
         height = float(frame.T_base_camera[2, 3])
         try:
-            seen = float(T_floor_camera(frame, self._vertical)[2, 3])
+            seen = float(T_floor_camera(frame)[2, 3])
         except InputError:  # No floor is in view
             return
         if abs(seen - height) > self._config.depth_scale * height:

@@ -136,10 +136,7 @@ def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
     """Check a mapper's map against its keyframes and its localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // CHECKED]
-    belief = mapper.belief.config
-    whole = Agreement.of(
-        agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map, belief) for seen, T in checked
-    )
+    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     slam = mapper.localisation
     deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
     return Trust(1 - whole.share, float(deviations.max()), config)

@@ -8,8 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.config import PipelineConfig
+from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
+from pipeline.localisation.config import BeliefConfig, OdometryConfig, PoseCheckConfig, RegistrationConfig
+from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import KINDS
 from pipeline.tracks.objects import policy_of
@@ -87,3 +90,20 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         assert called.foreign == set()
         policy_of("heat", TracksConfig())
     assert called.foreign == {"finds/objects.py policy_of: TracksConfig"}
+
+
+@pytest.mark.parametrize(
+    ("config", "field", "wrong"),
+    [
+        (KeyframePolicy, "way", 0.0),
+        (KeyframePolicy, "labelled_every", 0),
+        (RegistrationConfig, "rounds", 0),
+        (OdometryConfig, "way_sigma", 0.0),
+        (OdometryConfig, "least_way", -0.1),
+        (BeliefConfig, "fault_way", 0.0),
+        (PoseCheckConfig, "looks", 0),
+    ],
+)
+def test_a_number_that_cannot_work_is_refused(config: type, field: str, wrong: float) -> None:
+    with pytest.raises(InputError, match=rf"{field} = {wrong}: must be"):
+        config(**{field: wrong})

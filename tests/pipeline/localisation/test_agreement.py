@@ -29,20 +29,20 @@ def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarra
     for yaw in np.deg2rad([-2.0, 0.0, 2.0]):
         for towards in np.arange(8) * np.pi / 4:
             error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
-            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room().metric_map, CONFIG)
+            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room().metric_map)
             assert found.known > 100
             assert odds(found) < -SURE / 2
 
 
 @pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])
 def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> None:
-    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room().metric_map, CONFIG)
+    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room().metric_map)
     assert odds(found) == pytest.approx(SURE)
     assert found.short + found.through == found.known - found.explained > 0
 
 
 def test_what_the_map_does_not_know_counts_neither_way() -> None:
-    found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap(), CONFIG)
+    found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap())
     assert (found.known, found.share, odds(found)) == (0, 1.0, 0.0)
     assert found.seen > 100
 
@@ -53,35 +53,35 @@ def test_specks_of_dust_are_no_contradiction() -> None:
     dusty = replace(
         frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
     )
-    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG)) < -SURE / 2
+    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room().metric_map)) < -SURE / 2
 
 
 def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
     frame = seen(ROOM, HERE)
     blind = replace(frame, depth=np.zeros_like(frame.depth))
-    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG) for f in (frame, blind))
+    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room().metric_map) for f in (frame, blind))
     assert there.known > 0.9 * there.expected > 100
     assert (nothing.known, nothing.expected) == (0, there.expected)
     assert odds(nothing, MotionState.BLIND) == pytest.approx(SURE)
     assert odds(there, MotionState.BLIND) == pytest.approx(-SURE)
-    assert nothing.expects_enough(CONFIG)
-    assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap(), CONFIG).expects_enough(CONFIG)
+    assert nothing.expects_enough
+    assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).expects_enough
 
 
 @pytest.mark.parametrize("to", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(0.3, 2.0, 0.0, np.pi)])
 def test_a_robot_whose_view_changed_while_its_wheels_stood_was_carried(to: np.ndarray) -> None:
     before = seen(ROOM, HERE)
     carried = replace(seen(ROOM, to, seed=1), T_odom_base=before.T_odom_base)
-    changed = change(carried, before, CONFIG)
+    changed = change(carried, before)
     assert changed is not None
     assert max(odds(changed), odds(changed, MotionState.BLIND)) == pytest.approx(SURE)
-    assert change(seen(ROOM, to, seed=1), before, CONFIG) is None, "by its wheels it drove there"
+    assert change(seen(ROOM, to, seed=1), before) is None, "by its wheels it drove there"
 
 
 def test_noise_and_a_small_move_show_the_same_place() -> None:
     before = seen(ROOM, HERE)
     for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
-        changed = change(seen(ROOM, HERE @ move, seed=2), before, CONFIG)
+        changed = change(seen(ROOM, HERE @ move, seed=2), before)
         assert changed is not None
         assert odds(changed) < -SURE / 2
 
@@ -92,7 +92,7 @@ def test_a_camera_of_any_size_is_compared_tile_by_tile(width: int, height: int) 
     depth = np.full((height, width), 2.0, np.float32)
     frame = replace(seen(ROOM, HERE), rgb=np.zeros((height, width, 3), np.uint8), depth=depth, intrinsics=camera)
     side = width // 32
-    assert agreement(frame, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG).seen == (height // side - 2) * (
+    assert agreement(frame, HERE @ T_BASE_CAMERA, room().metric_map).seen == (height // side - 2) * (
         width // side - 2
     )
 

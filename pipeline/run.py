@@ -248,7 +248,7 @@ class ExplorerRun(Run, ABC):
             for task in mission.tasks(self._goals, self._home, self.explorer, explores=self._steps > 0):
                 self._explore(
                     may_step=lambda: self._may_step() and not interrupted(),
-                    on_done=lambda name=str(task): on_progress(self._progress_of(name)),
+                    on_done=partial(self._show_progress, str(task)),
                 )
                 if mission.explores and self.ended == "interrupted" and not interrupted():
                     self.ended = "steps"
@@ -266,6 +266,9 @@ class ExplorerRun(Run, ABC):
     def _explore(self, may_step: Callable[[], bool], on_done: Callable[[], object]) -> None:
         """Take the steps of the current task, and log them."""
         explore(self.explorer, may_step, self._log_step, self._log_drive, on_done)
+
+    def _show_progress(self, task: str) -> None:
+        self._watch(self._progress_of(task))
 
     def _progress_of(self, task: str) -> Progress:
         """The run's progress after a step of a task: share of the mission's time, or else of the explored ground."""

@@ -37,7 +37,7 @@ def measure(settings: ExplorationSettings) -> Result:
     for job, result in zip(jobs, results, strict=True):
         found.setdefault(job.group, []).append(result)
     # Figures by group, and ratios to the nearest frontier.
-    figures = {}
+    figures: dict[str, Any] = {}
     for group, of_group in found.items():
         figures |= figures_of(group, of_group)
     figures |= ratios(found, groups)

@@ -66,7 +66,7 @@ def measure(settings: LocalisationSettings) -> Result:
     by_group: dict[str, list[dict[str, Any] | None]] = {}
     for job, result in zip(jobs, results, strict=True):
         by_group.setdefault(job.group, []).append(result)
-    figures = {}
+    figures: dict[str, Any] = {}
     for group, of_group in by_group.items():
         figures |= figures_of(group, reports(of_group))
     figures |= overall(reports(results))

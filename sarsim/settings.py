@@ -1,7 +1,6 @@
 """Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from itertools import chain, count
@@ -76,22 +75,16 @@ def _is_function(name: str) -> bool:
     return bool(colon) and module != "random" and all(map(str.isidentifier, [*module.split("."), function]))
 
 
-def names_code(flag: str, value: object) -> bool:
-    """Whether a value of one of ``METHODS`` names code of the user's own, be it a single word or a list of words."""
-    if flag in ("sink", "reader"):
+def chooses_code(flag: str, value: object) -> bool:
+    """Whether the value of a flag in a file, one word or a list, names code of the user's own or of a stranger."""
+    if flag in ("sink", "reader", "detector-class"):
         return bool(value)
+    if flag not in METHODS and flag != "detector":
+        return False
+    words = [str(word) for word in (value if isinstance(value, list) else [value])]
     if flag in ("arena", "arenas"):
-        return any(map(is_own_arena, words(value)))
-    return ":" in str(value)
-
-
-def words(value: object) -> Iterator[str]:
-    """A YAML value as the words of a command line."""
-    if isinstance(value, list):
-        for item in value:
-            yield from words(item)
-    else:
-        yield str(value)
+        return any(map(is_own_arena, words))
+    return any(":" in word or word in entry_points(group=f"sarsim.{flag}").names for word in words)
 
 
 @dataclass(frozen=True, kw_only=True)

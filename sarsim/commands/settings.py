@@ -1,13 +1,14 @@
 """Settings as dataclasses: a field is a flag, and a key of the YAML that ``--config`` reads and every run writes."""
 
 import argparse
+import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import MISSING, asdict, field, fields, is_dataclass, make_dataclass, replace
 from difflib import get_close_matches
 from inspect import getdoc
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import tyro
 import yaml
@@ -18,7 +19,10 @@ from pipeline.plugins.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.commands.names import check_names
-from sarsim.settings import EXPLORE, METHODS, names_code, words
+from sarsim.settings import EXPLORE, chooses_code
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 CONFIG = tyro.conf.arg(
     help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
@@ -32,8 +36,6 @@ MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
 """Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
-SCALARS: dict[Any, tuple[type, ...]] = {float: (int, float), int: (int,), bool: (bool,), str: (str,)}
-"""Types of settings that YAML supports, each with the types of value that it accepts."""
 Settings = TypeVar("Settings")
 
 
@@ -148,23 +150,65 @@ def wanted_mission(mission: str, minutes: float | None = None, home: bool = Fals
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    User code for one of ``METHODS`` is accepted only as a flag in ``args``: a file must not choose code to run.
+    User code is accepted only as a flag in ``args``: a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or contains an unknown key or a value of the wrong type, or
             sets what only a flag may set.
     """
+    from pydantic import TypeAdapter, ValidationError  # imported here, because --help does not need it
+
     where = f"--{flag} {path}"
     content = _yaml(path, where)
-    if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
+    if not isinstance(content, dict):
+        found = "but is empty" if content is None else f"not {content!r:.60}"
+        raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20', {found}")
+    given = {str(key).replace("-", "_"): value for key, value in content.items()}
+    if places := sorted(given.keys() & set(RESULTS)):
         raise InputError(f"{where}: a file must not set where results go; give --{places[0]} as a flag")
-    for key in list(content) if isinstance(content, dict) else []:
-        name = str(key).replace("_", "-")
-        if name in METHODS and names_code(name, content[key]):
-            if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
-                raise InputError(f"{where}: a file must not choose code to run; give --{name} as a flag")
-            del content[key]
-    return _settings(kind, content, where)
+    on_command_line = {word.partition("=")[0].lstrip("-").replace("-", "_") for word in args if word.startswith("--")}
+    for name in [name for name, value in given.items() if chooses_code(name.replace("_", "-"), value)]:
+        if name not in on_command_line:
+            raise InputError(
+                f"{where}: a file must not choose code to run; give --{name.replace('_', '-')} as a flag"
+            )
+        del given[name]
+    hints = get_type_hints(kind, include_extras=True)
+    values = {}
+    for name, value in given.items():
+        if name not in hints:
+            raise InputError(f"{where}: {_unknown([name], hints)}")
+        try:  # In JSON, unlike YAML, types are strict but for tuples and paths, and all numbers are finite
+            text = json.dumps(value, allow_nan=False, default=str)
+            values[name] = TypeAdapter(hints[name]).validate_json(text, strict=True, extra="forbid")
+        except ValidationError as error:
+            raise InputError(f"{where}: {_complaint(kind, name, error.errors()[0])}") from None
+        except (ValueError, TypeError) as error:
+            raise InputError(f"{where}: {name}: {error}") from None
+    required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]  # type: ignore[arg-type]
+    return kind(**dict.fromkeys(required, tyro.MISSING) | values)
+
+
+def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
+    """What is wrong with the setting ``name`` of a dataclass, and where in it."""
+    place, inner = [name], get_type_hints(kind)[name]
+    for part in error["loc"]:
+        if is_dataclass(inner):
+            place.append(str(part))
+            inner = get_type_hints(inner).get(part)
+    if error["type"] == "unexpected_keyword_argument":
+        owner = kind
+        for part in place[:-1]:
+            owner = get_type_hints(owner)[part]
+        return _unknown(place, get_type_hints(owner))
+    said = error.get("ctx", {}).get("error") or error["msg"]
+    return f"{'.'.join(place)}: {error['input']!r:.60} is not a valid value: {said}"
+
+
+def _unknown(place: Sequence[str], names: Collection[str]) -> str:
+    """That there is no such setting, and which one may be meant."""
+    meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(place[-1], names, n=1))
+    return f"unknown setting {'.'.join(place)}{meant}"
 
 
 def _yaml(path: Path, where: str) -> Any:
@@ -184,61 +228,25 @@ def _yaml(path: Path, where: str) -> Any:
         raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writes paths as text, floats of NumPy as numbers, and equal values in full each time."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Whether a value is written in full although it has been written before."""
+        return True
+
+
+_Dumper.add_multi_representer(Path, lambda dumper, path: dumper.represent_str(str(path)))
+_Dumper.add_multi_representer(float, yaml.SafeDumper.represent_float)
+
+
 def save_settings(settings: Any, path: Path) -> None:
     """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that have their default value.
 
     Raises:
         InputError: the file cannot be written.
     """
+    unchanged = {f.name for f in fields(settings) if "Path" in str(f.type) and getattr(settings, f.name) == f.default}
+    saved = {name: value for name, value in asdict(settings).items() if name not in {*OUTPUTS, *unchanged}}
     with atomic_write(path) as file:
-        file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=False))
-
-
-def _settings(kind: Any, content: Any, where: str) -> Any:
-    """An instance of a dataclass from a mapping; ``where`` begins the error messages."""
-    if not isinstance(content, dict):
-        found = "but is empty" if content is None else f"not {content!r:.60}"
-        raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20', {found}")
-    given = {str(key).replace("-", "_"): value for key, value in content.items()}
-    hints = get_type_hints(kind)
-    if unknown := [key for key in given if key not in hints]:
-        meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(unknown[0], hints, n=1))
-        raise InputError(f"{where}: unknown setting {', '.join(unknown)}{meant}")
-    values = {name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}") for name, value in given.items()}
-    required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
-    return kind(**dict.fromkeys(required, tyro.MISSING) | values)
-
-
-def _value(hint: Any, value: Any, where: str) -> Any:
-    """A value of a YAML file, converted to the type of its setting."""
-    if is_dataclass(hint):
-        return _settings(hint, value, where)
-    if hint in SCALARS and type(value) in SCALARS[hint]:
-        return hint(value)
-    if isinstance(value, dict):
-        raise InputError(f"{where}: must be a single value, not a group of settings")
-    one = make_dataclass("One", [("value", hint)])
-    try:
-        return parse(lambda: tyro.cli(one, args=["--value", *words(value)])).value
-    except InputError:
-        raise InputError(f"{where}: {value!r} is not a valid value; see --help for the accepted ones") from None
-
-
-def _plain(settings: Any) -> dict[str, Any]:
-    """A dataclass as values that YAML can represent."""
-    plain = {}
-    for f in fields(settings):
-        value = getattr(settings, f.name)
-        if is_dataclass(value):
-            plain[f.name] = _plain(value)
-        elif f.name not in OUTPUTS and not ("Path" in str(f.type) and value == f.default):
-            plain[f.name] = _plain_value(value)
-    return plain
-
-
-def _plain_value(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain_value(item) for item in value]
-    if isinstance(value, float):
-        return float(value)  # YAML does not support NumPy's floats
-    return str(value) if isinstance(value, Path) else value
+        file.write_text(yaml.dump(saved, Dumper=_Dumper, sort_keys=False, default_flow_style=False))

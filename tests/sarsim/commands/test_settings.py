@@ -77,14 +77,21 @@ def test_folders_for_results_and_default_paths_are_not_written(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("steps: many", "steps: 'many' is not a valid value; see --help"),
-        ("steps: {a: 1}", "steps: must be a single value, not a group of settings"),
+        ("steps: many", "steps: 'many' is not a valid value: Input should be a valid integer"),
+        ("steps: 2.5", "steps: 2.5 is not a valid value"),
+        ("steps: '2'", "steps: '2' is not a valid value"),
+        ("home: 1", "home: 1 is not a valid value"),
+        ("sensor: kinect", "Input should be 'xtion' or 'ideal'"),
+        ("inner: {share: .nan}", "inner: Out of range float values"),
+        ("inner: {share: a}", "inner.share: 'a' is not a valid value"),
+        ("inner: 3", "inner: 3 is not a valid value"),
+        ("steps: {a: 1}", "steps: {'a': 1} is not a valid value"),
         ("stepz: 3", "unknown setting stepz; perhaps you meant steps"),
-        ("inner: {shar: 1}", "inner: unknown setting shar"),
+        ("inner: {shar: 1}", "unknown setting inner.shar; perhaps you meant share"),
         ("- 3", "such as 'steps: 20', not [3]"),
         ("", "such as 'steps: 20', but is empty"),
         ("a: [", "not valid YAML"),
-        ("goals: [1, 2, 3]", "goals: [1, 2, 3]"),
+        ("goals: [1, 2, 3]", "goals: 1 is not a valid value"),
         ("out: /home/me/.ssh", "give --out"),
         ("goals: &a [1, 2]\nstart: *a", "aliases are not allowed; write out the value of *a"),
         ("[" * 90_000, "more than 8 levels deep"),
@@ -106,28 +113,45 @@ def test_a_bad_file_is_one_line_and_status_2(
     assert complaint in line
 
 
-def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
-    path = tmp_path / "config.yaml"
-    for key in ("exploration", "labels", "detector_class", "detector-class", "localisation", "planner"):
-        path.write_text(f"{key}: os:getcwd\n")
-        with pytest.raises(InputError, match=f"--{key.replace('_', '-')}"):
-            load_settings(EpisodeConfig, path)
-    for text in (
+@pytest.mark.parametrize(
+    "text",
+    [
+        "exploration: os:getcwd",
+        "labels: os:getcwd",
+        "detector: os:getcwd",
+        "detector: [os:getcwd]",
+        "detector_class: os:getcwd",
+        "detector-class: installed",
+        "localisation: os:getcwd",
+        "planner: os:getcwd",
         "sink: [os:getcwd]",
         "sink: mine",
         "reader: [[my:Own]]",
         "arena: os:getcwd",
         "arena: [os.path:join]",
-    ):
-        path.write_text(f"{text}\n")
-        with pytest.raises(InputError, match=f"give --{text.partition(':')[0]} as a flag"):
-            load_settings(EpisodeConfig, path)
-    path.write_text("arena: random:3\nsink: []\nreader: []\n")
+    ],
+)
+def test_a_file_names_no_code_that_runs(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(f"{text}\n")
+    flag = text.partition(":")[0].replace("_", "-")
+    with pytest.raises(InputError, match=f"give --{flag} as a flag"):
+        load_settings(EpisodeConfig, path)
+
+
+def test_flags_may_choose_the_code_that_a_file_must_not(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text("sink: [my:Own]\nlabels: os:getcwd\ndetector_class: my:Other\nseed: 3\n")
+    words = "--sink my:Own --sink my:Other --arena my:hall --labels my:Own --detector-class=my:Own --config"
+    given = settings_from(EpisodeConfig, [*words.split(), str(path)])
+    assert (given.sink, given.arena, given.seed) == (("my:Own", "my:Other"), "my:hall", 3)
+    assert (given.labels, given.detector_class) == ("my:Own", "my:Own")
+    path.write_text("arena: random:3\nsink: []\nreader: []\ndetector_class: null\n")
     assert load_settings(EpisodeConfig, path).arena == "random:3"
-    path.write_text("sink: [my:Own]\n")
-    flags = ["--sink", "my:Own", "--sink", "my:Other", "--arena", "my:hall", "--config", str(path)]
-    given = settings_from(EpisodeConfig, flags)
-    assert (given.sink, given.arena) == (("my:Own", "my:Other"), "my:hall")
-    path.write_text("labels: os:getcwd\n")
-    assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"
-    assert settings_from(EpisodeConfig, ["--config", str(path), "--labels", "my:Own"]).labels == "my:Own"
+
+
+def test_every_number_of_a_run_is_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    config = EpisodeConfig(goals=((1, 2.5),), start=(0, 1, 90), speed=0.5, view="web")
+    save_settings(config, path)
+    assert load_settings(EpisodeConfig, path) == config

@@ -25,15 +25,6 @@ def exported(tmp_path, *flags):
     return mujoco.MjModel.from_xml_path(str(out))
 
 
-def refused(capsys, *flags):
-    """The one line on stderr with which a command ends."""
-    with pytest.raises(SystemExit) as end:
-        run_with_settings(export_arena, ExportArena, list(flags))
-    assert end.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    return line
-
-
 @pytest.mark.parametrize("name", ["nist_6x4", "random:1"])
 def test_what_was_written_is_an_arena_again(name, tmp_path):
     before = exported(tmp_path, "--arena", name)
@@ -83,30 +74,3 @@ def test_the_pictures_of_signs_and_codes_are_written_beside_the_arena(tmp_path):
     kinds = [thing.kind for thing in things_of(model, data)]
     assert kinds == ["victim", "victim", "hazmat_sign", "qr_code", "april_tag"]
     assert len(list(tmp_path.glob("*.png"))) == 3
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("bad.raf", "<elements><element", "bad.raf: cannot be parsed as XML: "),
-        ("bad.yaml", "image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", "none.pgm: cannot be read: No such file"),
-        ("bomb.raf", '<!DOCTYPE a [<!ENTITY b "c">]><elements>&b;</elements>', "bomb.raf: refused"),
-        ("unknown.raf", RAF.replace("small_", "x").replace("half_", "y"), "xwall, yramp"),
-        ("bomb.xml", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco>&b;</mujoco>', "bomb.xml: refused"),
-        ("bad.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", "bad.xml: cannot be read as MJCF: "),
-    ],
-)
-def test_a_bad_arena_is_refused_and_nothing_written(name, text, said, tmp_path, capsys):
-    (tmp_path / name).write_text(text)
-    out = tmp_path / "out.xml"
-    assert said in refused(capsys, "--arena", str(tmp_path / name), "--out", str(out))
-    assert not out.exists()
-
-
-def test_what_cannot_be_written_is_refused(tmp_path, capsys):
-    flags = ("--arena", "nist_6x4", "--out", str(tmp_path / "none" / "out.xml"))
-    assert f"{tmp_path / 'none'}" in refused(capsys, *flags)
-    (tmp_path / "out.xml").mkdir()
-    assert "cannot be written" in refused(capsys, "--arena", "nist_6x4", "--out", str(tmp_path / "out.xml"))
-    urdf = ("--arena", "nist_6x4", "--out", str(tmp_path / "out.urdf"))
-    assert ".xml" in refused(capsys, *urdf)

@@ -14,36 +14,6 @@ from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess, toys
 
 
-def exit_status(args: list[str]) -> int | str | None:
-    with pytest.raises(SystemExit) as raised:
-        run_with_settings(command, GenerateDataset, args)
-    return raised.value.code
-
-
-@pytest.mark.parametrize(
-    ("flags", "message"),
-    [
-        ("--scenes 0", "--scenes"),
-        ("--workers 0", "--workers"),
-        ("--frames 0", "--frames 0:"),
-        ("--engine cloud", "--engine"),
-        ("--arenas nowhere", "unknown arena 'nowhere'"),
-        ("--arenas nist_6x4 --out /proc/data", "/proc/data: "),
-    ],
-)
-def test_bad_flags_are_status_2_and_one_line(
-    flags: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
-    out = [] if "--out" in flags else ["--out", str(tmp_path / "data")]
-    if "workers" in flags or "engine" in flags:
-        monkeypatch.undo()
-    assert exit_status([*out, *flags.split()]) == 2
-    errors = capsys.readouterr().err.strip().splitlines()
-    assert message in errors[-1]
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_command_says_where_the_dataset_lies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -77,11 +47,3 @@ def test_colours_are_of_blocks_alone(
     export_dataset.main()
     with h5py.File(tmp_path / "out" / "ply_data_all_0.h5") as file:
         assert file["data"].shape[1:] == (4096, 9)
-
-
-def test_an_export_of_nothing_is_status_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    args = ["export_dataset.py", "tum", "--data", str(tmp_path), "--out", str(tmp_path / "out")]
-    monkeypatch.setattr(sys, "argv", args)
-    assert "not a dataset" in refusal(capsys, export_dataset.main)

@@ -1,7 +1,6 @@
 """map_recording.py: the files that it writes for whole and broken recordings."""
 
 import json
-import os
 import shutil
 from collections.abc import Iterable
 from dataclasses import replace
@@ -34,7 +33,6 @@ from tests.pipeline.datasets.recorded_room import (
 )
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
 from tests.pipeline.rescue_report.html_page import Tag, read
-from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess
 
 FILES = {
@@ -207,32 +205,3 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     (summary,) = read((tmp_path / "report.html").read_text()).all("p", "summary")
     (note,) = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
     assert "--camera" in summary.text and "--camera" in note
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["nowhere"], "error: nowhere: no such file or folder"),
-        (["."], "it must contain depth.txt or images in depth/"),
-        ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: all four values must be positive"),
-        ([".", "--fps", "0"], "--fps 0.0: must be above 0 and below 1,000,000"),
-        ([".", "--poses", "guess"], "--poses"),
-    ],
-)
-def test_bad_flags_are_one_line(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in failed(capsys, *words, "--out", "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_pipe_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    line = refusal(capsys, run, tmp_path / "pipe", "--out", tmp_path / "out")
-    assert line.startswith(f"error: {tmp_path / 'pipe'}: ")
-    assert not (tmp_path / "out").exists()

@@ -10,29 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from sarsim.commands.settings import run_with_settings
-from sarsim.commands.teleop import teleop
-from sarsim.settings import TeleopConfig
-from tests.refusal import refusal
-
 TELEOP = Path(__file__).parents[3] / "scripts" / "teleop.py"
 NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
-
-
-@pytest.mark.parametrize(
-    ("flags", "reason"),
-    [
-        ((), "DISPLAY"),
-        (("--arena", "atlantis"), "unknown arena 'atlantis'"),
-        (("--arena", "random:x"), "the seed must be a non-negative integer"),
-        (("--gamepad", "/dev/input/js99"), "No such file"),
-        (("--gamepad", __file__), "must be a joystick device"),
-    ],
-)
-def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, monkeypatch, capsys):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert reason in refusal(capsys, run_with_settings, teleop, TeleopConfig, flags)
 
 
 @pytest.mark.display

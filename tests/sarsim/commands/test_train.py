@@ -89,32 +89,6 @@ def test_two_processes_train_together_and_end_together_when_the_time_is_up(datas
     assert NetworkClassifier(out, network="pointnext")
 
 
-@pytest.mark.parametrize(
-    ("flags", "complaint"),
-    [
-        (["coffee"], "coffee"),
-        (["dgcnn"], "--data"),
-        (["dgcnn", "--data", "nowhere", "--out", "w.safetensors"], "nowhere"),
-        (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "nowhere"),
-        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--steps", "0"], "--steps"),
-        (["dgcnn", "--data", "DATA", "--out", "w.csv"], "end in .safetensors"),
-        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--learning-rate", "-1"], "--learning-rate"),
-    ],
-)
-def test_what_cannot_work_is_status_2_and_one_line(
-    flags: list[str],
-    complaint: str,
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    flags = [dataset if flag == "DATA" else flag for flag in flags]
-    assert complaint in refusal(capsys, call, monkeypatch, *flags)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_missing_scene_is_noticed_before_any_is_read(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

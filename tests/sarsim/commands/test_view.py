@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import InputError
 from pipeline.rerun.recorder import Recorder
-from sarsim.commands.cli import ENDINGS, run
-from sarsim.commands.view import find_recording, leave, view
-from tests.refusal import refusal
+from sarsim.commands.cli import ENDINGS
+from sarsim.commands.view import find_recording, leave
 
 VIEW = Path(__file__).parents[3] / "scripts" / "view.py"
 NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
@@ -30,20 +28,6 @@ def episode(tmp_path_factory) -> Path:
 
 def test_a_file_or_its_folder_names_the_recording(episode):
     assert find_recording(episode) == find_recording(episode / "episode.rrd") == episode / "episode.rrd"
-
-
-@pytest.mark.parametrize("content", [b"", b"RRF", b"PK\x03\x04 something else"])
-def test_a_foreign_file_is_refused(tmp_path, content):
-    path = tmp_path / "episode.rrd"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"not a Rerun recording; give an \.rrd file"):
-        find_recording(path)
-
-
-@pytest.mark.parametrize("name", ["nothing.rrd", "empty"])
-def test_what_is_missing_ends_with_one_line_and_status_2(tmp_path, capsys, name):
-    (tmp_path / "empty").mkdir()
-    assert str(tmp_path / name) in refusal(capsys, run, view, [str(tmp_path / name)])
 
 
 def test_without_a_display_a_page_is_served_until_the_command_ends(episode):

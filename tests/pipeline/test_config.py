@@ -89,7 +89,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         policy_of("heat", config.tracks)
         assert called.foreign == set()
         policy_of("heat", TracksConfig())
-    assert called.foreign == {"finds/objects.py policy_of: TracksConfig"}
+    assert called.foreign == {"tracks/objects.py policy_of: TracksConfig"}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from sarsim.commands.cli import run
 from sarsim.flags import Given
 from sarsim.settings import Robot
 
-PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # File extensions of 2D maps
+PLAN_ENDINGS = (".pgm", ".tif", ".png")  # File extensions of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,15 +25,15 @@ def export_map(
     heights: Given[tuple[float, float]] = None,
     robot: Robot = "pioneer3at",
 ) -> None:
-    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
+    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS or GIS.
 
     Args:
         path: folder of the episode, or its metric_map.npz. Classes come from semantic_map.ply and the ground from
             keyframes.npz in the same folder.
         out: file to write; its extension sets the format. .bt: OctoMap of free and occupied space. .ot: OctoMap with
             log-odds, coloured by class. .ply: centres of occupied voxels, coloured by class. .pgm: ground that is
-            free, lethal or unknown to the robot, with a .yaml file, and slopes as costs in ..._cost.png. .tif, .png,
-            .svg, .dxf: the same ground as a GeoTIFF, a PNG with a world file, or outlines.
+            free, lethal or unknown to the robot, with a .yaml file, and slopes as costs in ..._cost.png. .tif, .png:
+            the same ground as a GeoTIFF or a PNG with a world file.
         heights: for .pgm, show a slice of the occupancy grid from the lower to the upper height, m, instead of the
             ground. A slice ignores ramps; 0.25 0.65 shows obstacles on level ground.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
@@ -78,7 +78,7 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
     """Write a 2D map of the ground's traversability for the robot; returns the files."""
     from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map
-    from pipeline.metric_map.io.plans import SAVED
+    from pipeline.metric_map.io.plans import save_geotiff, save_world_png
     from pipeline.metric_map.io.ros_map import known_costs, save_ros_map, trinary
     from sarsim.robots.model import robot_model
 
@@ -93,7 +93,8 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
     if out.suffix == ".pgm":
         return save_ros_map(out, ground, places)
     cost, origin = known_costs(ground, places)
-    return SAVED[out.suffix](out, trinary(cost), ground.grid.cell, origin)
+    save = save_geotiff if out.suffix == ".tif" else save_world_png
+    return save(out, trinary(cost), ground.grid.cell, origin)
 
 
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":

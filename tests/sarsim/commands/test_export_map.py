@@ -105,8 +105,6 @@ def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode, capsys):
     for name in ("map.tif", "map.png"):
         export_map(episode, episode / name)
         np.testing.assert_array_equal(cv2.imread(str(episode / name), cv2.IMREAD_UNCHANGED), image)
-    export_map(episode, episode / "map.svg")
-    assert (episode / "map.svg").read_text().startswith("<svg")
 
 
 def test_without_a_semantic_map_there_are_no_classes(episode):

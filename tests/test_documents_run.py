@@ -19,7 +19,7 @@ import pytest
 
 from pipeline.explorer import Explorer
 from pipeline.sink import Step
-from sarsim.commands import cli, names, settings
+from sarsim.commands import cli, settings
 from sarsim.commands.run_episode import EpisodeConfig
 from sarsim.commands.settings import save_settings
 from sarsim.dataset.generate import generate
@@ -84,9 +84,10 @@ class Parsed(BaseException):
 
 def given_to(command: str, words: list[str], monkeypatch: pytest.MonkeyPatch) -> Mapping[str, Any]:
     """The settings that a command reads from the words of its line, which name what is there."""
+    check_names = cli.check_names
 
     def stop(given: Mapping[str, Any]) -> None:
-        names.check_names(given)
+        check_names(given)
         raise Parsed(given)
 
     monkeypatch.setattr(sys, "argv", [f"{command}.py", *words])

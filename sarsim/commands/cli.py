@@ -25,8 +25,11 @@ from rich.progress import Progress as Bars
 
 from pipeline.errors import InputError
 from pipeline.progress import Progress
-from sarsim.commands.names import check_names
+from sarsim.arenas.names import BUILT_IN, check_arena_name
+from sarsim.methods.names import check_method
 from sarsim.progress import progress_bars, shown_run
+from sarsim.robots.names import robot_file
+from sarsim.settings import METHODS, is_own_arena
 from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
@@ -39,6 +42,8 @@ COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
 )
+READ = ("data", "detector", "init", "map", "path", "weights")
+"""Settings that name files or folders to read."""
 Item = TypeVar("Item")
 _quiet = _verbose = False
 
@@ -102,6 +107,32 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     logging.getLogger("absl").setLevel(logging.ERROR)  # hides messages of MuJoCo and dm_control below errors
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
     return rest
+
+
+def check_names(settings: Mapping[str, Any]) -> None:
+    """Check the settings that name an arena, a robot, methods, or files to read, before imports that take seconds.
+
+    Raises:
+        InputError: one of the names does not exist.
+    """
+    for name, value in settings.items():
+        flag = name.replace("_", "-")
+        values = value if isinstance(value, tuple) else (value,)
+        if flag == "arena" and value not in BUILT_IN:
+            if is_own_arena(value):
+                check_method(flag, value)
+            else:
+                check_arena_name(value)
+        elif flag == "robot" and value is not None:
+            robot_file(value)
+        elif flag in METHODS and flag not in ("arena", "arenas", "methods"):
+            for method in values:
+                if isinstance(method, str):
+                    check_method(flag, method)
+        elif flag in READ:
+            for path in values:
+                if isinstance(path, Path) and not path.exists():
+                    raise InputError(f"{'' if flag == 'path' else f'--{flag} '}{path}: no such file or folder")
 
 
 def parse(command_line: Callable[[], Any]) -> Any:
@@ -170,19 +201,6 @@ def announce_compilation() -> None:
     event.register("numba:compile", Announcer())
 
 
-def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str) -> Any:
-    """Call a function with those values that are not None; the function's defaults apply to the others.
-
-    Raises:
-        InputError: the function lacks one of the parameters; the message refers to the function as ``name``.
-    """
-    values = {key: value for key, value in given.items() if value is not None}
-    known = inspect.signature(function).parameters
-    if unknown := [f"--{key.replace('_', '-')}" for key in values if key not in known]:
-        raise InputError(f"{', '.join(unknown)}: not supported by {name}")
-    return function(**values)
-
-
 def check_folder_of(flag: str, path: Path) -> None:
     """Raises InputError if the parent folder of the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
@@ -201,17 +219,16 @@ def guarded(action: Callable[[], object]) -> None:
                 action()
             finally:
                 sys.stdout.flush()
-    except InputError as error:
-        _exit(f"error: {error}", BAD_INPUT)
-    except ExceptionGroup as failures:
-        if failures.split(InputError)[1] is not None:  # A fault of the program is among them
+    except (InputError, ExceptionGroup) as error:
+        failures = error.exceptions if isinstance(error, ExceptionGroup) else [error]
+        if not all(isinstance(failure, InputError) for failure in failures):  # A fault of the program is among them
             raise
-        *others, last = (f"error: {error}" for error in failures.exceptions)
-        for line in others:
-            print(" ".join(line.split()), file=sys.stderr)
-        _exit(last, BAD_INPUT)
+        for failure in failures:
+            print(" ".join(f"error: {failure}".split()), file=sys.stderr)
+        sys.exit(BAD_INPUT)
     except KeyboardInterrupt as interrupt:
-        _exit("interrupted", SIGNALLED + (interrupt.args or (signal.SIGINT,))[0])
+        print("interrupted", file=sys.stderr)
+        sys.exit(SIGNALLED + (interrupt.args or (signal.SIGINT,))[0])
     except BrokenPipeError:
         if not _is_unread():
             raise
@@ -306,8 +323,3 @@ def end_by(number: int | None) -> None:
     """End the process with the status of a signal, if one ended the command."""
     if number:
         raise SystemExit(SIGNALLED + number)
-
-
-def _exit(message: str, status: int) -> None:
-    print(" ".join(message.split()), file=sys.stderr)
-    sys.exit(status)

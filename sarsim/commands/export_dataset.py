@@ -1,5 +1,6 @@
 """Export a dataset to a layout that other tools read: ``export_dataset.py FORMAT --data DIR --out DIR``."""
 
+import inspect
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
@@ -8,7 +9,8 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from sarsim.commands.cli import call_with, progress, run
+from pipeline.errors import InputError
+from sarsim.commands.cli import progress, run
 from sarsim.flags import Given
 
 EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco", "mcap": "Mcap"}
@@ -45,8 +47,12 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
     from sarsim.dataset.folder import Dataset
 
     kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
-    given = {name: value for name, value in asdict(settings).items() if name != "format" and value is not False}
-    export = call_with(kind, given, settings.format)
+    options = {name: value for name, value in asdict(settings).items() if name != "format"}
+    given = {name: value for name, value in options.items() if value is not None and value is not False}
+    known = inspect.signature(kind).parameters
+    if unknown := [f"--{name.replace('_', '-')}" for name in given if name not in known]:
+        raise InputError(f"{', '.join(unknown)}: not supported by {settings.format}")
+    export = kind(**given)
     total = len(Dataset(export.data))
     with progress() as bars:
         for _ in bars.track(export.run(), total=total, description="scenes"):

@@ -17,8 +17,7 @@ from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
 from pipeline.plugins.league.brief import MissionBrief, Task
 from sarsim.assets import asset
-from sarsim.commands.cli import COMMON, common, guarded, parse
-from sarsim.commands.names import check_names
+from sarsim.commands.cli import COMMON, check_names, common, guarded, parse
 from sarsim.settings import EXPLORE, chooses_code
 
 if TYPE_CHECKING:

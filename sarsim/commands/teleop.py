@@ -1,17 +1,10 @@
 """Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from pipeline.files import check_folder
 from sarsim.commands.cli import Interruptible
 from sarsim.commands.settings import run_with_settings
 from sarsim.opengl import check_display, check_rendering, without_opengl
 from sarsim.settings import TeleopConfig
-
-if TYPE_CHECKING:
-    from sarsim.arenas.arena import RescueArena
-    from sarsim.teleoperation import MappedDrive
 
 
 def teleop(config: TeleopConfig) -> None:
@@ -21,11 +14,12 @@ def teleop(config: TeleopConfig) -> None:
         check_rendering()
     with without_opengl():
         from sarsim.methods.arena import make_arena
-        from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
+        from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, MappedDrive, drive_by_keyboard
 
-    arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
+    arena = make_arena(config.arena, config.start)
+    pad = Gamepad(config.gamepad) if config.gamepad else None
     check_display()
-    mapped = map_drive(config, arena, config.out) if config.out else None
+    mapped = MappedDrive(config, arena, config.out, is_shown=True) if config.out else None
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)
     with Interruptible() as hold:
@@ -35,13 +29,6 @@ def teleop(config: TeleopConfig) -> None:
             print(f"Mapped {len(mapped.mapper.keyframes)} keyframes; results in {config.out}", flush=True)
     if hold.signal is not None:
         raise KeyboardInterrupt(hold.signal)
-
-
-def map_drive(config: TeleopConfig, arena: "RescueArena", out: Path) -> "MappedDrive":
-    """A drive that is mapped and shown; InputError if the folder, the labels or the viewer are not available."""
-    from sarsim.teleoperation import MappedDrive
-
-    return MappedDrive(config, arena, out, is_shown=True)
 
 
 def main() -> None:

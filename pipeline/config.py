@@ -7,7 +7,6 @@ from pipeline.exploration.config import ExplorationConfig
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
-from pipeline.plugins.finds.config import FindsConfig
 from pipeline.segments.config import SegmentsConfig
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.topological_map.config import TopologicalMapConfig
@@ -54,7 +53,6 @@ class PipelineConfig:
     semantic_map: SemanticMapConfig = SemanticMapConfig()
     segments: SegmentsConfig = SegmentsConfig()
     victims: VictimsConfig = VictimsConfig()
-    finds: FindsConfig = FindsConfig()
     tracks: TracksConfig = TracksConfig()
     topological_map: TopologicalMapConfig = TopologicalMapConfig()
     exploration: ExplorationConfig = ExplorationConfig()

@@ -1,6 +1,7 @@
 """The exception for invalid input from the user, errors as text, and checks of what a method or a setting needs."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from operator import ge, gt
 from typing import TypeVar
 
@@ -16,6 +17,12 @@ def required(value: Value | None) -> Value:
     if value is None:
         raise RuntimeError("a value that is needed here does not exist yet")
     return value
+
+
+def require_package(package: str, extra: str, purpose: str) -> None:
+    """InputError unless a package of one of sarsim's extras is installed; ``purpose`` begins the message."""
+    if find_spec(package) is None:
+        raise InputError(f"{purpose} needs the package {package}; run: pip install 'sarsim[{extra}]'")
 
 
 def one_line(error: BaseException) -> str:

@@ -1,4 +1,4 @@
-"""All numbers of what surrounds the robot's decisions, a field for each room: recordings, files of results, ROS.
+"""All numbers of what surrounds the robot's decisions, a field for each room: recordings and files of results.
 
 The mapper imports :class:`pipeline.config.PipelineConfig`, and these rooms import the mapper: hence a second tree.
 """
@@ -6,8 +6,6 @@ The mapper imports :class:`pipeline.config.PipelineConfig`, and these rooms impo
 from dataclasses import dataclass
 
 from pipeline.datasets.config import DatasetsConfig
-from pipeline.plugins.league.config import LeagueConfig
-from pipeline.plugins.ros.config import RosConfig
 from pipeline.rerun.config import RerunConfig
 from pipeline.rescue_report.config import RescueReportConfig
 
@@ -17,7 +15,5 @@ class IoConfig:
     """The numbers of these rooms; a run writes them into config.yaml, and ``--config`` changes any of them."""
 
     datasets: DatasetsConfig = DatasetsConfig()
-    league: LeagueConfig = LeagueConfig()
     rerun: RerunConfig = RerunConfig()
     rescue_report: RescueReportConfig = RescueReportConfig()
-    ros: RosConfig = RosConfig()

@@ -110,7 +110,7 @@ class Mapper:
             graph: the graph used for planning: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: seed of RANSAC.
             localisation: estimates the poses of frames; by default odometry corrected by registration (SLAM).
-            readers: read signs, codes and heat; without them victims are the only finds.
+            readers: read signs, codes and the like; without them people are the only finds.
             config: all parameters.
         """
         self.observers: list[MapObserver] = []
@@ -127,7 +127,7 @@ class Mapper:
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
         self.victims = Victims(config.tracks.victim, config.tracks.likelihood, config.victims.background)
-        self.finds = Finds(self.victims, config.tracks)
+        self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
         self.stopwatch = Stopwatch()
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
         self.keyframes = Keyframes(robot, reach, cell, config.keyframes.noticeable)

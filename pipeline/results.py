@@ -12,9 +12,6 @@ import numpy as np
 
 from pipeline.files import atomic_write, run_all
 from pipeline.map_file import save_maps
-from pipeline.plugins.league.brief import MissionBrief
-from pipeline.plugins.league.config import LeagueConfig
-from pipeline.plugins.league.hand_in import hand_in
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import RescuePage, RescueReport
 from pipeline.sink import Result, Sink
@@ -31,23 +28,6 @@ class MapFiles(Sink):
             run_all(partial(save_maps, result.mapper, result.folder), partial(result.trajectory.save, result.folder))
 
 
-class HandIn(Sink):
-    """Writes the files that a league requires."""
-
-    finishing = "writing the league's files"
-
-    def __init__(self, brief: MissionBrief, *, config: LeagueConfig = LeagueConfig()):
-        self._brief, self._config = brief, config
-
-    def finish(self, result: Result) -> None:
-        """Write them, each by itself; InputError if one cannot be written."""
-        if result.steps:
-            mapper, driven = result.mapper, np.array(result.trajectory.estimated())
-            finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
-            maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
-            hand_in(result.folder, self._brief, driven, finds, *maps, config=self._config)
-
-
 class ReportFile(Sink):
     """Writes report.json."""
 
@@ -62,13 +42,16 @@ class ReportFile(Sink):
         if not result.is_reported:
             return
         stopwatch = result.mapper.stopwatch
-        settings = {name: value for name, value in asdict(self._settings).items() if name not in ("pipeline", "io")}
+        settings = {
+            name: value for name, value in asdict(self._settings).items() if name not in ("pipeline", "io", "plugins")
+        }
         result.report |= {
             "arena": _plain(self._place),
             "seed": self._seed,
             "steps": result.steps,
             "version": version("sarsim"),
-            "config": {name: _plain(value) for name, value in settings.items()} | {"out": _plain(result.folder)},
+            "config": {name: _plain(value) for name, value in settings.items()}
+            | {"out": _plain(result.folder), "plugins": sorted(getattr(self._settings, "plugins", ()))},
             "sim_time_s": result.sim_time,
             "wall_time_s": result.wall_time,
             "real_time_factor": result.sim_time / result.wall_time,
@@ -99,13 +82,7 @@ def _percentiles(seconds: list[float]) -> dict[str, float]:
 
 
 def result_sinks(
-    settings: Any,
-    place: str,
-    seed: int,
-    recorder: Recorder,
-    rescue_report: RescueReport,
-    brief: MissionBrief | None = None,
-    others: Sequence[Sink] = (),
+    settings: Any, place: str, seed: int, recorder: Recorder, rescue_report: RescueReport, others: Sequence[Sink] = ()
 ) -> list[Sink]:
     """The sinks of a run with a results folder, in the order in which they receive the result.
 
@@ -114,7 +91,6 @@ def result_sinks(
     return [
         MapFiles(),
         rescue_report,
-        *([HandIn(brief, config=settings.io.league)] if brief is not None else []),
         recorder,
         *others,
         ReportFile(settings, place, seed),

@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -12,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.exploration.deadline import Deadline
-from pipeline.exploration.inspection import Inspection
+from pipeline.exploration.deadline import TimeIsUpError
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.files import run_all, uninterrupted
@@ -22,11 +20,10 @@ from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.planning.path_plan import place_name
-from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugin import Plugin
 from pipeline.progress import Progress
 from pipeline.rerun.recorder import Level, Recorder
 from pipeline.rescue_report.report import RescueReport
-from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
 
 
@@ -77,7 +74,7 @@ class RunParts:
         recorder: writes the Rerun recording.
         rescue_report: writes the report of the people found.
         sinks: all sinks, in the order in which they receive the result.
-        brief: the brief of a mission with a time limit; None without a limit.
+        plugins: the plug-ins of the run.
     """
 
     mapper: Mapper
@@ -86,7 +83,7 @@ class RunParts:
     recorder: Recorder
     rescue_report: RescueReport
     sinks: list[Sink]
-    brief: MissionBrief | None = None
+    plugins: Sequence[Plugin] = ()
 
 
 def _ignore(progress: Progress) -> None:
@@ -165,22 +162,6 @@ DRIVING = {"goals": "driving to the goals", "home": "driving home", "park": "dri
 """What the progress says of tasks after exploration."""
 
 
-class TimeIsUpError(Exception):
-    """The mission's time is up."""
-
-
-class _Clock(Sink):
-    """Ends a drive at the time ``end`` of the robot's clock, s."""
-
-    def __init__(self, end: float):
-        self._end = end
-
-    def on_motion(self, motion: Motion) -> None:
-        """Raise TimeIsUpError if no time is left."""
-        if motion.time >= self._end:
-            raise TimeIsUpError
-
-
 class ExplorerRun(Run, ABC):
     """A run of a simulated or real robot that explores, drives to goals and returns home.
 
@@ -242,7 +223,8 @@ class ExplorerRun(Run, ABC):
         begin, self._watch = self._time(), on_progress
         self.start_clock()
         on_progress(Progress(f"{self.parts.place}: taking a first look"))
-        self._start_deadline(begin)
+        for plugin in self.parts.plugins:
+            plugin.begin(self.explorer, begin)
         mission = self.explorer.mission
         try:
             for task in mission.tasks(self._goals, self._home, self.explorer, explores=self._steps > 0):
@@ -283,20 +265,6 @@ class ExplorerRun(Run, ABC):
     def _explored_share(self) -> float | None:
         """Explored share of the ground, 0 to 1; None where it is unknown, as without a simulator."""
         return None
-
-    def _start_deadline(self, begin: float) -> None:
-        """Start the mission's clock, if it has one, at the robot's time ``begin``, s."""
-        if (brief := self.parts.brief) is not None:
-            mapper, mission = self.mapper, self.explorer.mission
-            finds, end = mapper.finds, begin + timedelta(minutes=brief.minutes).total_seconds()
-            numbers = mapper.config.exploration
-            beside = brief.rewards.beside if "park" in brief.tasks else None
-            mission.deadline = Deadline(
-                begin, end, lambda: finds.reported, "home" in brief.tasks, beside, config=numbers
-            )
-            self.explorer.watch(_Clock(end))
-            if "find" in brief.tasks and mapper.readers is not None:
-                mission.inspection = Inspection(mapper.keyframes, mapper.metric_map, config=numbers)
 
     def _may_step(self) -> bool:
         """Whether the task may continue: exploration has a maximum number of steps, drives to goals have none."""

@@ -114,5 +114,11 @@ class Sink:
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Called when a step has been decided, before the drive."""
 
+    def figures(self) -> dict[str, Any]:
+        """Figures of stages for report.json, as far as the run has come."""
+        return {}
+
     def finish(self, result: Result) -> None:
-        """Called when the run has ended: write the remaining results."""
+        """Called when the run has ended: write the remaining results. By default, the figures go to report.json."""
+        if result.is_reported:
+            result.add(self.figures())

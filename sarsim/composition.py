@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from pipeline.explorer import Explorer
 from pipeline.files import make_folder
 from pipeline.localisation.localisation import Localisation
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
-from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugin import Plugin, RunContext
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.viewer import Viewer
 from pipeline.rescue_report.report import RescueReport
@@ -31,6 +32,7 @@ def make_mapper(
     localisation: Localisation | None = None,
     earlier: Path | None = None,
     graph: Literal["mst", "roadmap"] = "roadmap",
+    plugins: Sequence[Plugin] = (),
 ) -> Mapper:
     """Make the mapper, which holds all maps of a robot.
 
@@ -41,12 +43,13 @@ def make_mapper(
         localisation: localisation method; by default SLAM.
         earlier: folder of an earlier run whose map is continued; None to start with empty maps.
         graph: graph used for planning.
+        plugins: plug-ins, which may bring readers of images.
 
     Raises:
         InputError: the labels, the detector or the earlier map are not available.
     """
     classifier, detector = make_perception(perception)
-    readers, config = make_readers(perception), perception.pipeline
+    readers, config = make_readers(perception, plugins), perception.pipeline
     mapper = Mapper(robot, classifier, detector, graph, seed, localisation, readers, config)
     if earlier is not None:
         load_keyframes(earlier / KEYFRAMES, mapper)
@@ -62,7 +65,9 @@ def compose(
     view: Literal["none", "spawn", "web"] = "none",
     recorder: Callable[..., Recorder] = Recorder,
     others: Sequence[Sink] = (),
-    brief: MissionBrief | None = None,
+    plugins: Sequence[Plugin] = (),
+    explorer: Explorer | None = None,
+    world: Any = None,
     continues: Collection[str] = (),
 ) -> RunParts:
     """Make the parts of a run. Its folder for results is made last, so that a refused run leaves no folder behind.
@@ -76,7 +81,9 @@ def compose(
         view: ``spawn`` or ``web`` to show the recording while it grows.
         recorder: makes the recorder of the Rerun recording from a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
-        brief: brief of a mission whose files are to be handed in.
+        plugins: the plug-ins of the run.
+        explorer: drives the robot, if anything does.
+        world: the :class:`sarsim.simulated_robot.SimulatedRobot`, if there is one.
         continues: names of files; the folder must contain one of them unless it is new or empty.
 
     Raises:
@@ -87,5 +94,7 @@ def compose(
     make_folder(folder, continues)
     recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)
     rescue_report = RescueReport(recording, config=settings.io.rescue_report)
-    sinks = result_sinks(settings, place, seed, recording, rescue_report, brief, others)
-    return RunParts(mapper, folder, place, recording, rescue_report, [*sinks, *own], brief)
+    context = RunContext(mapper, recording, explorer, world, plugins)
+    added = [sink for plugin in plugins for sink in plugin.sinks(context)]
+    sinks = result_sinks(settings, place, seed, recording, rescue_report, [*others, *added])
+    return RunParts(mapper, folder, place, recording, rescue_report, [*sinks, *own], plugins)

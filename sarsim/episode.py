@@ -1,33 +1,28 @@
 """An episode: a simulated run, and its score."""
 
-import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-from pipeline.arrays import Pose
-from pipeline.datasets.recorded_robot import Joints, RecordedRobot
+from pipeline.datasets.recorded_robot import RecordedRobot
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder, run_all
 from pipeline.mapper import Mapper
-from pipeline.plugins.league.brief import MissionBrief
-from pipeline.plugins.ros.explorer_bag import ExplorerBag
+from pipeline.plugin import Plugin
 from pipeline.progress import Progress
 from pipeline.robot import Robot
 from pipeline.run import ExplorerRun
 from pipeline.sink import Sink
-from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.composition import compose, make_mapper
 from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_exploration, make_localisation, make_planner
+from sarsim.methods.plugins import make_plugins
 from sarsim.progress import shown_run
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
-from sarsim.scoring.missions import MissionScore
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -42,18 +37,17 @@ class Episode(ExplorerRun):
         recorder: writes the Rerun recording.
     """
 
-    def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
-        """``brief``: a mission to run; None to explore.
-
-        Raises:
-            InputError: the arena, the folder or the viewer is not available.
-        """
+    def __init__(self, config: EpisodeConfig):
+        """Raises InputError if the arena, the folder, the viewer or a plug-in is not available."""
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         config = replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
+        plugins = make_plugins(config)
+        config = replace(config, plugins={plugin.name: plugin.settings for plugin in plugins})
         arena = make_arena(config.arena, config.start, config.random, config.seed, config.world_victims)
-        fiducials = hang_fiducials(arena, config.fiducials, config.seed)
+        for plugin in plugins:
+            plugin.dress(arena)
         simulation = SimulationConfig(
             config.odometry,
             config.sensor,
@@ -66,28 +60,38 @@ class Episode(ExplorerRun):
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         with ExitStack() as refused:
             refused.callback(self.robot.close)
-            mapper = self._mapper()
+            mapper = self._mapper(plugins)
             model, seed = self.robot.model, config.seed
             planner = make_planner(config.planner, model)
             strategy = make_exploration(config.exploration, model, seed, config.pipeline.exploration)
-            robot, recordings = self._recorded(mapper, refused)
+            robot, recordings = self._recorded(mapper, plugins, refused)
             explorer = Explorer(robot, mapper, strategy, planner)
-            self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
-            judge = [MissionScore(self.robot, brief)] if brief else []
-            recorder, others = partial(EpisodeRecorder, self.robot), [self.score, *recordings, *judge]
-            about = config.arena, seed, config.view, recorder, others, brief
-            parts = compose(config, mapper, config.folder, *about, config.continues)
+            self.score = EpisodeScore(self.robot, explorer, config.oracle)
+            parts = compose(
+                config,
+                mapper,
+                config.folder,
+                config.arena,
+                seed,
+                config.view,
+                recorder=partial(EpisodeRecorder, self.robot),
+                others=[self.score, *recordings],
+                plugins=plugins,
+                explorer=explorer,
+                world=self.robot,
+                continues=config.continues,
+            )
             refused.pop_all()
         super().__init__(explorer, parts, self.score.trajectory, config.most_steps, config.goals, config.home)
 
-    def _mapper(self) -> Mapper:
+    def _mapper(self, plugins: Sequence[Plugin]) -> Mapper:
         config, model = self.config, self.robot.model
         numbers, is_true = config.pipeline.localisation, config.odometry == "truth"
         localisation = make_localisation(config.localisation, model, numbers, is_true)
-        return make_mapper(config, model, config.seed, localisation, config.map, config.graph)
+        return make_mapper(config, model, config.seed, localisation, config.map, config.graph, plugins)
 
-    def _recorded(self, mapper: Mapper, refused: ExitStack) -> tuple[Robot, list[Sink]]:
-        """The robot, wrapped to record what it senses and does, and the sinks of the requested bag and TUM sequence.
+    def _recorded(self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack) -> tuple[Robot, list[Sink]]:
+        """The robot as plug-ins wrap it, listened to by a requested TUM sequence, and that sequence's sink.
 
         The files that they have started are removed if the episode is ``refused``.
         """
@@ -95,28 +99,14 @@ class Episode(ExplorerRun):
         recorded: Robot = robot
         recordings: list[Sink] = []
 
-        def T_world_base() -> Pose:
-            return robot.trajectory[-1].T_world_base
-
-        if config.bag:
-            bag = ExplorerBag(
-                config.bag,
-                config.bag_images,
-                recorded,
-                mapper,
-                T_world_base,
-                joints=lambda: Joints(WHEELS, *robot.wheels),
-                config=config.io.ros,
-            )
-            refused.callback(shutil.rmtree, config.bag)
-            refused.enter_context(bag)
-            recorded = bag.robot
-            recordings.append(bag)
+        for plugin in plugins:
+            refused.callback(plugin.abandon)
+            recorded = plugin.wrap(recorded, robot, mapper)
         if config.tum:
             from sarsim.dataset.exports.tum import TumDrive  # imports HDF5, which episodes do not need otherwise
 
             tum = refused.enter_context(TumDrive(config.tum, config.seed))
-            recorded = RecordedRobot(recorded, tum, T_world_base=T_world_base)
+            recorded = RecordedRobot(recorded, tum, T_world_base=lambda: robot.trajectory[-1].T_world_base)
             recordings.append(tum)
         return recorded, recordings
 

@@ -1,12 +1,13 @@
 """Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from itertools import chain, count
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import tyro
 from tyro.conf import Fixed
@@ -14,7 +15,6 @@ from tyro.conf import Fixed
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.io_config import IoConfig
-from pipeline.plugins.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.assets import asset
 from sarsim.flags import Given
@@ -66,8 +66,14 @@ Networks = Annotated[  # the hint keeps the place of the installation out of --h
 
 
 def is_own_arena(name: str) -> bool:
-    """Whether ``--arena`` names a function of the user's own, MODULE:FUNCTION or an entry point."""
-    return _is_function(name) or name in entry_points(group="sarsim.arena").names
+    """Whether ``--arena`` names a function, MODULE:FUNCTION, or an entry point, NAME or NAME/PART."""
+    return _is_function(name) or name.partition("/")[0] in entry_points(group="sarsim.arena").names
+
+
+def is_shipped(name: str, group: str) -> bool:
+    """Whether an entry point is one of sarsim's own, which a file may choose."""
+    found = entry_points(group=group, name=name)
+    return bool(found) and all(entry.dist is not None and entry.dist.name == "sarsim" for entry in found)
 
 
 def _is_function(name: str) -> bool:
@@ -83,7 +89,8 @@ def chooses_code(flag: str, value: object) -> bool:
         return False
     words = [str(word) for word in (value if isinstance(value, list) else [value])]
     if flag in ("arena", "arenas"):
-        return any(map(is_own_arena, words))
+        own = filter(is_own_arena, words)
+        return not all(is_shipped(word.partition("/")[0], "sarsim.arena") for word in own)
     return any(":" in word or word in entry_points(group=f"sarsim.{flag}").names for word in words)
 
 
@@ -93,10 +100,12 @@ class SinkConfig:
 
     Attributes:
         sink: your own class that observes the run.
-        io: all numbers of recordings, result files and ROS; set them in a ``--config`` file.
+        io: all numbers of recordings and result files; set them in a ``--config`` file.
+        plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
     """
 
     sink: OwnClasses = ()
+    plugins: Fixed[Mapping[str, Any]] = field(default_factory=dict)
     io: Fixed[IoConfig] = IoConfig()
 
 
@@ -153,7 +162,7 @@ class MissionConfig:
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
         view: live view: in a new window (spawn), in the browser (web), or none.
-        mission: explore, or a mission with files to hand in: league, virtual or a YAML file.
+        mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.
         minutes: time limit of a mission in simulated minutes; it replaces --steps. By default the mission's own.
         exploration: method that chooses viewpoints, or your own MODULE:CLASS.
     """
@@ -202,12 +211,9 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         sensor: the Xtion camera (xtion), or one with the same range but no noise (ideal).
         dust: density of dust in the air, 0 to 1; it degrades depth and fades colours.
         tyre_error: relative error of the wheel radius that the odometry assumes.
-        fiducials: number of AprilTags on the walls, used to score the map.
         oracle: compare the drive with the best known tour of the arena; this can take minutes.
         voxel_size: voxel size of the metric map, m. By default 0.1.
         graph: graph for planning: a minimum spanning tree (mst), or one with loops (roadmap).
-        bag: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
-        bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … if it exists.
         victims: list of victims and starts in a published world.
@@ -222,12 +228,9 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     sensor: Literal["xtion", "ideal"] = "xtion"
     dust: float = 0.0
     tyre_error: float = 0.0
-    fiducials: int = 0
     oracle: bool = False
     voxel_size: Given[float] = None
     graph: Literal["mst", "roadmap"] = "roadmap"
-    bag: Given[Path] = None
-    bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     tum: Given[Path] = None
     out: Given[Path] = None
     victims: Given[Path] = None
@@ -305,7 +308,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         depth_scale: depth units per metre in a folder's images. By default 5000.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
-        mission: explore, or a mission with files to hand in: league, virtual or a YAML file.
+        mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]
@@ -318,73 +321,3 @@ class MapRecording(SinkConfig, PerceptionConfig):
     fps: Given[float] = None
     topics: tuple[str, ...] = ()
     mission: str = EXPLORE
-
-
-@dataclass(frozen=True, kw_only=True)
-class RosRobotConfig(SimulatorConfig):
-    """Settings of the node that simulates a robot.
-
-    Attributes:
-        camera_rate: camera images per simulated second. Each takes about 50 ms to compute; a real Xtion
-            delivers 30 a second.
-        pace: pace of simulated time: the wall clock's (real-time), as fast as possible (free), or one step per
-            command (commands), waiting at most 0.1 s for each.
-        stamped: receive commands as TwistStamped instead of Twist.
-        name: name of the ROS 2 node.
-        network: connect to other machines too; they can then drive the robot. By default only to this machine.
-        out: new folder for the ground truth of the drive: report.json and trajectory_true.tum. Without it, neither
-            is written.
-        io: all numbers of ROS; set them in a ``--config`` file.
-    """
-
-    camera_rate: float = 5.0
-    pace: Literal["commands", "real-time", "free"] = "commands"
-    stamped: bool = False
-    name: str = "sarsim_robot"
-    network: bool = False
-    out: Given[Path] = None
-    io: Fixed[IoConfig] = IoConfig()
-
-
-@dataclass(frozen=True, kw_only=True)
-class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
-    """Settings of the exploration with a ROS 2 robot.
-
-    Attributes:
-        out: new folder for the results: the same files as an episode writes.
-        robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
-        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
-            By default from the robot's transforms.
-        topics: names of the robot's topics.
-        nav2: send goals to the robot's Nav2 stack instead of velocity commands.
-        patience: longest silence of the robot or one of its topics, s; after that, the drive ends.
-        name: name of the ROS 2 node.
-        network: connect to other machines too. By default only to this machine.
-    """
-
-    out: Path
-    robot: Robot = "pioneer3at"
-    camera: Given[tuple[float, float, float, float, float, float]] = None
-    topics: TopicNames = field(default_factory=TopicNames)
-    nav2: bool = False
-    patience: float = 5.0
-    name: str = "sarsim_explorer"
-    network: bool = False
-
-    @property
-    def folder(self) -> Path:
-        """Folder for the results."""
-        return self.out
-
-
-@dataclass(frozen=True, kw_only=True)
-class MissionValidation:
-    """Files to check.
-
-    Attributes:
-        path: folder of the files, or an episode's folder that contains handed_in/.
-        io: numbers of the validation (``league.validation``); set them in a ``--config`` file.
-    """
-
-    path: Annotated[Path, tyro.conf.Positional]
-    io: Fixed[IoConfig] = IoConfig()

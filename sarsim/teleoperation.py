@@ -26,6 +26,7 @@ from pipeline.sink import Result, Sink
 from sarsim.arenas.arena import RescueArena
 from sarsim.composition import compose, make_mapper
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
+from sarsim.methods.plugins import make_plugins
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.names import ROBOTS
 from sarsim.scoring.coverage import Coverage
@@ -206,14 +207,26 @@ class MappedDrive(MappingRun):
         self.limits = robot.robot.drive.limits
         with ExitStack() as refused:
             refused.callback(robot.close)
-            mapper = make_mapper(
-                PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline), robot.model
-            )
+            perception = PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline)
+            plugins = make_plugins(config)
+            mapper = make_mapper(perception, robot.model, plugins=plugins)
             self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
             recorder = partial(EpisodeRecorder, robot)
             view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
             others = [_Score(robot, self._trajectory)]
-            super().__init__(compose(config, mapper, out, config.arena, 0, view, recorder, others))
+            super().__init__(
+                compose(
+                    config,
+                    mapper,
+                    out,
+                    config.arena,
+                    view=view,
+                    recorder=recorder,
+                    others=others,
+                    plugins=plugins,
+                    world=robot,
+                )
+            )
             refused.pop_all()
         self._begin = robot.time
         self._take()

@@ -1,7 +1,7 @@
 """Explore with a ROS 2 robot: ``ros_explore.py --out DIR``."""
 
 try:
-    from sarsim.commands.ros_explore import main
+    from sarsim.plugins.ros.ros_explore import main
 except ModuleNotFoundError as error:
     raise SystemExit(f"error: {error.name} is not installed; run: make setup && source .venv/bin/activate") from None
 

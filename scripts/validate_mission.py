@@ -1,7 +1,7 @@
 """Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
 
 try:
-    from sarsim.commands.validate_mission import main
+    from sarsim.plugins.league.validate_mission import main
 except ModuleNotFoundError as error:
     raise SystemExit(f"error: {error.name} is not installed; run: make setup && source .venv/bin/activate") from None
 

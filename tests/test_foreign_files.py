@@ -323,7 +323,7 @@ def test_settings(tmp_path: Path) -> None:
     assert any(results)
 
 
-FLAGS = ["seed", "steps", "goals", "dust", "start", "fiducials", "voxel-size", "speed", "map", "robot", "weights"]
+FLAGS = ["seed", "steps", "goals", "dust", "start", "voxel-size", "speed", "map", "robot", "weights"]
 
 
 def test_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.assets import asset
 from sarsim.environment import RescueEnvironment
+from sarsim.plugins.fiducials.tags import hang_fiducials
 from sarsim.sensors.rendering import Renderer
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.arenas.lanes import LANES, LANES_FOLDER, MAZE
-from sarsim.arenas.load import load_arena
+from sarsim.plugins.lanes.lanes import LANES, MAZE
+from sarsim.plugins.lanes.plugin import lane_arena
 from sarsim.sensors.rendering import Renderer
 
 IMAGES = Path(__file__).parents[1] / "images"
@@ -26,7 +26,7 @@ def main() -> None:
 
 def drawn(lane: str, size: tuple[int, int], distance: float, azimuth: float, elevation: float) -> NDArray[np.uint8]:
     """(H, W, 3) image of a lane without its roof, from ``distance`` m away from its centre; angles in degrees."""
-    root = load_arena(f"{LANES_FOLDER}{lane}").mjcf_model
+    root = lane_arena(lane).mjcf_model
     for roof in [g for g in root.find_all("geom") if g.dclass is not None and g.dclass.dclass == "ceiling"]:
         roof.remove()
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())

@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Direction, Pose
 from pipeline.errors import InputError
+from pipeline.files import read_text
 from pipeline.frame import Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.transforms import from_rotation
 
+BAG_ENDINGS = ".mcap", ".db3", ".bag"  # Endings of files with ROS messages
 _log = logging.getLogger(__name__)
 
 
@@ -87,3 +89,13 @@ class Recording:
                 of_poses = f"{name} from {poses.times[0]:.2f} to {poses.times[-1]:.2f} s"
                 spans = f"images from {first:.2f} to {last:.2f} s, {of_poses}"
                 raise InputError(f"{self.path}: timestamps do not overlap: {spans}; correct or remove the {name}")
+
+
+def holds_bag(path: Path) -> bool:
+    """Whether a folder is a bag, or contains one or more."""
+    return any(file.suffix in BAG_ENDINGS for file in path.iterdir()) or describes_bag(path / "metadata.yaml")
+
+
+def describes_bag(file: Path) -> bool:
+    """Whether a file, which may be missing, describes a bag of ROS 2."""
+    return file.is_file() and "rosbag2_bagfile_information" in read_text(file)

@@ -26,15 +26,14 @@ from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.images import colour_of, depth_of, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
 from pipeline.datasets.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
-from pipeline.datasets.recording import Recording
+from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
 from pipeline.errors import InputError
-from pipeline.files import check_regular, read_text
+from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
-ENDINGS = ".mcap", ".db3", ".bag"  # Endings of files with messages
 INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In the names of topics with infrared images
 
 
@@ -81,21 +80,12 @@ def read_ros_bag(
     return recording
 
 
-def holds_bag(path: Path) -> bool:
-    """Whether a folder is a bag, or contains one or more."""
-    return any(file.suffix in ENDINGS for file in path.iterdir()) or _describes_bag(path / "metadata.yaml")
-
-
-def _describes_bag(file: Path) -> bool:
-    return file.is_file() and "rosbag2_bagfile_information" in read_text(file)
-
-
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
     """A reader of a bag, whose errors of many types become InputError."""
-    alone = sorted(file for file in path.iterdir() if file.suffix in ENDINGS) if path.is_dir() else []
+    alone = sorted(file for file in path.iterdir() if file.suffix in BAG_ENDINGS) if path.is_dir() else []
     # The reader would take a folder whose name ends in .bag for a file of ROS 1.
-    is_lone = len(alone) == 1 and (path.suffix == ".bag" or not _describes_bag(path / "metadata.yaml"))
+    is_lone = len(alone) == 1 and (path.suffix == ".bag" or not describes_bag(path / "metadata.yaml"))
     file = alone[0] if is_lone else path
     if file.exists() and not file.is_dir():
         check_regular(file)

@@ -12,6 +12,10 @@ from pipeline.exploration.viewpoint import Context
 from pipeline.planning.pose_paths import PosePaths
 
 
+class TimeIsUpError(Exception):
+    """The mission's time is up."""
+
+
 class PlacedFind(Protocol):
     """What a mission must know about a find."""
 

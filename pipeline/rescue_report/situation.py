@@ -247,7 +247,7 @@ def situation_of(
     # From all keyframes, because ground at the entrance, or from there to where the robot went, may be unseen.
     reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
     hazards = find_hazards(traversability, reachable, points, config)
-    finds = mapper.finds.reported
+    finds = mapper.finds.reported  # with people's heat, even if other finds are not looked for
     heat = [find.position for find in finds if find.of_person and find.kind == HEAT]
     topology = mapper.topological_map
     router = Router(paths, topology, mapper.metric_map, hazards, yaw_of(poses[0]), camera_height, config)
@@ -266,7 +266,7 @@ def situation_of(
         unseen=find_unseen(traversability, measured, reachable, config),
         people=[person(*found) for found in confirmed_ids(mapper.victims)],
         sightings=[person(*found) for found in unconfirmed_ids(mapper.victims)],
-        finds=finds,
+        finds=finds if mapper.readers is not None else [],
         searched=mapper.detector is not None,
         ended=ended,
         left=left,

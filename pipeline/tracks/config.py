@@ -26,6 +26,10 @@ class Confirmation:
     baseline: float = 0.0
 
 
+Extents = tuple[float, float, float]
+"""Three extents, the longest first, m."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrackConfig:
     """How one kind of object is tracked.
@@ -36,6 +40,8 @@ class TrackConfig:
         accepted: probability that two measured positions of one object are close enough to be taken for one.
         across: width of the object that must be in the image when it is looked at again, m.
         photo_margin: margin of a photo around the object's box, as a share of the box's longer side.
+        extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
+            background.
     """
 
     confirmation: Confirmation
@@ -43,6 +49,7 @@ class TrackConfig:
     accepted: float = 0.99
     across: float
     photo_margin: float
+    extents: tuple[Extents, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +64,9 @@ class PeopleConfig(TrackConfig):
         voxel: edge length of a person's voxels, m.
         agreed: minimum share of the keyframes showing a person that must show a voxel for it to count.
         skin_to_middle: standard deviation due to the distance from the visible skin to the middle of the body, m.
+        extents: of standing or lying people, stature, shoulder breadth and chest depth; of sitting people, sitting
+            height, depth including the thighs, and shoulder breadth (NASA-STD-3000, section 3.3); of dolls, as in the
+            RoboCup Rescue arena designer.
     """
 
     confirmation: Confirmation = Confirmation(
@@ -70,6 +80,7 @@ class PeopleConfig(TrackConfig):
     voxel: float = 0.03
     agreed: float = 0.2
     skin_to_middle: float = 0.08
+    extents: tuple[Extents, ...] = ((1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +98,8 @@ class ObjectConfig(TrackConfig):
         pose_sigma: standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas.
         kept_voxel: edge length of voxels, m, in each of which one point of an observation is kept.
         of_person: maximum distance from a person at which a find belongs to that person, m.
+        is_flat: whether it shows the same from all directions.
+        has_checksum: whether it is decoded correctly or not at all.
     """
 
     confirmation: Confirmation = Confirmation(confidence=0.5)
@@ -100,44 +113,23 @@ class ObjectConfig(TrackConfig):
     pose_sigma: float = 0.03
     kept_voxel: float = 0.025
     of_person: float = 0.0
-
-
-SHAPE = ObjectConfig(confirmation=Confirmation(confidence=0.5, baseline=0.3), of_person=0.15)
-
-
-Extents = tuple[float, float, float]
-"""Three extents, the longest first, m."""
-WEIGHED = ("victim", "hazmat_sign", "fire_extinguisher", "door_lever")
-"""Kinds that are weighed against background; codes that were decoded need no such check."""
+    is_flat: bool = False
+    has_checksum: bool = False
 
 
 @dataclass(frozen=True)
 class LikelihoodConfig:
-    """The sizes of objects and of background.
+    """How sizes of objects and of background are distributed.
 
     Attributes:
-        victim: median extents, m: of standing or lying people, stature, shoulder breadth and chest depth; of sitting
-            people, sitting height, depth including the thighs, and shoulder breadth (NASA-STD-3000, section 3.3); of
-            dolls, as in the RoboCup Rescue arena designer.
-        hazmat_sign: the same for labels as the leagues print them, 0.1 to 0.3 m.
-        fire_extinguisher: the same as in the arena designer.
-        door_lever: the same for levers with their plates.
         thinnest: noise of a depth camera at its usual range, m; nothing seems thinner.
         spread: standard deviation of an extent's logarithm: 95 % lie within a factor of 1.5.
         highest: maximum height above the ground of people and signs, m; background is up to twice as high and long.
     """
 
-    victim: tuple[Extents, ...] = ((1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14))
-    hazmat_sign: tuple[Extents, ...] = ((0.2, 0.2, 0.02),)
-    fire_extinguisher: tuple[Extents, ...] = ((0.45, 0.16, 0.14),)
-    door_lever: tuple[Extents, ...] = ((0.22, 0.14, 0.06),)
     thinnest: float = 0.02
     spread: float = log(1.5) / 2
     highest: float = 2.0
-
-    def extents(self, kind: str) -> tuple[Extents, ...]:
-        """The extents that objects of a kind may have, m; empty if the kind is not weighed."""
-        return getattr(self, kind) if kind in WEIGHED else ()
 
 
 @dataclass(frozen=True)
@@ -168,16 +160,12 @@ class TracksConfig:
     """How each kind is tracked, and when it is looked at again.
 
     Attributes:
+        heat: settings for warm regions.
+        other: settings for the kinds of readers that bring none of their own.
         likelihood: used to weigh what was seen against background.
-        other: settings for the kinds of a user's own readers.
     """
 
     victim: PeopleConfig = PeopleConfig()
-    hazmat_sign: ObjectConfig = ObjectConfig()
-    qr_code: ObjectConfig = ObjectConfig()
-    april_tag: ObjectConfig = ObjectConfig()
-    fire_extinguisher: ObjectConfig = SHAPE
-    door_lever: ObjectConfig = SHAPE
     heat: ObjectConfig = ObjectConfig(of_person=0.4)
     other: ObjectConfig = ObjectConfig()
     likelihood: LikelihoodConfig = LikelihoodConfig()

@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 from pipeline.arrays import Points, Pose
 from pipeline.frame import Frame
-from pipeline.tracks.config import TracksConfig
-from pipeline.tracks.find import FIND_KINDS, HEAT, Find, Reading
-from pipeline.tracks.objects import ObjectPolicy, policy_of, shown, sight
+from pipeline.tracks.config import ObjectConfig, TracksConfig
+from pipeline.tracks.find import HEAT, Find, Reading
+from pipeline.tracks.objects import ObjectPolicy, shown, sight
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks, join_one_to_one
 from pipeline.transforms import inverse
@@ -23,11 +23,19 @@ class Finds(Tracks):
         readings: what was read in the last frame.
     """
 
-    def __init__(self, people: Tracks, config: TracksConfig = TracksConfig()) -> None:
-        """Start without finds; ``people``: the people on the map, who give off heat."""
+    def __init__(
+        self, people: Tracks, config: TracksConfig = TracksConfig(), kinds: Mapping[str, ObjectConfig] | None = None
+    ) -> None:
+        """Start without finds.
+
+        Args:
+            people: the people on the map, who give off heat.
+            config: how heat, and kinds that are not among ``kinds``, are tracked.
+            kinds: how the kinds of the readers are tracked.
+        """
         super().__init__(join_one_to_one)
-        self._config = config
-        self._policies = {kind: policy_of(kind, config) for kind in FIND_KINDS}
+        self._likelihood, self._other = config.likelihood, config.other
+        self._kinds, self._policies = {HEAT: config.heat, **(kinds or {})}, dict[str, ObjectPolicy]()
         self.readings: list[Reading] = []
         self._people = people
 
@@ -51,7 +59,8 @@ class Finds(Tracks):
     def policy_of(self, kind: str) -> ObjectPolicy:
         """How a kind is tracked, including kinds of a user's own readers."""
         if kind not in self._policies:
-            self._policies[kind] = policy_of(kind, self._config)
+            numbers = self._kinds.get(kind, self._other)
+            self._policies[kind] = ObjectPolicy(kind=kind, likelihood=self._likelihood, **vars(numbers))
         return self._policies[kind]
 
     def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:

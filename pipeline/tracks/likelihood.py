@@ -5,7 +5,7 @@ that they fill. An object shows any part of each of its extents, which are log-n
 scale-free, with uniform logarithms.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, log
 
@@ -32,7 +32,7 @@ class Weighed:
 
 
 def weigh(
-    kind: str,
+    extents: Sequence[Extents],
     points: Points,
     ground: float,
     config: LikelihoodConfig,
@@ -42,19 +42,19 @@ def weigh(
     """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or background.
 
     Args:
-        kind: one of ``WEIGHED``.
+        extents: median extents of the kind in the forms that it takes, m.
         points: points of the detection or the find.
         ground: height of the ground, m in ``map``.
-        config: sizes of objects and of background.
+        config: how sizes of objects and of background are distributed.
         background: which points are returns of something else, such as a wall.
         camera: position of the camera, if all points are returns in a box of its image.
     """
     free = np.ones(len(points), np.bool_) if background is None else ~background
     best = Weighed(-inf, np.zeros(len(points), np.bool_))
     in_box = None if camera is None or not free.any() else _in_box(points, camera)
-    for extents in config.extents(kind):
-        for part in _parts(points, free, extents[1] / 2):
-            ratio = _of_shape(points[part], extents, ground, config) - log(len(config.extents(kind)))
+    for form in extents:
+        for part in _parts(points, free, form[1] / 2):
+            ratio = _of_shape(points[part], form, ground, config) - log(len(extents))
             if in_box is not None:
                 # For background, the shares of the box's returns and of its area are uniform. For an object, that of
                 # the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits on

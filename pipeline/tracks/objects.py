@@ -11,17 +11,12 @@ from pipeline.arrays import Mask, PixelMask, Points, Pose
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.sensor import SensorModel
-from pipeline.tracks.config import WEIGHED, LikelihoodConfig, ObjectConfig, TracksConfig
-from pipeline.tracks.find import FIND_KINDS, Reading
+from pipeline.tracks.config import ObjectConfig
+from pipeline.tracks.find import Reading
 from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
-
-FLAT = ("hazmat_sign", "qr_code", "april_tag")
-"""Kinds that show the same from all directions."""
-CHECKED = ("qr_code", "april_tag")
-"""Kinds that are decoded correctly or not at all, because they have checksums."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,14 +97,6 @@ def shown(track: Track) -> Points:
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
-def policy_of(kind: str, config: TracksConfig) -> ObjectPolicy:
-    """The policy for a kind of find other than people."""
-    numbers: ObjectConfig = getattr(config, kind) if kind in FIND_KINDS else config.other
-    return ObjectPolicy(
-        kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, likelihood=config.likelihood, **vars(numbers)
-    )
-
-
 def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
     """An observation in ``map`` of what was read in a frame's image.
 
@@ -132,7 +119,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     points = k.rays[inside] * depth[:, None]
     if depth.size:
         reading, belongs = _weighed(
-            reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy.likelihood
+            reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy
         )
         if not policy.is_flat:
             points = points[belongs if belongs.any() else np.abs(depth - z) < policy.gap]
@@ -155,12 +142,12 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
 
 
 def _weighed(
-    reading: Reading, points: Points, T_map_camera: Pose, ground: float, config: LikelihoodConfig
+    reading: Reading, points: Points, T_map_camera: Pose, ground: float, policy: ObjectPolicy
 ) -> tuple[Reading, Mask]:
     """A reading with its confidence updated from its points, and which of these belong to the object."""
-    if reading.kind not in WEIGHED:
+    if not policy.extents:
         return reading, np.zeros(len(points), np.bool_)
-    weighed = weigh(reading.kind, points, ground, config, camera=T_map_camera[:3, 3])
+    weighed = weigh(policy.extents, points, ground, policy.likelihood, camera=T_map_camera[:3, 3])
     return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
 
 

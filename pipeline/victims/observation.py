@@ -52,7 +52,7 @@ def observe(
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
-    weighed = weigh(VICTIM, points, ground, policy.likelihood, is_background, camera)
+    weighed = weigh(policy.extents, points, ground, policy.likelihood, is_background, camera)
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))

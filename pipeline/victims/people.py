@@ -93,7 +93,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def has_shape(self, track: Track) -> bool:
         """Whether all points seen, taken together, are more like a person than like background."""
-        return weigh(self.kind, track.points, track.ground, self.likelihood).log_ratio > 0
+        return weigh(self.extents, track.points, track.ground, self.likelihood).log_ratio > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import cv2
 import torch
 
 from pipeline.frame import Frame
+from pipeline.tracks.config import ObjectConfig
 from pipeline.tracks.find import Reading, is_same
 from pipeline.victims.config import HeatConfig
 from pipeline.victims.detection.detection import Detection, Detector, check_detections
@@ -16,7 +17,11 @@ from pipeline.victims.heat import warm_regions
 
 
 class FindReader(Protocol):
-    """Finds objects of some kinds in a frame; users may write their own."""
+    """Finds objects of some kinds in a frame; users may write their own.
+
+    It may have an attribute ``kinds``: by kind, a :class:`pipeline.tracks.config.ObjectConfig` that says how objects
+    of this kind are tracked.
+    """
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
@@ -29,6 +34,12 @@ class SeveralReaders:
     def __init__(self, readers: Sequence[FindReader]):
         """``readers``: in the order in which they read."""
         self._readers = readers
+
+    @property
+    def kinds(self) -> dict[str, ObjectConfig]:
+        """How each kind is tracked; the first reader's settings count."""
+        every = [getattr(reader, "kinds", {}) for reader in self._readers]
+        return {kind: numbers for kinds in reversed(every) for kind, numbers in kinds.items()}
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image."""

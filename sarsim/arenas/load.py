@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.lane_builders import build_lane
-from sarsim.arenas.lanes import LANES_FOLDER, MAZE
 from sarsim.arenas.map_2d import build_map
-from sarsim.arenas.maze import build_maze
 from sarsim.arenas.names import BUILT_FILES, BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.placements import add_person, read_placements
 from sarsim.arenas.raf import build_raf
@@ -44,7 +41,7 @@ def load_arena(
     """The arena that a command's ``--arena`` names.
 
     Args:
-        name: a built-in arena or lane, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
+        name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
         start: start of the robot; by default the arena's own start, or else the best position in the arena.
         random: settings of a random arena.
         victims: settings of the victims in an arena built from a file.
@@ -60,9 +57,6 @@ def load_arena(
             f"--victims {victims.placements}: not supported for the arena {name}; the flag works only with"
             f" {', '.join(BUILT_FILES[:-1])} and {BUILT_FILES[-1]} files"
         )
-    if name.startswith(LANES_FOLDER) and name in BUILT_IN:
-        lane = name.removeprefix(LANES_FOLDER)
-        return _from_builder(name, build_maze() if lane == MAZE else build_lane(lane), start)
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):

@@ -4,9 +4,8 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.files import check_regular
-from sarsim.arenas.lanes import LANES, LANES_FOLDER, MAZE
 
-BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in (*LANES, MAZE)))
+BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
 MAX_DIGITS = 18  # Maximum number of digits of a seed
 BUILT_FILES = (".raf", ".sdf", ".world", ".model", ".yaml")
@@ -22,11 +21,9 @@ def check_arena_name(name: str) -> None:
         seed_of(name)
     elif Path(name).suffix.lower() in (*BUILT_FILES, MJCF):
         check_regular(Path(name))
-    elif name.startswith(LANES_FOLDER):
-        raise InputError(f"unknown arena {name!r}: the lanes are {', '.join(LANES)} and {MAZE}")
     else:
         raise InputError(
-            f"unknown arena {name!r}: use {', '.join(BUILT_IN[:2])}, {LANES_FOLDER}NAME, {RANDOM}SEED or a file"
+            f"unknown arena {name!r}: use {', '.join(BUILT_IN)}, {RANDOM}SEED, a plug-in's or a file"
             f" with one of these extensions: {', '.join((*BUILT_FILES, MJCF))}"
         )
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Rotation3
 from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.fiducials import MOST_TAGS, TAG_SIDE
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.things.codes import FAMILY
+from sarsim.arenas.things.codes import FAMILY, MOST_TAGS, TAG_SIDE
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import (

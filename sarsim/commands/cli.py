@@ -120,7 +120,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
         values = value if isinstance(value, tuple) else (value,)
         if flag == "arena" and value not in BUILT_IN:
             if is_own_arena(value):
-                check_method(flag, value)
+                check_method(flag, value if ":" in value else value.partition("/")[0])
             else:
                 check_arena_name(value)
         elif flag == "robot" and value is not None:

@@ -12,8 +12,9 @@ from rich.console import Console
 from pipeline.errors import InputError
 from sarsim.commands.cli import progress, run
 from sarsim.flags import Given
+from sarsim.methods.plugins import find, load_object
 
-EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco", "mcap": "Mcap"}
+EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco"}
 """The class of each format, in the module of :mod:`sarsim.dataset.exports` with the format's name."""
 
 
@@ -24,7 +25,7 @@ class ExportDataset:
     Attributes:
         format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files for training point networks; tum:
             RGB-D sequences for SLAM tools; yolo: images with bounding boxes; coco: images with bounding boxes and
-            masks; mcap: ROS 2 bags.
+            masks; or a plug-in's, such as mcap: ROS 2 bags.
         data: folder of the dataset.
         out: new folder for the export; it appears once the export is complete.
         voxel: s3dis: side of the cubes that keep one point each, m; larger cubes make smaller files. By default 0.02.
@@ -33,7 +34,7 @@ class ExportDataset:
         min_area: yolo, coco: minimum number of visible pixels for an object to get a box. By default 100.
     """
 
-    format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco", "mcap"], tyro.conf.Positional]
+    format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco"] | str, tyro.conf.Positional]
     data: Path
     out: Path
     voxel: Given[float] = None
@@ -46,7 +47,10 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
     """Export a dataset scene by scene, and print the folder of the result."""
     from sarsim.dataset.folder import Dataset
 
-    kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
+    if settings.format in EXPORTS:
+        kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
+    else:
+        kind = load_object(find(settings.format, ["sarsim.export"]))
     options = {name: value for name, value in asdict(settings).items() if name != "format"}
     given = {name: value for name, value in options.items() if value is not None and value is not False}
     known = inspect.signature(kind).parameters

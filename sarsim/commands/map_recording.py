@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, require_package
 from pipeline.files import check_folder
 from sarsim.commands.cli import end_by, is_verbose, run_watched
-from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
+from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
 from sarsim.settings import MapRecording
 
@@ -20,11 +20,10 @@ def map_recording(config: MapRecording) -> None:
 
     If the recording is damaged or a frame cannot be localised, the maps of the earlier frames are kept.
     """
-    brief = wanted_mission(config.mission)
     check_folder(config.out)
     from sarsim.commands.recorded_drive import RecordedDrive
 
-    drive = RecordedDrive(open_recording(config), config, brief)
+    drive = RecordedDrive(open_recording(config), config)
     try:
         ended_by = run_watched(drive.run, config.path.name)
     finally:
@@ -40,7 +39,7 @@ def map_recording(config: MapRecording) -> None:
 def open_recording(config: MapRecording) -> "Recording":
     """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
     from pipeline.datasets.image_pairs import holds_images
-    from pipeline.datasets.ros_bag import holds_bag, read_ros_bag
+    from pipeline.datasets.recording import holds_bag
     from pipeline.datasets.tum_folder import read_tum_folder
     from pipeline.frame import Calibration
     from sarsim.dataset.scene_file import read_scene
@@ -53,6 +52,9 @@ def open_recording(config: MapRecording) -> "Recording":
     if path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5):
         return read_scene(path)
     if not path.is_dir() or (not holds_images(path) and holds_bag(path)):
+        require_package("rosbags", "bags", f"{path}: reading a ROS bag")
+        from pipeline.datasets.ros_bag import read_ros_bag
+
         return read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:

@@ -11,12 +11,12 @@ from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
 from pipeline.localisation.localisation import LostError
-from pipeline.plugins.league.brief import MissionBrief
 from pipeline.progress import Progress
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink
 from pipeline.transforms import inverse
 from sarsim.composition import compose, make_mapper
+from sarsim.methods.plugins import make_plugins
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore
@@ -45,11 +45,13 @@ class RecordedDrive(MappingRun):
         error: why the recording could not be mapped to its end; empty otherwise.
     """
 
-    def __init__(self, recording: Recording, config: MapRecording, brief: MissionBrief | None = None):
+    def __init__(self, recording: Recording, config: MapRecording):
         """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
-        mapper = make_mapper(config, model, localisation=localisation_of(poses, config.pipeline.localisation))
+        plugins = make_plugins(config)
+        localisation = localisation_of(poses, config.pipeline.localisation)
+        mapper = make_mapper(config, model, localisation=localisation, plugins=plugins)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""
@@ -57,7 +59,7 @@ class RecordedDrive(MappingRun):
         self._score, self._T_map_world = TrajectoryScore(mapper.localisation, self._poses), np.eye(4)
         self._score.has_truth, self._score.is_recorded = False, True
         others = [_Score(self._score)]
-        super().__init__(compose(config, mapper, config.out, config.path.name, others=others, brief=brief))
+        super().__init__(compose(config, mapper, config.out, config.path.name, others=others, plugins=plugins))
 
     def run(
         self,

@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.files import check_folder
 from sarsim.assets import asset
 from sarsim.commands.cli import announce_compilation, end_by, is_verbose, run_watched
-from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
+from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
 from sarsim.compilation import compile_on_two_cores
 from sarsim.opengl import check_rendering
@@ -24,14 +24,13 @@ def run_episode(config: EpisodeConfig) -> None:
         raise InputError(f"--resume {config.resume}: cannot be combined with --out, as it writes to its own folder")
     if config.resume and config.map and config.map.resolve() == config.resume.resolve():
         raise InputError(f"--resume {config.resume}: --map must not name the same folder")
-    brief = wanted_mission(config.mission, config.minutes, config.home)
     check_folder(config.folder, config.continues)
     check_rendering()
     from sarsim.episode import Episode  # imported here, because it takes seconds
 
     announce_compilation()
     compile_on_two_cores()
-    episode = Episode(config, brief)
+    episode = Episode(config)
     config = episode.config
     save_settings(config, config.folder / "config.yaml")
     cache = cache_outputs(episode)

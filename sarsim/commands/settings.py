@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, asdict, field, fields, is_dataclass, make_dataclass, replace
 from difflib import get_close_matches
+from functools import partial
 from inspect import getdoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
@@ -15,10 +16,9 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from pipeline.plugins.league.brief import MissionBrief, Task
-from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, check_names, common, guarded, parse
-from sarsim.settings import EXPLORE, chooses_code
+from sarsim.methods.plugins import is_portable, settings_of, shipped_plugin, split_flags, summary
+from sarsim.settings import chooses_code
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -26,13 +26,11 @@ if TYPE_CHECKING:
 CONFIG = tyro.conf.arg(
     help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
 )
-RESULTS = ("out", "resume", "bag", "tum", "json")
+RESULTS = ("out", "resume", "tum", "json")
 """Where results go: only flags may set these, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
 
-MISSIONS = ("league", "virtual")
-"""Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
 """Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
@@ -83,6 +81,11 @@ def settings_from(
     Raises:
         InputError: a flag or the file is wrong.
     """
+    own = [f.name.replace("_", "-") for f in fields(kind)]  # type: ignore[arg-type]
+    asked: dict[str, list[str]] = {}
+    if "plugins" in own:
+        asked, args = split_flags(args, own)
+        description = description and f"{description}\n\n{summary()}"
     found = config_file(args)
     default: dict[str, Any] = {"default": load_settings(kind, found[1], args, found[0])} if found else {}
     flags = make_dataclass(
@@ -92,9 +95,13 @@ def settings_from(
             ("config", Annotated[Path | None, CONFIG], field(default=None)),
         ],
     )
-    return parse(
+    settings = parse(
         lambda: tyro.cli(flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,))
     ).settings
+    for name, words_of in asked.items():
+        one = partial(settings_of, name, words_of, settings.plugins.get(name))
+        settings = replace(settings, plugins={**settings.plugins, name: parse(one)})
+    return settings
 
 
 def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
@@ -123,29 +130,6 @@ def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
     return "resume", file
 
 
-def load_mission(name: str) -> MissionBrief:
-    """The mission that ``--mission`` names: league, virtual, or a YAML file.
-
-    Raises:
-        InputError: the file cannot be read, or contains an unknown key or an invalid value.
-    """
-    is_own = name in MISSIONS
-    return load_settings(MissionBrief, asset("missions", f"{name}.yaml") if is_own else Path(name), flag="mission")
-
-
-def wanted_mission(mission: str, minutes: float | None = None, home: bool = False) -> MissionBrief | None:
-    """The mission that ``--mission``, ``--minutes`` and ``--home`` describe; None to explore without a time limit.
-
-    Raises:
-        InputError: see :func:`load_mission`.
-    """
-    if mission == EXPLORE:
-        return None
-    brief = load_mission(mission)
-    tasks: tuple[Task, ...] = (*brief.tasks, "home") if home and "home" not in brief.tasks else brief.tasks
-    return replace(brief, minutes=brief.minutes if minutes is None else minutes, tasks=tasks)
-
-
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
@@ -155,8 +139,6 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
         InputError: the file cannot be read, or contains an unknown key or a value of the wrong type, or
             sets what only a flag may set.
     """
-    from pydantic import TypeAdapter, ValidationError  # imported here, because --help does not need it
-
     where = f"--{flag} {path}"
     content = _yaml(path, where)
     if not isinstance(content, dict):
@@ -172,11 +154,24 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
                 f"{where}: a file must not choose code to run; give --{name.replace('_', '-')} as a flag"
             )
         del given[name]
+    return _instance(kind, given, where)
+
+
+def _instance(kind: type[Settings], given: Mapping[str, Any], where: str) -> Settings:
+    """An instance of a dataclass with the values of a file; ``where`` begins the error messages."""
+    from pydantic import TypeAdapter, ValidationError  # imported here, because --help does not need it
+
     hints = get_type_hints(kind, include_extras=True)
     values = {}
     for name, value in given.items():
         if name not in hints:
             raise InputError(f"{where}: {_unknown([name], hints)}")
+        if name == "plugins" and isinstance(value, dict):
+            values[name] = {
+                str(one): _instance(shipped_plugin(str(one), where).Settings, own or {}, f"{where}: plugins.{one}")
+                for one, own in value.items()
+            }
+            continue
         try:  # In JSON, unlike YAML, types are strict but for tuples and paths, and all numbers are finite
             text = json.dumps(value, allow_nan=False, default=str)
             values[name] = TypeAdapter(hints[name]).validate_json(text, strict=True, extra="forbid")
@@ -247,5 +242,7 @@ def save_settings(settings: Any, path: Path) -> None:
     """
     unchanged = {f.name for f in fields(settings) if "Path" in str(f.type) and getattr(settings, f.name) == f.default}
     saved = {name: value for name, value in asdict(settings).items() if name not in {*OUTPUTS, *unchanged}}
+    if plugins := getattr(settings, "plugins", None):
+        saved["plugins"] = {name: value for name, value in saved["plugins"].items() if is_portable(plugins[name])}
     with atomic_write(path) as file:
         file.write_text(yaml.dump(saved, Dumper=_Dumper, sort_keys=False, default_flow_style=False))

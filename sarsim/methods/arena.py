@@ -20,7 +20,8 @@ def make_arena(
     """The arena with a given name.
 
     Args:
-        name: a name that :func:`~sarsim.arenas.load.load_arena` accepts, MODULE:FUNCTION, or an entry point.
+        name: a name that :func:`~sarsim.arenas.load.load_arena` accepts, MODULE:FUNCTION, or an entry point, NAME or
+            NAME/PART.
         start: where to set the robot down; by default the arena's own start, or else the best position in it.
         random: settings of a random arena.
         seed: seed for a user-defined function.
@@ -30,9 +31,11 @@ def make_arena(
         InputError: as in :func:`~sarsim.arenas.load.load_arena`, or the function does not exist or return an arena.
     """
     if is_own_arena(name):
-        build = load_own("arena", name, OWN_FUNCTION)
+        whole, _, part = (name, "", "") if ":" in name else name.partition("/")
+        build = load_own("arena", whole, OWN_FUNCTION)
         if not callable(build):
             raise InputError(f"--arena {name}: must name a function, not a {type(build).__name__}")
-        built = build(seed=seed) if "seed" in inspect.signature(build).parameters else build()
+        wanted = inspect.signature(build).parameters
+        built = build(**{key: value for key, value in {"seed": seed, "part": part}.items() if key in wanted})
         return checked_arena(built, f"--arena {name}", start)
     return load_arena(name, start, random, victims)

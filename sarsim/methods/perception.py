@@ -1,9 +1,10 @@
 """The classifier, detector and readers that a command's settings select; none of them needs a simulator."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.plugins.finds.readers import FindReaders
+from pipeline.plugin import Plugin
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
@@ -25,19 +26,15 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
     return classifier, VictimDetector.load(*config.detector, config=numbers) if config.detector else None
 
 
-def make_readers(config: PerceptionConfig) -> FindReader | None:
-    """The readers of all finds except people, user-defined ones last; InputError if they cannot be used."""
-    own = [make_own("reader", name, FindReader) for name in config.reader]
-    shipped = shipped_readers(config)
-    return SeveralReaders([*([shipped] if shipped else []), *own]) if own else shipped
+def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> FindReader | None:
+    """The readers of all finds except people, those of plug-ins first; None without any.
 
-
-def shipped_readers(config: PerceptionConfig) -> FindReaders | None:
-    """The readers that sarsim ships, if there is a detector; InputError if their weights are damaged."""
-    if not (config.detector or config.detector_class):
-        return None
-    hazmat, shapes = (asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes"))
-    return FindReaders.load(hazmat, shapes, config.pipeline.finds, config.pipeline.tracks.likelihood)
+    Raises:
+        InputError: one of them cannot be used.
+    """
+    readers = [reader for plugin in plugins for reader in plugin.readers()]
+    readers += [make_own("reader", name, FindReader) for name in config.reader]
+    return SeveralReaders(readers) if readers else None
 
 
 def make_classifier(

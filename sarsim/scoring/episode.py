@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Places, Poses
+from pipeline.arrays import Places
 from pipeline.errors import required
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
@@ -17,8 +17,6 @@ from pipeline.transforms import yaw_of
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.scoring.coverage import Coverage
-from sarsim.scoring.fiducials import FiducialScore
-from sarsim.scoring.finds import FindScore
 from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.oracle import Oracle
 from sarsim.scoring.progress import MOST, ExploredCurve, progress_figures
@@ -43,13 +41,12 @@ class EpisodeScore(Sink):
 
     finishing = "scoring against the ground truth"
 
-    def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: Poses, oracle: bool = False):
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer, oracle: bool = False):
         """Score a robot from its current pose on.
 
         Args:
             robot: the robot in the arena.
             explorer: the explorer that drives it.
-            T_world_tag: true poses of the tags on the arena's walls.
             oracle: whether the report compares the robot with the tour of a robot that knows the ground.
         """
         self._robot = robot
@@ -64,8 +61,6 @@ class EpisodeScore(Sink):
         self._semantics = KeyframeTruth(explorer.mapper.keyframes, voxel)
         self._surfaces = SurfaceScore(voxel)
         self._victims = VictimScore(model, data)
-        self._finds, self._has_thermal = FindScore(model, data, T_world_tag[:, :3, 3]), False
-        self._fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
         for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
             self._coverage.see(seen.points_at(T))
@@ -96,9 +91,6 @@ class EpisodeScore(Sink):
         self._progress.append((keyframe.frame.time - self._start_time, self._coverage.fraction))
         self._segments.add(points, truth.image.instance[truth.image.depth > 0])
         self._victims.add(truth.image)
-        self._finds.add(truth.image)
-        self._has_thermal |= keyframe.frame.thermal is not None
-        self._fiducials.add(keyframe.frame, keyframe.T_map_base)
         if len(keyframe.labels):
             self._semantics.add(keyframe)
 
@@ -140,15 +132,13 @@ class EpisodeScore(Sink):
 
     def finish(self, result: Result) -> None:
         """Add the figures of all stages that have any to the report."""
-        if result.is_reported:
-            result.add(self.report())
+        super().finish(result)
         self._thread.shutdown()
 
-    def report(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""
         self._wait()
         explorer, keyframes = self._explorer, self._explorer.mapper.keyframes
-        has_readers = explorer.mapper.readers is not None
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map)
@@ -158,16 +148,9 @@ class EpisodeScore(Sink):
             "path_plan": self._path_plan(),
             "navigation": navigation_figures(explorer.pilot.navigator, self._navigation, self._kidnaps),
             "exploration": self._exploration(),
-            "localisation": self.trajectory.report()
-            | {"relocalised": explorer.pilot.pose_check.relocalised}
-            | self._fiducials.report(list(keyframes.poses[keyframes.loaded :])),
+            "localisation": self.trajectory.report() | {"relocalised": explorer.pilot.pose_check.relocalised},
             **self._goals(),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
-            **(
-                {"finds": self._finds.report(explorer.mapper.finds.reported, self._has_thermal)}
-                if has_readers
-                else {}
-            ),
         }
         return {name: stage for name, stage in stages.items() if stage}
 
@@ -176,11 +159,6 @@ class EpisodeScore(Sink):
         """Position error in m of each victim that was found."""
         errors = self._victims.matches(self._confirmed)
         return errors[np.isfinite(errors)].tolist()
-
-    @property
-    def find_errors(self) -> dict[str, list[float]]:
-        """Position errors in m of the finds of each kind."""
-        return self._finds.errors(self._explorer.mapper.finds.reported)
 
     @property
     def _confirmed(self) -> Places:

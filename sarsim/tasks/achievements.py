@@ -1,5 +1,6 @@
 """What an exploration has achieved so far, according to ground truth."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from pipeline.rescue_report.figures import figures as flat
 from pipeline.sink import Sink, Step
 from pipeline.tracks.find import HEAT
 from sarsim.scoring.coverage import Coverage
-from sarsim.scoring.finds import FindScore
 from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.trajectory import is_tipped
 from sarsim.scoring.victims import VictimScore
@@ -25,21 +25,21 @@ IN_VIEW = ("present", "visible")
 class Achievements(Sink):
     """Measures what an explorer sees, finds and does."""
 
-    def __init__(self, robot: SimulatedRobot, explorer: Explorer):
-        """``explorer``: the explorer that drives ``robot``, which must be at its start."""
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer, finds: Sequence[Sink] = ()):
+        """``explorer``: drives ``robot``, which is at its start; ``finds``: score what is found besides people."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._explorer, self._coverage = robot, explorer, Coverage(robot)
         self._navigation = NavigationScore(robot, self._coverage.surface)
-        self._victims, self._finds = VictimScore(model, data), FindScore(model, data, np.zeros((0, 3)))
-        self._start, self._kidnaps, self._frontiers, self._has_thermal = robot.time, 0, 0, False
+        self._victims, self._finds = VictimScore(model, data), finds
+        self._start, self._kidnaps, self._frontiers = robot.time, 0, 0
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add what a keyframe shows."""
         truth = required(self._robot.true_frame)
         self._coverage.see(truth.points())
         self._victims.add(truth.image)
-        self._finds.add(truth.image)
-        self._has_thermal |= keyframe.frame.thermal is not None
+        for sink in self._finds:
+            sink.on_keyframe(keyframe)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Count kidnappings, and store the number of frontiers."""
@@ -79,8 +79,10 @@ class Achievements(Sink):
     def _found(self) -> dict[str, dict[str, Any]]:
         mapper = self._explorer.mapper
         positions = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
-        things = self._finds.report(mapper.finds.reported, self._has_thermal)
-        found = {"victims": self._victims.report(positions), **{f"finds.{kind}": all for kind, all in things.items()}}
+        found = {"victims": self._victims.report(positions)}
+        for sink in self._finds:
+            for stage, kinds in sink.figures().items():
+                found |= {f"{stage}.{kind}": figures for kind, figures in kinds.items()}
         if mapper.detector:
             return found
         return {stage: {name: all[name] for name in IN_VIEW} for stage, all in found.items()}

@@ -1,6 +1,6 @@
 """``sarsim/Explore-v0``: explore an arena in MuJoCo, viewpoint by viewpoint, with the robot's own software."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -17,13 +17,15 @@ from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
+from pipeline.plugin import Plugin, RunContext
 from pipeline.robot import RobotModel
 from pipeline.sink import Step
 from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
 from sarsim.composition import make_mapper
 from sarsim.methods.make import make_localisation
-from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig
+from sarsim.methods.plugins import make_plugins
+from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig, SinkConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
 from sarsim.tasks.drive import CLOSED, MOST_SEEDS, NOT_RESET
@@ -38,6 +40,8 @@ from sarsim.tasks.observations import (
     picture,
 )
 
+FINDS = "finds"
+"""The plug-in that a reward for finds asks for."""
 Action = int | np.integer[Any] | NDArray[np.float32]
 
 
@@ -156,20 +160,24 @@ class Explore(gymnasium.Env[Any, Any]):
         else:
             self._free()
             self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
-        mapper = self._mapper(self._robot.model)
+        plugins = make_plugins(SinkConfig(plugins={FINDS: None} if self._weights.finds else {}))
+        mapper = self._mapper(self._robot.model, plugins)
         self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)
         self.explorer = Explorer(self._robot, mapper, self._strategy)
-        self._achieved = Achievements(self._robot, self.explorer)
+        context = RunContext(mapper, None, self.explorer, self._robot, plugins)
+        finds = [sink for plugin in plugins for sink in plugin.sinks(context)]
+        self._achieved = Achievements(self._robot, self.explorer, finds)
         self.explorer.watch(self._achieved)
         self._steps, self._ended = 0, ""
         self._look()
         return self._observation(), self._info()
 
-    def _mapper(self, model: RobotModel) -> Mapper:
+    def _mapper(self, model: RobotModel, plugins: Sequence[Plugin]) -> Mapper:
         localisation = make_localisation(
             "slam", model, self._perception.pipeline.localisation, self._simulation.odometry == "truth"
         )
-        return make_mapper(self._perception, model, self._begun["seed"], localisation)
+        readers = plugins if self._perception.detector else ()
+        return make_mapper(self._perception, model, self._begun["seed"], localisation, plugins=readers)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Drive to a viewpoint and take a keyframe; see the class."""

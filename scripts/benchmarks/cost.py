@@ -33,8 +33,9 @@ PERIOD = 0.005  # s between two samples
 STAGES = {
     "pipeline/victims/detection": "detector",
     "pipeline/plugins/finds": "finds",
-    "pipeline/tracks": "finds",
-    "pipeline/victims": "finds",
+    "pipeline/tracks/finds.py": "finds",
+    "pipeline/tracks/objects.py": "finds",
+    "pipeline/victims": "people",
     "pipeline/semantic_map/networks": "labels",
     "pipeline/semantic_map": "semantic_map",
     "pipeline/localisation": "localisation",
@@ -53,6 +54,7 @@ STAGES = {
     "pipeline/keyframes.py": "keyframes",
     "sarsim/recording.py": "recording",
     "sarsim/scoring": "scores",
+    "sarsim/plugins": "scores",
     "sarsim/ground_truth": "scores",
     "sarsim/sensors": "images",
     "sarsim/arenas/things": "images",
@@ -71,7 +73,8 @@ def measure(settings: CostSettings) -> Result:
         Episode(EpisodeConfig(arena=settings.arenas[0], steps=1, out=Path(name, "first"))).run(show_progress=False)
         for number, arena in enumerate(tracked(settings.arenas, "arenas")):
             out = Path(name, str(number))
-            config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=out)
+            plugins = {"finds": None} if settings.finds else {}
+            config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=out, plugins=plugins)
             figures |= {f"{arena}.{key}": value for key, value in _cost(config).items()}
     return Result(figures)
 

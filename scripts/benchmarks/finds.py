@@ -8,13 +8,14 @@ import json
 import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from pipeline.errors import InputError, required
+from pipeline.errors import InputError
 from pipeline.files import read_text
 from pipeline.frame import decoded
 from pipeline.plugins.finds.readers import FindReaders
@@ -23,7 +24,7 @@ from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.commands.cli import tracked
-from sarsim.methods.perception import shipped_readers
+from sarsim.plugins.finds.plugin import shipped_readers
 from scripts.benchmarks.common import Result
 from scripts.benchmarks.runs import failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import FindsSettings
@@ -42,11 +43,9 @@ def measure(settings: FindsSettings) -> Result:
     Raises:
         InputError: a network is broken, or a folder cannot be used.
     """
-    readers = shipped_readers(settings)
     if settings.photos is not None:
-        detector = VictimDetector.load(*settings.detector)
-        return Result(photo_figures(settings.photos, detector, required(readers)))
-    jobs = list(jobs_of(settings.episode, settings))
+        return Result(photo_figures(settings.photos, VictimDetector.load(*settings.detector), shipped_readers()))
+    jobs = list(jobs_of(replace(settings.episode, plugins={"finds": None}), settings))
     results = run_jobs(jobs, settings, run_episode)
     figures = figures_of([result for result in results if result and "report" in result])
     return Result(figures, {"failed": failures(jobs, results)})

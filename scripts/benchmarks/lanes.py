@@ -20,12 +20,12 @@ from pipeline.robot import Motion
 from pipeline.run import explore
 from pipeline.sink import Sink
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.lane_builders import build_lane
-from sarsim.arenas.lanes import LANES
 from sarsim.commands.cli import progress
 from sarsim.composition import make_mapper
+from sarsim.plugins.lanes.judge import LaneJudge, fallen_posts
+from sarsim.plugins.lanes.lane_builders import build_lane
+from sarsim.plugins.lanes.lanes import LANES
 from sarsim.robots.model import robot_model
-from sarsim.scoring.lane_judge import LaneJudge, fallen_posts
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least

@@ -22,6 +22,7 @@ from sarsim.commands.cli import progress
 from sarsim.episode import Episode
 from sarsim.jobs import locked, make_engine
 from sarsim.methods.perception import make_classifier
+from sarsim.plugins.finds.score import FindScore
 from sarsim.scoring.progress import MOST
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import at_least
@@ -171,7 +172,12 @@ def run_episode(job: Job) -> dict[str, Any] | None:
         if not episode.run(show_progress=False):
             return None
     score = episode.score
-    return {"report": episode.report, "position_errors": score.position_errors, "find_errors": score.find_errors}
+    found = [sink.errors for sink in episode.parts.sinks if isinstance(sink, FindScore)]
+    return {
+        "report": episode.report,
+        "position_errors": score.position_errors,
+        "find_errors": found[0] if found else {},
+    }
 
 
 class BenchmarkEpisode(Episode):

@@ -57,11 +57,13 @@ class CostSettings(SubjectSettings):
 
     Attributes:
         arenas: arenas of the episodes.
+        finds: look for signs, codes and shapes too, as in a mission.
         seed: seed of the episodes.
         steps: maximum number of steps of an episode.
     """
 
     arenas: tuple[str, ...] = ("nist_6x4", "random:3", "esogu_52x15")
+    finds: bool = False
     seed: int = 0
     steps: int = 160
 

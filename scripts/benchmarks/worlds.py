@@ -9,7 +9,6 @@ from typing import Any
 
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
-from sarsim.commands.settings import wanted_mission
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result
@@ -64,7 +63,12 @@ def worlds_in(folder: Path) -> list[Path]:
 def job_of(settings: WorldsSettings, world: Path) -> Job:
     """The mission in a world."""
     config = EpisodeConfig(
-        arena=str(world), robot=settings.robot, seed=settings.seed, mission="virtual", pipeline=settings.pipeline
+        arena=str(world),
+        robot=settings.robot,
+        seed=settings.seed,
+        mission="virtual",
+        minutes=MINUTES,
+        pipeline=settings.pipeline,
     )
     return Job("worlds", config)
 
@@ -75,7 +79,7 @@ def run_job(job: Job) -> dict[str, Any]:
     load_arena(job.config.arena)
     load_s = perf_counter() - begin
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
-        episode = Episode(replace(job.config, out=Path(out)), wanted_mission("virtual", MINUTES))
+        episode = Episode(replace(job.config, out=Path(out)))
         episode.run()
     surface = episode.score.coverage.surface
     ground_m2 = float(surface.drivable.sum()) * surface.grid.cell**2

@@ -13,14 +13,17 @@ from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.localisation.config import BeliefConfig, OdometryConfig, PoseCheckConfig, RegistrationConfig
 from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.plugins.finds.config import FindsConfig
 from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import KINDS
-from pipeline.tracks.objects import policy_of
+from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
 from pipeline.victims.detection.detection import Detection
+from pipeline.victims.victim_map import Victims
 from sarsim.composition import make_mapper
 from sarsim.methods.make import make_exploration
-from sarsim.settings import PerceptionConfig
+from sarsim.methods.plugins import make_plugins
+from sarsim.settings import PerceptionConfig, SinkConfig
 from tests.config_audit import Audit, fresh
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.localisation.carried_robot import ROOM, seen
@@ -56,9 +59,13 @@ def test_all_numbers_are_those_of_the_one_tree(labels: str, exploration: str, st
     config, robot = fresh(PipelineConfig()), SeeingRobot()
     assert config == PipelineConfig()
     perception = PerceptionConfig(labels=labels, pipeline=config)
-    audit = Audit(config)
+    finds = fresh(FindsConfig())
+    audit = Audit(config, finds)
     with audit.calls():
-        mapper = make_mapper(perception if steps == 1 else replace(perception, detector=None), PIONEER)
+        if steps == 1:
+            mapper = make_mapper(perception, PIONEER, plugins=make_plugins(SinkConfig(plugins={"finds": finds})))
+        else:
+            mapper = make_mapper(replace(perception, detector=None), PIONEER)
         explorer = Explorer(robot, mapper, make_exploration(exploration, PIONEER, config=config.exploration))
         for _ in range(steps):
             explorer.drive(explorer.step())
@@ -77,7 +84,7 @@ class Half:
     """Passes on one of two configs."""
 
     def __init__(self, config: PipelineConfig) -> None:
-        self.finds, self.tracks = config.finds, TracksConfig()
+        self.victims, self.tracks = config.victims, TracksConfig()
 
 
 def test_a_config_that_is_not_passed_on_is_seen() -> None:
@@ -86,10 +93,10 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
     held.note_held([partial(print, Half(config))])
     assert held.foreign == {"Half: TracksConfig"}
     with called.calls():
-        policy_of("heat", config.tracks)
+        Finds(Victims(), config.tracks)
         assert called.foreign == set()
-        policy_of("heat", TracksConfig())
-    assert called.foreign == {"tracks/objects.py policy_of: TracksConfig"}
+        Finds(Victims(), TracksConfig())
+    assert called.foreign == {"tracks/finds.py __init__: TracksConfig"}
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,8 @@ from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.tracks.objects import policy_of, shown
+from pipeline.tracks.objects import shown
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
 from pipeline.victims.people import PeoplePolicy
@@ -66,7 +65,7 @@ def mapper() -> Mapper:
     mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed=1, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)
-    mapper.finds.all = [Track(policy_of("qr_code", TracksConfig()), [code], [code], missed=1, tried=list(tried))]
+    mapper.finds.all = [Track(mapper.finds.policy_of("qr_code"), [code], [code], missed=1, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)

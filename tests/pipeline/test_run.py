@@ -2,6 +2,7 @@
 
 import json
 import signal
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -16,7 +17,8 @@ from pipeline.io_config import IoConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
-from pipeline.plugins.league.brief import MissionBrief
+from pipeline.plugin import Plugin, RunContext
+from pipeline.plugins.league.config import LeagueConfig
 from pipeline.plugins.league.validation import handed_in_files
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.report import RescueReport
@@ -25,6 +27,8 @@ from pipeline.run import ExplorerRun, RunParts
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
+from sarsim.plugins.league.plugin import League
+from sarsim.settings import MissionConfig
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 
@@ -78,13 +82,16 @@ class Diary(Sink):
 class OneStep(ExplorerRun):
     """A run of one step, or of more."""
 
-    def __init__(self, out: Path, steps: int = 1, brief: MissionBrief | None = None):
+    def __init__(self, out: Path, steps: int = 1, plugins: Sequence[Plugin] = ()):
         mapper, self.diary, recorder = Mapper(PIONEER, TruthClassifier()), Diary(), Recorder(out / "episode.rrd")
         report = RescueReport(recorder)
-        sinks = result_sinks(Settings(out), "here", 7, recorder, report, brief, [self.diary])
-        parts = RunParts(mapper, out, "here", recorder, report, sinks, brief)
+        explorer = Explorer(StillRobot(), mapper)
+        context = RunContext(mapper, recorder, explorer, None, plugins)
+        added = [sink for plugin in plugins for sink in plugin.sinks(context)]
+        sinks = result_sinks(Settings(out), "here", 7, recorder, report, [self.diary, *added])
+        parts = RunParts(mapper, out, "here", recorder, report, sinks, plugins)
         trajectory = EstimatedTrajectory(mapper.localisation, [Here()])
-        super().__init__(Explorer(StillRobot(), mapper), parts, trajectory, steps)
+        super().__init__(explorer, parts, trajectory, steps)
 
     def _time(self) -> float:
         return float(self.explorer.steps)
@@ -99,7 +106,7 @@ def test_sinks_see_each_event_and_the_results_are_whole(tmp_path: Path) -> None:
     report = json.loads((tmp_path / "report.json").read_text())
     assert report == json.loads(json.dumps(run.report))
     assert (report["arena"], report["seed"], report["steps"], report["sim_time_s"]) == ("here", 7, 1, 1.0)
-    assert report["config"] == {"out": tmp_path.name, "weights": ["a/b", "c"]}
+    assert report["config"] == {"out": tmp_path.name, "weights": ["a/b", "c"], "plugins": []}
     assert "/home" not in (tmp_path / "report.html").read_text()
     assert report["stage"] == {"figure": 1}
     assert report["exploration"] == {"ended": "steps"}
@@ -195,7 +202,7 @@ class ShortMission(OneStep):
     """A mission of 12 s of a robot that counts its seconds; one step is all that it may explore without a clock."""
 
     def __init__(self, out: Path):
-        super().__init__(out, brief=MissionBrief(minutes=0.2))
+        super().__init__(out, plugins=[League(LeagueConfig(), MissionConfig(mission="league", minutes=0.2))])
 
     def _time(self) -> float:
         return self.explorer.pilot.robot.time

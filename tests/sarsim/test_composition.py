@@ -4,9 +4,10 @@ from pathlib import Path
 
 from pipeline.config import PipelineConfig
 from pipeline.io_config import IoConfig
+from pipeline.plugins.finds.config import FindsConfig
+from pipeline.plugins.league.config import LeagueConfig
 from sarsim.commands.map_recording import open_recording
 from sarsim.commands.recorded_drive import RecordedDrive
-from sarsim.commands.settings import load_mission
 from sarsim.settings import MapRecording
 from tests.config_audit import Audit, fresh
 from tests.pipeline.datasets.recorded_room import write_tum_folder
@@ -18,12 +19,14 @@ def test_all_numbers_of_recordings_and_results_are_those_of_the_settings(tmp_pat
         out=tmp_path / "out",
         labels="rules",
         detector=None,
+        mission="league",
+        plugins={"finds": fresh(FindsConfig()), "league": fresh(LeagueConfig())},
         pipeline=fresh(PipelineConfig()),
         io=fresh(IoConfig()),
     )
-    audit = Audit(config.pipeline, config.io)
+    audit = Audit(config.pipeline, config.io, *config.plugins.values())
     with audit.calls():
-        drive = RecordedDrive(open_recording(config), config, load_mission("league"))
+        drive = RecordedDrive(open_recording(config), config)
         drive.run()
     audit.note_held(drive)
     assert drive.labelled and audit.foreign == set()

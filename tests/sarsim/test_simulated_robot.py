@@ -5,6 +5,7 @@ from pipeline.labels import Label
 from pipeline.robot import Velocity
 from pipeline.transforms import tilt_of
 from sarsim.arenas.load import load_arena
+from sarsim.methods.arena import make_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
@@ -47,7 +48,7 @@ def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot
 
 
 def test_odometry_knows_how_a_slope_tilts_the_robot_at_the_start():
-    arena = load_arena("lanes/traverse")
+    arena = make_arena("lanes/traverse")
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
     pose = robot.trajectory[-1]
     robot.close()

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from pipeline.tracks.config import Confirmation, LikelihoodConfig, ObjectConfig
+
 
 @dataclass(frozen=True)
 class SquaresConfig:
@@ -107,11 +109,29 @@ class ShapesConfig:
     confidence: float = 0.5
 
 
+SHAPE = Confirmation(confidence=0.5, baseline=0.3)
+
+
 @dataclass(frozen=True)
 class FindsConfig:
-    """The parameters of all readers; the parts document their own."""
+    """The parameters of all readers, and how their kinds are tracked; the parts document their own.
+
+    The extents of signs are those of labels as the leagues print them, 0.1 to 0.3 m; of extinguishers, those in the
+    RoboCup Rescue arena designer; of levers, with their plates.
+    """
 
     squares: SquaresConfig = SquaresConfig()
     hazmat: HazmatConfig = HazmatConfig()
     codes: CodesConfig = CodesConfig()
     shapes: ShapesConfig = ShapesConfig()
+    likelihood: LikelihoodConfig = LikelihoodConfig()
+    hazmat_sign: ObjectConfig = ObjectConfig(is_flat=True, extents=((0.2, 0.2, 0.02),))
+    qr_code: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
+    april_tag: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
+    fire_extinguisher: ObjectConfig = ObjectConfig(confirmation=SHAPE, of_person=0.15, extents=((0.45, 0.16, 0.14),))
+    door_lever: ObjectConfig = ObjectConfig(confirmation=SHAPE, of_person=0.15, extents=((0.22, 0.14, 0.06),))
+
+    @property
+    def kinds(self) -> dict[str, ObjectConfig]:
+        """How each kind is tracked."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, ObjectConfig)}

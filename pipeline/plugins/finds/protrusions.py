@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Depth, PixelMask, Pixels, Rgb
 from pipeline.frame import Frame, Intrinsics
-from pipeline.plugins.finds.config import ShapesConfig
+from pipeline.plugins.finds.config import FindsConfig, ShapesConfig
 from pipeline.sensor import SensorModel
-from pipeline.tracks.config import LikelihoodConfig
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,12 @@ class Sizes:
     ratio: float
 
     @classmethod
-    def of(cls, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
+    def of(cls, config: FindsConfig) -> Self:
         """The sizes that follow from the medians and the spread of the extents."""
-        (bottle, *_), (lever, *_) = likelihood.fire_extinguisher, likelihood.door_lever
-        larger = exp(config.spreads * likelihood.spread)
-        smallest = lever[1] * exp(-config.spreads * likelihood.spread)
+        bottle, lever = config.fire_extinguisher.extents[0], config.door_lever.extents[0]
+        likelihood, spreads = config.likelihood, config.shapes.spreads
+        larger = exp(spreads * likelihood.spread)
+        smallest = lever[1] * exp(-spreads * likelihood.spread)
         widest = bottle[1] * larger * larger
         return cls(bottle[1], bottle[0] * larger, widest, smallest, likelihood.thinnest * smallest, larger)
 
@@ -61,14 +61,15 @@ class Protrusions:
     regions: list[NDArray[np.int64]]
 
     @classmethod
-    def of(cls, frame: Frame, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
+    def of(cls, frame: Frame, config: FindsConfig) -> Self:
         """The regions of a frame that stand out, or are red, and have the size of bottles or levers."""
-        stride, sizes = config.stride, Sizes.of(config, likelihood)
+        shapes, sizes = config.shapes, Sizes.of(config)
+        stride = shapes.stride
         depth, lens = frame.every_nth(stride)
         depth = np.where(np.isfinite(depth), depth, 0)
         height = relief(depth, lens, frame.sensor, sizes.tallest, sizes.ratio)
         colours = np.ascontiguousarray(frame.rgb[stride // 2 :: stride, stride // 2 :: stride])
-        masks = height > config.noise * frame.sensor.sigma(depth), _is_red(colours, config) & (depth > 0)
+        masks = height > shapes.noise * frame.sensor.sigma(depth), _is_red(colours, shapes) & (depth > 0)
         regions = [region * stride + stride // 2 for mask in masks for region in _regions(mask, depth, lens, sizes)]
         most = np.iinfo(np.uint8).max
         share = np.clip(most * height / sizes.relief, 0, most).astype(np.uint8)

@@ -12,30 +12,27 @@ from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.hazmat import HazmatReader
 from pipeline.plugins.finds.shapes import ShapeReader
 from pipeline.plugins.finds.squares import Squares
-from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.readers import not_among
 
 
 class FindReaders:
-    """Reads signs, codes and shapes, and takes over what a detector has found."""
+    """Reads signs, codes and shapes, and takes over what a detector has found.
+
+    Attributes:
+        kinds: how each kind is tracked.
+    """
 
     def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
         """``hazmat``: reads hazmat signs; ``shapes``: reads extinguishers and levers."""
         self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
-        self._config = config
+        self._config, self.kinds = config, config.kinds
 
     @classmethod
-    def load(
-        cls,
-        hazmat: Path,
-        shapes: Path,
-        config: FindsConfig = FindsConfig(),
-        likelihood: LikelihoodConfig = LikelihoodConfig(),
-    ) -> "FindReaders":
+    def load(cls, hazmat: Path, shapes: Path, config: FindsConfig = FindsConfig()) -> "FindReaders":
         """Readers with the weights of both classifiers; InputError as for :meth:`HazmatReader.load`."""
-        shape_reader = ShapeReader.load(shapes, config.shapes, likelihood)
+        shape_reader = ShapeReader.load(shapes, config)
         return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:

@@ -5,36 +5,28 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.frame import Frame
-from pipeline.plugins.finds.config import ShapesConfig
+from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.patch_network import PatchNetwork
 from pipeline.plugins.finds.protrusions import Protrusions, outline, square_around
 from pipeline.plugins.finds.squares import Pyramid, rectified
-from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import SHAPED, Reading, is_same
 
 
 class ShapeReader:
     """Finds objects of the kinds that are recognised by their shape."""
 
-    def __init__(
-        self,
-        network: PatchNetwork,
-        config: ShapesConfig = ShapesConfig(),
-        likelihood: LikelihoodConfig = LikelihoodConfig(),
-    ):
-        """Read with a trained network; ``likelihood``: the sizes of the objects."""
-        self._network, self._config, self._likelihood = network, config, likelihood
+    def __init__(self, network: PatchNetwork, config: FindsConfig = FindsConfig()):
+        """Read with a trained network."""
+        self._network, self._config = network, config
 
     @classmethod
-    def load(
-        cls, weights: Path, config: ShapesConfig = ShapesConfig(), likelihood: LikelihoodConfig = LikelihoodConfig()
-    ) -> "ShapeReader":
+    def load(cls, weights: Path, config: FindsConfig = FindsConfig()) -> "ShapeReader":
         """A reader with the weights of a safetensors file; InputError as for :meth:`PatchNetwork.load`."""
-        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config, likelihood)
+        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config)
 
     def read(self, frame: Frame) -> list[Reading]:
         """The objects in a frame with enough confidence, the most confident first, each once."""
-        seen = Protrusions.of(frame, self._config, self._likelihood)
+        seen = Protrusions.of(frame, self._config)
         if not seen.regions:
             return []
         pyramid = Pyramid(seen.picture)
@@ -43,7 +35,7 @@ class ShapeReader:
         found: list[Reading] = []
         for best in chances[:, -1].argsort(kind="stable"):
             kind, corners = int(chances[best, :-1].argmax()), outline(seen.regions[best])
-            is_sure = chances[best, kind] > self._config.confidence
+            is_sure = chances[best, kind] > self._config.shapes.confidence
             if is_sure and not any(is_same(corners, other.corners) for other in found):
                 found.append(Reading(SHAPED[kind], "", corners, float(chances[best, kind])))
         return found

@@ -20,8 +20,26 @@ from pipeline.plugins.league.config import LeagueConfig
 from pipeline.plugins.league.plan import searched_ground, write_plan
 from pipeline.plugins.league.pois import points_of_interest, write_pois
 from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.sink import Result, Sink
 from pipeline.tracks.find import Find
 from pipeline.transforms import from_yaw
+
+
+class HandIn(Sink):
+    """Writes the files that a league requires."""
+
+    finishing = "writing the league's files"
+
+    def __init__(self, brief: MissionBrief, *, config: LeagueConfig = LeagueConfig()):
+        self._brief, self._config = brief, config
+
+    def finish(self, result: Result) -> None:
+        """Write them, each by itself; InputError if one cannot be written."""
+        if result.steps:
+            mapper, driven = result.mapper, np.array(result.trajectory.estimated())
+            finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
+            maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
+            hand_in(result.folder, self._brief, driven, finds, *maps, config=self._config)
 
 
 def hand_in(

@@ -1,11 +1,12 @@
 """A bag of all that a robot senses and does, and of the maps that an explorer builds from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pipeline.arrays import Pose
 from pipeline.datasets.recorded_robot import CurrentPose, Joints, RecordedRobot
 from pipeline.mapper import Keyframe, Mapper
+from pipeline.plugin import Plugin
 from pipeline.plugins.ros.bag import Bag
 from pipeline.plugins.ros.config import RosConfig
 from pipeline.plugins.ros.topics import ImageFormat, MapTopics, RobotTopics
@@ -18,6 +19,7 @@ class ExplorerBag(Bag, Sink):
 
     Attributes:
         robot: the robot for the explorer to drive.
+        plugins: plug-ins that may have messages for the bag.
     """
 
     finishing = "writing the bag"
@@ -45,6 +47,7 @@ class ExplorerBag(Bag, Sink):
 
         self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
         self._maps = MapTopics(self.write, config=config)
+        self.plugins: Sequence[Plugin] = ()
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Write the newest keyframe."""
@@ -53,6 +56,9 @@ class ExplorerBag(Bag, Sink):
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Write the maps and the plan of the newest step."""
         self._maps.maps(mapper, step.keyframe, step.plan)
+        for plugin in self.plugins:
+            for topic, message in plugin.messages(mapper, step):
+                self.write(topic, step.keyframe.frame.time, message)
 
     def finish(self, result: Result) -> None:
         """Close the bag; InputError if it cannot be completed."""

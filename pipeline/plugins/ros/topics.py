@@ -104,9 +104,10 @@ class MapTopics:
         topology = mapper.topological_map
         nodes = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
         ways = [topology.way(a, b) for a, b in topology.graph.edges]
+        reported = mapper.finds.reported if mapper.readers is not None else []
         edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
-        finds = np.array([find.position for find in mapper.finds.reported]).reshape(-1, 3)
+        finds = np.array([find.position for find in reported]).reshape(-1, 3)
         drawn = [
             messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, "royalblue"),
             messages.marker(time, "edges", "LINE_LIST", edges, 0.03, "silver"),

@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Frame
+from pipeline.plugins.finds.config import FindsConfig
 from pipeline.sensor import XTION
-from pipeline.tracks.config import Confirmation, ObjectConfig, TracksConfig
+from pipeline.tracks.config import Confirmation
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.finds import Finds
-from pipeline.tracks.objects import policy_of, sight
+from pipeline.tracks.objects import sight
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 START = np.eye(4)
-SIGN, WARM = (policy_of(kind, TracksConfig()) for kind in ("hazmat_sign", "heat"))
+KINDS = FindsConfig().kinds
+SIGN, WARM = (Finds(Victims(), kinds=KINDS).policy_of(kind) for kind in ("hazmat_sign", "heat"))
 
 
 def seen_from(x: float = 1.0, y: float = 0.0) -> tuple[Frame, np.ndarray]:
@@ -27,7 +29,8 @@ def seen_from(x: float = 1.0, y: float = 0.0) -> tuple[Frame, np.ndarray]:
 
 def signs_if(confirmation: Confirmation) -> Finds:
     """No finds yet; signs are reported by a rule."""
-    return Finds(Victims(), TracksConfig(hazmat_sign=ObjectConfig(confirmation=confirmation)))
+    kind = replace(KINDS["hazmat_sign"], confirmation=confirmation)
+    return Finds(Victims(), kinds={"hazmat_sign": kind})
 
 
 def on_wall(x: float, y: float, z: float, seen_x: float = 1.0, seen_y: float = 0.0, half: float = 6.0) -> np.ndarray:
@@ -43,7 +46,7 @@ def sign(text: str, corners: np.ndarray, confidence: float = 0.9, kind: str = "h
 
 def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
     frame, T = seen_from()
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
     (find,) = finds.reported
     assert (find.kind, find.text, find.time_s) == ("hazmat_sign", "poison", 1.0)
@@ -54,7 +57,7 @@ def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
 
 def test_the_map_shows_the_returns_of_what_is_reported_and_flat() -> None:
     frame, T = seen_from()
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     kinds = ("hazmat_sign", 0.9), ("hazmat_sign", 0.02), ("heat", 0.9)
     at = [on_wall(WALL, y, 0.8) for y in (0.5, -0.5, 0.0)]
     finds.update(frame, [sign("", box, sure, kind) for box, (kind, sure) in zip(at, kinds, strict=True)], T, 0)
@@ -65,7 +68,7 @@ def test_the_map_shows_the_returns_of_what_is_reported_and_flat() -> None:
 
 
 def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     for k, y in enumerate((0.0, 0.4)):
         frame, T = seen_from(1.0, y)
         pair = [sign("poison", on_wall(WALL, at, 0.8, seen_y=y)) for at in (0.4, 0.6)]
@@ -76,7 +79,7 @@ def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
 
 @pytest.mark.parametrize("accepted", [0.99, 1.0])
 def test_codes_of_different_texts_are_two_and_a_signs_class_is_voted(accepted: float) -> None:
-    finds = Finds(Victims(), TracksConfig(qr_code=ObjectConfig(accepted=accepted)))
+    finds = Finds(Victims(), kinds=KINDS | {"qr_code": replace(KINDS["qr_code"], accepted=accepted)})
     at = on_wall(WALL, 0.0, 0.8)
     for k, (code, kind, sure) in enumerate([("a", "poison", 0.9), ("b", "oxygen", 0.6), ("a", "poison", 0.7)]):
         frame, T = seen_from()
@@ -86,7 +89,7 @@ def test_codes_of_different_texts_are_two_and_a_signs_class_is_voted(accepted: f
 
 
 def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from(-1.0)
     blind = replace(frame, depth=np.where(frame.depth > 3.5, 0, frame.depth).astype(np.float32))
     finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.6, -1.0))], T, 0)
@@ -102,7 +105,7 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
 
 
 def test_sightings_without_depth_do_not_move_what_has_a_place() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from(1.0)
     warm = Reading("heat", "", on_wall(WALL, 0.0, 0.6, half=20), 1.0)
     finds.update(frame, [warm], T, 0)
@@ -117,7 +120,7 @@ def test_sightings_without_depth_do_not_move_what_has_a_place() -> None:
 
 
 def test_what_is_too_large_for_a_sign_is_none() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from()
     small, large = on_wall(WALL, 0.5, 0.8), on_wall(WALL, -0.5, 0.8, half=18)  # 0.25 and 0.75 m
     finds.update(frame, [sign("poison", small), sign("corrosive", large)], T, 0)
@@ -125,7 +128,7 @@ def test_what_is_too_large_for_a_sign_is_none() -> None:
 
 
 def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from()
     finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
     assert finds.reported == []
@@ -134,7 +137,7 @@ def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> N
 
 @pytest.mark.parametrize(("kind", "from_one"), [("door_lever", 0), ("heat", 1), ("hazmat_sign", 1)])
 def test_what_its_shape_identifies_is_reported_when_it_was_seen_from_two_places(kind: str, from_one: int) -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     for k, y in enumerate((0.0, 0.1, 0.5)):
         frame, T = seen_from(1.0, y)
         finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8, seen_y=y, half=3), 0.9, kind)], T, k)
@@ -143,7 +146,7 @@ def test_what_its_shape_identifies_is_reported_when_it_was_seen_from_two_places(
 
 
 def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from()
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8), 0.6)], T, 0)
     assert len(finds.reported) == 1
@@ -156,7 +159,7 @@ def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
 
 
 def test_warm_parts_of_one_body_are_one() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     for k, y in enumerate((0.0, 0.3)):
         frame, T = seen_from(2.0, y)
         parts = [on_wall(WALL, 0.5 + at, 0.8, 2.0, y, half=15) for at in (0.0, 0.35)]
@@ -168,14 +171,14 @@ def test_warm_parts_of_one_body_are_one() -> None:
 def test_a_detected_thing_is_as_sure_as_its_size_makes_it() -> None:
     frame, T = seen_from()
     whole_wall = sign("", on_wall(WALL, 0.0, 0.8, half=50), 0.6, "fire_extinguisher")
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     finds.update(frame, [whole_wall], T, 0)
     assert finds.all[0].confidence < 0.1
     assert finds.reported == []
 
 
 def test_finds_move_along_with_their_keyframes() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from()
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
     finds.place(np.array([from_yaw(2.0, 0.0, 0.0, np.pi / 2)]))  # the keyframe was at x = 1
@@ -197,7 +200,7 @@ def test_without_depth_only_the_direction_is_known(has_depth: bool) -> None:
 def test_a_code_that_was_decoded_stays_however_often_it_is_missed() -> None:
     kept = {}
     for text in ("F5YK", ""):
-        finds = Finds(Victims())
+        finds = Finds(Victims(), kinds=KINDS)
         frame, T = seen_from()
         finds.update(frame, [sign(text, on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
         for k, x in enumerate((1.1, 1.2, 1.3), start=1):
@@ -208,7 +211,7 @@ def test_a_code_that_was_decoded_stays_however_often_it_is_missed() -> None:
 
 
 def test_of_several_sightings_the_best_keeps_its_photo_alone() -> None:
-    finds = Finds(Victims())
+    finds = Finds(Victims(), kinds=KINDS)
     for k, (x, confidence) in enumerate(((1.0, 0.6), (1.2, 0.9), (1.4, 0.7))):
         frame, T = seen_from(x)
         finds.update(frame, [sign("poison", on_wall(WALL, 0.0, 0.8, x), confidence)], T, k)

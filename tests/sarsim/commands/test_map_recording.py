@@ -17,10 +17,10 @@ from pipeline.plugins.league.brief import HANDED_IN
 from pipeline.plugins.league.validation import validate
 from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
 from sarsim.commands.settings import run_with_settings
-from sarsim.dataset.exports.mcap import Mcap
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
+from sarsim.plugins.ros.mcap import Mcap
 from scripts.benchmarks.localisation_scores import evo_ate
 from tests.pipeline.datasets.recorded_room import (
     ODOMETRY,

@@ -12,8 +12,7 @@ from sarsim.settings import EpisodeConfig
 
 def test_the_names_are_those_of_what_is_there() -> None:
     assert set(BUILT_FILES) == set(BUILDERS)
-    files = [name for name in BUILT_IN if not name.startswith("lanes/")]
-    assert all(asset("arenas", f"{name}.xml").exists() for name in files)
+    assert all(asset("arenas", f"{name}.xml").exists() for name in BUILT_IN)
     for name in (*BUILT_IN, "random:3"):
         check_arena_name(name)
 

@@ -15,6 +15,7 @@ import pytest
 from pipeline.metric_map.io.npz import load_metric_map
 from sarsim.commands import run_episode
 from sarsim.episode import Episode
+from sarsim.plugins.fiducials.plugin import FiducialsConfig
 from sarsim.settings import WEIGHTS, EpisodeConfig
 from tests.pipeline.victims.detection.networks import darknet_files
 from tests.sarsim.rooms import room
@@ -97,7 +98,7 @@ def short_report(out: Path, **changes: object) -> dict:
 def test_a_robot_that_is_given_its_pose_makes_no_error_but_of_reading_tags_and_one_that_trusts_its_wheels_does(
     tmp_path, small
 ):
-    given = short_report(tmp_path / "a", odometry="truth", fiducials=30, steps=2)
+    given = short_report(tmp_path / "a", odometry="truth", plugins={"fiducials": FiducialsConfig(30)}, steps=2)
     drifting = short_report(tmp_path / "b", arena=str(small), localisation="odometry", steps=1)
     assert "victims" not in given
     error = given["localisation"]

@@ -8,12 +8,12 @@ import pytest
 
 from sarsim.dataset.croissant import CROISSANT
 from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.mcap import Mcap
 from sarsim.dataset.exports.s3dis import S3dis
 from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import FILE, sha256_of
 from sarsim.dataset.recipe import Recipe
+from sarsim.plugins.ros.mcap import Mcap
 from tests.sarsim.dataset.small import InProcess
 
 RECIPE = Recipe(seed=2, frames=2, width=96, height=72, arenas=("nist_6x4",), ideal=1, clear=0, dust=(0.2, 0.2))

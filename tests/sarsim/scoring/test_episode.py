@@ -20,7 +20,7 @@ def score():
     """The score of two steps in the NIST arena."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation()))
-    score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))
+    score = EpisodeScore(robot, explorer)
     explorer.watch(score)
     for _ in range(2):
         explorer.drive(explorer.step())
@@ -57,7 +57,7 @@ def test_times_to_see_most_are_those_of_the_first_keyframes_with_so_much(score, 
 
 def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    score = EpisodeScore(robot, Explorer(robot, Mapper(robot.model, TruthClassifier())), np.zeros((0, 4, 4)))
+    score = EpisodeScore(robot, Explorer(robot, Mapper(robot.model, TruthClassifier())))
     robot.sense()
     score.on_keyframe(None)
     for read in (lambda: score.coverage, lambda: score.progress, score.report):

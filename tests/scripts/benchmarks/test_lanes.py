@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.arenas.lanes import LANES
+from sarsim.plugins.lanes.lanes import LANES
 from scripts.benchmarks import lanes
 from scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure
 from scripts.benchmarks.settings import LanesSettings

@@ -5,9 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
-from pipeline.plugins.finds.config import ShapesConfig
+from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.protrusions import Protrusions, outline, relief, square_around
-from pipeline.tracks.config import LikelihoodConfig
 
 LENS = Intrinsics(640, 480, 570.0, 570.0, 320.0, 240.0)
 GREY = np.full((480, 640, 3), 90, np.uint8)
@@ -36,7 +35,7 @@ def frame(depth: NDArray[np.float32], rgb: NDArray[np.uint8] = GREY) -> Frame:
 
 
 def protrusions(seen: Frame) -> Protrusions:
-    return Protrusions.of(seen, ShapesConfig(), LikelihoodConfig())
+    return Protrusions.of(seen, FindsConfig())
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])

@@ -1,0 +1,88 @@
+"""The interface of a plug-in: what it adds to a run, hook by hook, in the order in which a run calls them.
+
+A package registers a plug-in, a subclass of :class:`Plugin`, as an entry point in one of the groups
+``sarsim.reader``, ``sarsim.sensor``, ``sarsim.sink`` and ``sarsim.mission``. A run asks for it by name: ``--NAME``,
+or ``--mission NAME``. Only then is it imported. What sarsim ships beside its core comes in the same way.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pipeline.explorer import Explorer
+from pipeline.mapper import Mapper
+from pipeline.rerun.recorder import Recorder
+from pipeline.robot import Robot
+from pipeline.sink import Sink, Step
+from pipeline.victims.readers import FindReader
+
+
+@dataclass(frozen=True)
+class NoSettings:
+    """The settings of a plug-in that has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunContext:
+    """What a plug-in's sinks may watch.
+
+    Attributes:
+        mapper: holds all maps.
+        recorder: writes the Rerun recording, if there is one; its ``stream`` takes entities of a plug-in's own.
+        explorer: drives the robot; None if the run does not drive.
+        world: the simulated robot, which knows the truth; None outside a simulation.
+        plugins: all plug-ins of the run.
+    """
+
+    mapper: Mapper
+    recorder: Recorder | None
+    explorer: Explorer | None
+    world: Any
+    plugins: Sequence["Plugin"]
+
+
+class Plugin:
+    """A plug-in of one run; a subclass overrides what it needs.
+
+    Attributes:
+        Settings: a frozen dataclass of its settings, which a run writes under ``plugins.<name>`` of its config.yaml.
+            Its fields are flags: a positional one follows ``--<name>``, others are ``--<name>-<field>``, and those
+            marked ``tyro.conf.Fixed`` are set in a ``--config`` file alone. A path is a flag alone.
+        needs: names of the plug-ins that it asks for along with itself.
+        name: the name of its settings.
+        settings: an instance of ``Settings``.
+        command: the settings of the command, such as :class:`sarsim.settings.EpisodeConfig`.
+    """
+
+    Settings: ClassVar[type] = NoSettings
+    needs: ClassVar[tuple[str, ...]] = ()
+    name: str = ""
+
+    def __init__(self, settings: Any, command: Any) -> None:
+        """Check the settings, before anything else is made; InputError if they do not fit."""
+        self.settings, self.command = settings, command
+
+    def dress(self, arena: Any) -> None:
+        """Add to a simulated arena, a :class:`sarsim.arenas.arena.RescueArena`, before the robot is put into it."""
+
+    def readers(self) -> Sequence[FindReader]:
+        """Further readers of the camera's frames."""
+        return ()
+
+    def wrap(self, robot: Robot, world: Any, mapper: Mapper) -> Robot:
+        """The robot for the explorer to drive: with another sensor, or listened to. ``world``: see RunContext."""
+        return robot
+
+    def sinks(self, context: RunContext) -> Sequence[Sink]:
+        """Sinks, which may write files, log to the recording, and add figures to report.json."""
+        return ()
+
+    def abandon(self) -> None:
+        """Remove what has been started, because the run is refused."""
+
+    def begin(self, explorer: Explorer, time: float) -> None:
+        """Called at the robot's time, s, before its first step: give it a deadline, or a strategy."""
+
+    def messages(self, mapper: Mapper, step: Step) -> Iterable[tuple[str, Any]]:
+        """Topics and ROS messages to send after a step, to a bag or to a network."""
+        return ()

@@ -1,0 +1,155 @@
+"""Plug-ins: which are installed, which a command line asks for, and their instances for a run."""
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+from pipeline.errors import InputError
+from sarsim.settings import EXPLORE, is_shipped
+
+if TYPE_CHECKING:  # commands look for plug-ins before they import what takes seconds
+    from pipeline.plugin import Plugin
+
+FLAGGED = ("sarsim.reader", "sarsim.sensor", "sarsim.sink")
+"""Groups of the plug-ins that are asked for by ``--NAME``."""
+MISSION = "sarsim.mission"
+
+
+def installed(groups: Iterable[str] = FLAGGED) -> dict[str, EntryPoint]:
+    """The entry points of plug-ins by name; nothing is imported."""
+    return {entry.name: entry for group in groups for entry in entry_points(group=group)}
+
+
+def summary() -> str:
+    """The installed plug-ins, for ``--help``."""
+    names = ", ".join(f"--{name}" for name in sorted(installed()))
+    missions = ", ".join(sorted(filter(str.isidentifier, installed([MISSION]))))
+    return f"Plug-ins: {names}; their flags begin with their name. Missions: {missions}."
+
+
+def find(name: str, groups: Iterable[str] = FLAGGED) -> EntryPoint:
+    """The entry point of a plug-in; InputError if it is not installed."""
+    if entry := installed(groups).get(name):
+        return entry
+    raise InputError(f"--{name}: no such plug-in is installed{_remedy(name)}")
+
+
+def find_mission(name: str) -> tuple[str, EntryPoint]:
+    """The plug-in of the mission that ``--mission`` names, a name or a file, and the name of its settings.
+
+    Raises:
+        InputError: there is none.
+    """
+    entries = installed([MISSION])
+    entry = entries.get(name) or entries.get(Path(name).suffix)
+    if entry is None:
+        known = ", ".join([EXPLORE, *sorted(filter(str.isidentifier, entries))])
+        raise InputError(f"--mission {name}: must be {known} or a YAML file{_remedy(name)}")
+    return min(other.name for other in entries.values() if other.value == entry.value and other.name[0] != "."), entry
+
+
+def _remedy(name: str) -> str:
+    """What to do if the sources have a plug-in that the installation does not know; empty otherwise."""
+    project = Path(__file__).parents[2] / "pyproject.toml"
+    groups = tomllib.loads(project.read_text())["project"].get("entry-points", {}) if project.is_file() else {}
+    return "; run: make setup" if any(name in names for names in groups.values()) else ""
+
+
+def load_object(entry: EntryPoint) -> Any:
+    """What an entry point names; InputError if a package of its extras is missing."""
+    try:
+        return entry.load()
+    except ModuleNotFoundError as error:
+        if not entry.extras or entry.dist is None:
+            raise
+        remedy = f"pip install '{entry.dist.name}[{','.join(entry.extras)}]'"
+        raise InputError(f"{entry.name} needs the package {error.name}; run: {remedy}") from None
+
+
+def load(entry: EntryPoint) -> "type[Plugin]":
+    """The class of a plug-in; InputError if the entry point is something else."""
+    from pipeline.plugin import Plugin
+
+    loaded = load_object(entry)
+    if not (isinstance(loaded, type) and issubclass(loaded, Plugin)):
+        flag = entry.group.removeprefix("sarsim.")
+        raise InputError(f"--{entry.name}: not a plug-in, but a class or function; use --{flag} {entry.name}")
+    return loaded
+
+
+def split_flags(words: Sequence[str], own: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
+    """The words of a command line that belong to plug-ins, by plug-in and as flags of their settings; and the rest.
+
+    ``own``: names of the command's own flags, which count first.
+    """
+    asked: dict[str, list[str]] = {}
+    rest, into, left = list[str](), list[str](), 0.0
+    for word in words:
+        flag, equals, _ = word.removeprefix("--").replace("_", "-").partition("=")
+        owners = [name for name in installed() if flag == name or flag.startswith(f"{name}-")]
+        if word.startswith("--") and owners and flag not in own:
+            owner = max(owners, key=len)
+            into = asked.setdefault(owner, [])
+            into += [f"--{flag.removeprefix(f'{owner}-')}"] if flag != owner else []
+            into += [word.partition("=")[2]] if equals else []
+            positional = [f for f in fields(load(find(owner)).Settings) if "Positional" in str(f.type)]
+            left = len(positional) if flag == owner and not equals else float("inf")
+        elif word.startswith("--") or not left:
+            rest.append(word)
+            left = 0
+        else:
+            into.append(word)
+            left -= 1
+    return asked, rest
+
+
+def settings_of(name: str, words: Sequence[str], default: Any = None) -> Any:
+    """A plug-in's settings from the words that belong to it; ``default``: those of a file."""
+    kind, given = load(find(name)).Settings, {} if default is None else {"default": default}
+    return tyro.cli(kind, args=list(words), prog=f"--{name}", config=(tyro.conf.SuppressFixed,), **given)
+
+
+def is_portable(settings: Any) -> bool:
+    """Whether a file may ask for a plug-in with these settings, or this class of settings: not if one is a path."""
+    return not any("Path" in str(f.type) for f in fields(settings))
+
+
+def shipped_plugin(name: str, where: str) -> "type[Plugin]":
+    """The plug-in that a file asks for; InputError, which begins with ``where``, if only a flag may ask for it."""
+    entry = find(name, (*FLAGGED, MISSION))
+    if not is_shipped(name, entry.group):
+        raise InputError(f"{where}: a file must not choose code to run; give --{name} as a flag")
+    if not is_portable(load(entry).Settings):
+        raise InputError(f"{where}: a file must not set where results go; give --{name} as a flag")
+    return load(entry)
+
+
+def make_plugins(command: Any) -> "list[Plugin]":
+    """The plug-ins that a command's settings ask for, each after those that it needs.
+
+    Raises:
+        InputError: one is not installed, or its settings do not fit.
+    """
+    settings: Mapping[str, Any] = command.plugins
+    made: dict[str, Plugin] = {}
+
+    def make(name: str, entry: EntryPoint) -> None:
+        if name not in made:
+            kind = load(entry)
+            for needed in kind.needs:
+                make(needed, find(needed))
+            made[name] = kind(settings.get(name) or kind.Settings(), command)
+            made[name].name = name
+
+    for name in settings:
+        if name not in installed([MISSION]):
+            make(name, find(name))
+    mission = getattr(command, "mission", EXPLORE)
+    if mission != EXPLORE:
+        make(*find_mission(mission))
+    return list(made.values())

@@ -1,0 +1,43 @@
+"""AprilTags on the walls as a plug-in, ``--fiducials N``: distances between them score the map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from pipeline.arrays import Poses
+from pipeline.plugin import Plugin, RunContext
+from pipeline.sink import Sink
+from sarsim.plugins.fiducials.score import FiducialScore
+from sarsim.plugins.fiducials.tags import hang_fiducials
+
+
+@dataclass(frozen=True)
+class FiducialsConfig:
+    """How many tags hang on the walls.
+
+    Attributes:
+        number: number of tags.
+    """
+
+    number: Annotated[int, tyro.conf.Positional]
+
+
+class Fiducials(Plugin):
+    """Hangs tags on the walls of a simulated arena, and scores the map by them."""
+
+    Settings = FiducialsConfig
+
+    def __init__(self, settings: FiducialsConfig, command: Any) -> None:
+        super().__init__(settings, command)
+        self._T_world_tag: Poses = np.zeros((0, 4, 4))
+
+    def dress(self, arena: Any) -> None:
+        """Hang the tags; InputError if there is no room."""
+        self._T_world_tag = hang_fiducials(arena, self.settings.number, self.command.seed)
+
+    def sinks(self, context: RunContext) -> Sequence[Sink]:
+        """The score of the map."""
+        return [FiducialScore(self._T_world_tag, context.mapper.keyframes)] if len(self._T_world_tag) else []

@@ -1,0 +1,129 @@
+"""Tubes that serve as fiducials: where the map shows them, and whether codes are at the right distances from them.
+
+The small league of RoboCup Rescue checks whether the map, seen from above, shows a tube cut in two by a wall as half
+circles, and whether a code's straight-line distances to the two nearest tubes are right.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Place, Places, Values
+from sarsim.arenas.things.thing import of_kind, things_of
+from sarsim.plugins.lanes.maze import TUBE
+
+SECTOR = 10  # Degrees; width of the sectors into which a circle is divided
+
+
+@dataclass(frozen=True)
+class TubeConfig:
+    """How a tube is found in a map; all values are assumptions.
+
+    Attributes:
+        astray: maximum displacement of a tube in the map along x and along y, m.
+        off: maximum distance of a point on a circle from it, m: a voxel of a coarse map.
+        step: spacing of the centres that are tried, m.
+        low: height above a tube's foot, m, up to which points belong to the floor.
+        arc: minimum share of a circle with points on it: most of a half circle; a flat panel covers 0.27.
+        nearest: number of fiducials from which a code's distances are checked, by the rule book of 2026.
+    """
+
+    astray: float = 0.3
+    off: float = 0.03
+    step: float = 0.02
+    low: float = 0.2
+    arc: float = 0.4
+    nearest: int = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """The tubes of an arena, and its QR codes.
+
+    Attributes:
+        feet: (N, 3) m in the world, the centre of each tube's foot.
+        heights, radii: (N,) m.
+        codes: text and position of each code.
+    """
+
+    feet: Places
+    heights: Values
+    radii: Values
+    codes: list[tuple[str, Place]]
+
+
+def tubes_of(model: mujoco.MjModel, data: mujoco.MjData) -> Tubes:
+    """The tubes and codes of an arena, whether or not a robot is in it."""
+    geoms = [g for g in range(model.ngeom) if model.geom(g).name.rpartition("/")[2].startswith(TUBE)]
+    half = model.geom_size[geoms, 1].reshape(-1)
+    feet = data.geom_xpos[geoms].reshape(-1, 3) - half[:, None] * [0.0, 0.0, 1.0]
+    codes = [(thing.text, thing.centre) for thing in of_kind(things_of(model, data), "qr_code")]
+    return Tubes(feet, 2 * half, model.geom_size[geoms, 0].reshape(-1), codes)
+
+
+def mapped_tubes(points: NDArray[np.floating], tubes: Tubes, config: TubeConfig = TubeConfig()) -> Places:
+    """(N, 2) m in the world: position of each tube in a map of points (M, 3); NaN if the map does not show it."""
+    flat = np.asarray(points, np.float64)
+    found = [
+        _circle(_around(flat, foot, height, radius, config), foot[:2], radius, config)
+        for foot, height, radius in zip(tubes.feet, tubes.heights, tubes.radii, strict=True)
+    ]
+    return np.array(found).reshape(-1, 2)
+
+
+def _around(
+    points: NDArray[np.float64], foot: Place, height: float, radius: float, config: TubeConfig
+) -> NDArray[np.float64]:
+    """(N, 2) x and y, m, of the points that may belong to a tube."""
+    reach = config.astray + radius + config.off
+    up = points[:, 2] - foot[2]
+    near = np.linalg.norm(points[:, :2] - foot[:2], axis=1) <= reach
+    return points[near & (up > config.low) & (up < height), :2]
+
+
+def _circle(points: NDArray[np.float64], near: Place, radius: float, config: TubeConfig) -> NDArray[np.float64]:
+    """(2,) centre of the circle of this radius with points in the most sectors; NaN if these are too few."""
+    steps = np.arange(-config.astray, config.astray + config.step / 2, config.step)
+    tried = near + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    arcs = np.array([_arc(points, middle, radius, config.off) for middle in tried])
+    best = int(arcs.argmax())
+    if arcs[best] < config.arc:
+        return np.full(2, np.nan)
+    return tried[arcs >= arcs[best]].mean(axis=0)
+
+
+def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float, off: float) -> float:
+    """Share of the sectors around ``middle`` with points on the circle and none inside it."""
+    away = points - middle
+    distance = np.linalg.norm(away, axis=1)
+    sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / SECTOR)
+    on = np.unique(sector[np.abs(distance - radius) <= off])
+    inside = np.unique(sector[distance < radius - off])
+    return len(np.setdiff1d(on, inside)) * SECTOR / 360
+
+
+def is_well_placed(
+    place: Place, true: Place, shown: Places, tubes: Tubes, within: float, config: TubeConfig = TubeConfig()
+) -> bool:
+    """Whether a code's distances from the nearest tubes in the map are right to ``within`` m.
+
+    Args:
+        place, true: position of the code in the map and in the arena, m.
+        shown: (N, 2) m, positions of the tubes in the map, as returned by :func:`mapped_tubes`.
+        tubes: the tubes of the arena.
+        within: tolerance, m.
+        config: sets how many tubes are checked.
+    """
+    right = np.linalg.norm(tubes.feet[:, :2] - true[:2], axis=1)
+    measured = np.linalg.norm(shown - place[:2], axis=1)
+    nearest = np.argsort(right)[: config.nearest]
+    return len(nearest) == config.nearest and bool((np.abs(measured - right)[nearest] <= within).all())
+
+
+def nearest_code(text: str, place: Place, codes: Sequence[tuple[str, Place]]) -> Place | None:
+    """Position, m, of the code with a given text that is nearest to ``place``; None if no code has it."""
+    of_text = [true for said, true in codes if said == text]
+    return min(of_text, key=lambda true: float(np.linalg.norm(true - place)), default=None)

@@ -1,0 +1,42 @@
+"""Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Fixed
+
+from pipeline.plugins.league.config import ValidationConfig
+from sarsim.commands.settings import run_with_settings
+
+REJECTED = 1  # Exit status
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionValidation:
+    """Files to check.
+
+    Attributes:
+        path: folder of the files, or an episode's folder that contains handed_in/.
+        tolerances: numbers of the validation; set them in a ``--config`` file.
+    """
+
+    path: Annotated[Path, tyro.conf.Positional]
+    tolerances: Fixed[ValidationConfig] = ValidationConfig()
+
+
+def validate_mission(config: MissionValidation) -> None:
+    """Check the 2D map, 3D map and list of finds that a team hands in. The exit status is 1 if any is invalid."""
+    from pipeline.plugins.league.validation import validate
+
+    faults = validate(config.path, config=config.tolerances)
+    print("\n".join(faults) or f"{config.path}: all files are valid")
+    if faults:
+        sys.exit(REJECTED)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(validate_mission, MissionValidation)

@@ -11,6 +11,7 @@ from pipeline.labels import COLOURS
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.run import explore
 from pipeline.sink import Sink
 from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
@@ -81,10 +82,7 @@ def main() -> None:
     mapper = make_mapper(TRUE_LABELS, robot.model)
     explorer, maps = Explorer(robot, mapper), Panels(mapper)
     explorer.watch(maps)
-    step = explorer.step()
-    while step.plan is not None and len(maps.panels) < len(KEYFRAMES):
-        explorer.drive(step)
-        step = explorer.step()
+    explore(explorer, may_step=lambda: len(maps.panels) < len(KEYFRAMES))
     robot.close()
     rows = [np.hstack(maps.panels[:2]), np.hstack(maps.panels[2:])]
     path = Path(__file__).parents[1] / "images" / "metric-map.jpg"

@@ -17,6 +17,7 @@ from pipeline.explorer import Explorer
 from pipeline.keyframes import Keyframes, Seen
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.run import explore
 from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
 from sarsim.arenas.load import load_arena
@@ -67,8 +68,7 @@ def driven(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
     octree, explorer = Octree(mapper.metric_map), Explorer(robot, mapper)
     explorer.watch(octree)
     explorer.mission.exploration = RandomWalk(robot.model, seed, steps=size)
-    while len(mapper.keyframes) < size and (step := explorer.step()).plan is not None:
-        explorer.drive(step)
+    explore(explorer, may_step=lambda: len(mapper.keyframes) < size)
     robot.close()
     return mapper, octree
 

@@ -23,6 +23,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.trajectory import write_tum
 from pipeline.robot import Motion
+from pipeline.run import explore
 from pipeline.sink import Sink
 from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
@@ -121,12 +122,11 @@ def drive(config: EpisodeConfig, names: Sequence[str]) -> "Followed":
     mapper = make_mapper(TRUE_LABELS, robot.model, config.seed, OdometryLocalisation())
     explorer = Explorer(robot, mapper)
     explorer.watch(followed)
-    step = explorer.step()
-    followed.take(step.keyframe.frame)
-    while step.plan is not None and explorer.steps < config.most_steps and len(followed.times) < FRAMES:
-        explorer.drive(step)
-        step = explorer.step()
-        followed.take(step.keyframe.frame)
+    explore(
+        explorer,
+        may_step=lambda: explorer.steps < config.most_steps and len(followed.times) < FRAMES,
+        on_step=lambda step: followed.take(step.keyframe.frame),
+    )
     robot.close()
     return followed
 

@@ -5,6 +5,7 @@ Each uses one thread, whose processor time is measured, so that other load on th
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -12,12 +13,22 @@ import numpy as np
 import pyoctomap
 from numpy.typing import NDArray
 
+from pipeline.arrays import Poses
+from pipeline.errors import required
+from pipeline.explorer import Explorer
+from pipeline.frame import Intrinsics
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.commands.cli import tracked
+from pipeline.robot import Motion
+from pipeline.run import explore
+from pipeline.sink import Sink
+from pipeline.transforms import transform_places
+from sarsim.arenas.load import load_arena
+from sarsim.commands.cli import progress, tracked
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.scoring.voxels import VoxelScore
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.recorded_frames import RecordedFrames, record
 from scripts.benchmarks.settings import ARENAS, MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
@@ -25,6 +36,76 @@ SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """Sizes of the environments in which frame times are compared, m."""
 TILE_FRAMES = 8  # Frames that map each 6 m × 4 m tile of an environment before timing starts
 WARM_UP = 5  # Frames that are not counted
+STEPS = 160  # Maximum number of steps of an episode
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrames:
+    """N frames of an episode.
+
+    Attributes:
+        intrinsics: intrinsics of all depth images.
+        ideal: (N, H, W) float32 noise-free depth, m, clipped to the sensor's range.
+        xtion: (N, H, W) float32 depth with the Xtion's noise, m.
+        T_map_camera: (N, 4, 4) true poses of ``camera_optical``.
+    """
+
+    intrinsics: Intrinsics
+    ideal: NDArray[np.float32]
+    xtion: NDArray[np.float32]
+    T_map_camera: Poses
+
+    def points(self, depth: NDArray[np.float32], n: int) -> NDArray[np.float64]:
+        """(M, 3) returns of image ``n`` of a sensor's ``depth`` (N, H, W), in ``map``, m."""
+        T = self.T_map_camera[n]
+        returns = depth[n] > 0
+        rays = self.intrinsics.rays[returns].astype(np.float64)
+        return transform_places(T, rays * depth[n][returns, None])
+
+
+def record(arena: str, seed: int, frames: int) -> RecordedFrames:
+    """Let the robot explore for an episode, and keep frames evenly spaced in time.
+
+    Raises:
+        InputError: the arena cannot be loaded.
+    """
+    robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
+    explorer = Explorer(robot, make_mapper(TRUE_LABELS, robot.model, seed))
+    album = _Album(robot, frames)
+    explorer.watch(album)
+    with progress(transient=True) as bars:
+        bar = bars.add_task(f"steps of a recording in {arena}", total=None)
+        explore(explorer, may_step=lambda: explorer.steps < STEPS, on_done=lambda: bars.advance(bar))
+    intrinsics = robot.sense().intrinsics
+    robot.close()
+    ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
+    return RecordedFrames(intrinsics, ideal, xtion, poses)
+
+
+class _Album(Sink):
+    """Takes frames at a constant period, which doubles whenever there are twice as many as wanted."""
+
+    def __init__(self, robot: SimulatedRobot, wanted: int):
+        self._robot, self._wanted = robot, wanted
+        self._period, self._next = 1.0, robot.time
+        self._frames: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]] = []
+
+    def on_motion(self, motion: Motion) -> None:
+        """Take a frame if one is due."""
+        if motion.time < self._next:
+            return
+        self._next += self._period
+        depth = self._robot.sense().depth
+        truth = required(self._robot.true_frame)
+        self._frames.append((truth.image.depth, depth, truth.image.T_world_camera))
+        if len(self._frames) == 2 * self._wanted:
+            del self._frames[1::2]
+            self._period *= 2
+
+    def chosen(self) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]]:
+        """The wanted number of evenly spaced frames, or all if there are fewer."""
+        places = np.linspace(0, len(self._frames) - 1, min(self._wanted, len(self._frames)))
+        return [self._frames[n] for n in np.rint(places).astype(int)]
 
 
 def measure(settings: MetricMapSettings) -> Result:

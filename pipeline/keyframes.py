@@ -15,11 +15,15 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Box, Boxes, Depth, Indices, Mask, Points, Pose, Poses, Probabilities, Values
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
 from pipeline.elevation_map.elevation_kernels import lowest_rays
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.ground_evidence import Assumed, GroundEvidence, box_of
-from pipeline.elevation_map.overhangs import find_overhangs
+from pipeline.elevation_map.ground_evidence import (
+    Assumed,
+    GroundEvidence,
+    box_of,
+    find_depth_dropouts,
+    find_overhangs,
+)
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.geometry.moving_kernels import moved

@@ -25,7 +25,7 @@ from pipeline.localisation.localisation import OdometryErrors, SavedKeyframes
 from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
-from pipeline.segments.members import Member
+from pipeline.segments.segment import Member
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.tracks.find import VICTIM, Reading, is_find_kind
 from pipeline.tracks.track import Observation, Track, TrackPolicy

@@ -13,8 +13,7 @@ from pipeline.config import PipelineConfig
 from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
-from pipeline.elevation_map.traversability import Traversability
-from pipeline.elevation_map.traversability_layer import TraversabilityLayer
+from pipeline.elevation_map.traversability import Traversability, TraversabilityLayer
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest

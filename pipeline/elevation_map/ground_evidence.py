@@ -5,14 +5,18 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from pipeline.arrays import Box, Indices, Points, Pose
-from pipeline.elevation_map.config import ElevationConfig
+from pipeline.arrays import Box, Depth, Indices, Points, Pose
+from pipeline.elevation_map import overhangs_kernels
+from pipeline.elevation_map.config import DropoutConfig, ElevationConfig, OverhangConfig
+from pipeline.elevation_map.depth_dropouts_kernels import dropout_depth
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.frame import Frame
+from pipeline.frame import Frame, Intrinsics
 from pipeline.geometry.moving_kernels import moved
 from pipeline.robot import RobotModel
-from pipeline.transforms import yaw_of
+from pipeline.sensor import SensorModel
+from pipeline.transforms import inverse, transform_points, yaw_of
 
 
 def box_of(*clouds: NDArray[np.floating]) -> Box:
@@ -59,7 +63,8 @@ class Assumed:
         its view are treated like the edge of the view. ``points``: its returns in ``base_link``.
         """
         widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
-        ahead, step = config.start_ahead, config.cell / config.start_ahead  # step, rad: a cell at the strip's end
+        ahead = config.start_ahead
+        step = config.cell / ahead  # rad: a cell at the strip's end
 
         def bin_of(places: Points) -> Indices:
             x, y = (places[:, :2] - frame.T_base_camera[:2, 3]).T
@@ -121,3 +126,49 @@ class Driven:
         elevation_map.add_track(np.column_stack([track[:, :2], self.yaws + yaw_of(T_map_base)]))
         if len(touched):
             elevation_map.add_obstacle(touched)
+
+
+def find_depth_dropouts(
+    depth: Depth, intrinsics: Intrinsics, T_target_camera: Pose, sensor: SensorModel, config: DropoutConfig
+) -> Points:
+    """The points, in the target frame, where rays should have met the ground that is seen on both sides of them.
+
+    A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
+    close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides.
+    """
+    dropouts = np.zeros_like(depth)
+    step = config.row_step
+    limits = config.fewest, config.widest, step
+    dropout_depth(depth, intrinsics.fy, sensor.grazing, np.float32(sensor.same_surface), *limits, dropouts)
+    gaps, _ = ndimage.label(dropouts[::step] > 0, np.ones((3, 3)))
+    is_panel = [False, *(rows.stop - rows.start >= config.fewest for rows, _ in ndimage.find_objects(gaps))]
+    v, u = np.nonzero(np.array(is_panel)[gaps])
+    v *= step
+    return transform_points(T_target_camera, intrinsics.rays[v, u] * dropouts[v, u, None])
+
+
+def find_overhangs(frame: Frame, points: Points, headroom: float, config: OverhangConfig) -> NDArray[np.uint8]:
+    """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
+
+    A table top just below the camera is seen at such a grazing angle that it gives no returns, so its column shows
+    only the floor below it. Its edge does give returns, which hide part of the space straight above that floor.
+
+    Returns:
+        (N,) states of ``overhangs_kernels``: ``ROOFED`` if a nearer surface hides part of it, ``OPEN`` if the frame
+        sees through all of it, or ``UNSURE``.
+    """
+    k = frame.intrinsics
+    sensor = frame.sensor
+    in_camera = transform_points(inverse(frame.T_base_camera), points).astype(np.float64)
+    up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2].copy()
+    noise = config.deviations * sensor.sigma(in_camera[:, 2])
+    limits = overhangs_kernels.Limits(
+        headroom=headroom,
+        nearest=sensor.nearest,
+        farthest=sensor.farthest - sensor.margin,
+        nearer=config.nearer,
+        reach=config.reach,
+        fewest=config.fewest,
+        beside=config.beside,
+    )
+    return overhangs_kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)

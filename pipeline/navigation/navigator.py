@@ -9,18 +9,115 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import g
 
 from pipeline.arrays import Place, Places, Pose, Values
 from pipeline.errors import required
 from pipeline.localisation.localisation import check_pose
-from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.commands import STOP, Approach, Outcome, Send, Turn, Verdict
-from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.config import AttitudeConfig, NavigationConfig, ProgressConfig
 from pipeline.navigation.course import Course, SpeedAlong
-from pipeline.navigation.progress import Progress
 from pipeline.planning.stretches import Stretch
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
+
+
+class Progress:
+    """Detects when the robot is held, and when its position and heading no longer change."""
+
+    def __init__(self, robot: RobotModel, T: Pose, time: float, config: ProgressConfig, length: float = 0.0):
+        """Start at a pose and a time, s; ``length``: length of the leg, m."""
+        self._limits = np.array([robot.acceleration, robot.turn_acceleration])
+        self._config = config
+        self._deadline = time + config.overdue + config.overdue_ramp * length / robot.ramp_speed
+        self._anchor = T
+        self._since = time
+        self._last = T
+        self._time = time
+        self._restart(time)
+
+    def _restart(self, time: float) -> None:
+        # (2,) forward speed and turn rate: expected by command and acceleration; averages of expected and actual.
+        self._due: NDArray[np.float64] | None = None
+        self._wanted = np.zeros(2)
+        self._felt = np.zeros(2)
+        self._judged_from = time + self._config.reaction
+
+    def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
+        """Whether the newest pose shows that the robot cannot follow the command; on ramps, the wheels may skid."""
+        config = self._config
+        if (pause := time - self._time) > config.reaction:
+            self._since += pause
+            self._deadline += pause
+            self._time = time
+            self._restart(time)
+        held = self._is_held(T, time, command) and not on_ramp
+        # In a turn, wheels that spin on only one side seem to move the robot.
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > config.still_way and not isinstance(command, Turn)
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > config.still_turn
+        if moved or turned:
+            self._anchor = T
+            self._since = time
+        self._last = T
+        self._time = time
+        return held or time - self._since > config.patience or time > self._deadline
+
+    def _is_held(self, T: Pose, time: float, command: Velocity) -> bool:
+        config = self._config
+        dt = time - self._time
+        if dt <= 0 or time < self._judged_from:
+            return False
+        limit = self._limits * dt
+        # The speed that compensates for sliding during a turn need not move the robot.
+        asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
+        forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
+        speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
+        due = speeds if self._due is None else self._due
+        self._due = due + np.clip(asked - due, -limit, limit)
+        share = min(1.0, dt / config.averaged)
+        # A robot that brakes harder than it should is not held.
+        wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
+        self._wanted += share * (wanted - self._wanted)
+        self._felt += share * (speeds * np.sign(self._due) - self._felt)
+        counts = self._wanted > (config.least_v, config.least_omega)
+        counts[1] &= asked[0] == 0
+        return bool((counts & (self._felt < config.held_share * self._wanted)).any())
+
+
+class Attitude:
+    """A complementary filter: the gyro rotates the estimated vertical, and the accelerometer slowly corrects it.
+
+    Attributes:
+        up: (3,) unit vector in ``base_link`` that points vertically upwards.
+        rate: (2,) rates of roll and pitch, rad/s.
+    """
+
+    def __init__(self, config: AttitudeConfig = AttitudeConfig()) -> None:
+        self._config = config
+        self.up = np.array([0.0, 0.0, 1.0])
+        self.rate = np.zeros(2)
+
+    def update(self, gyro: NDArray[np.float64], accelerometer: NDArray[np.float64], dt: float) -> None:
+        """Update with (3,) rad/s and (3,) m/s², gravity included, measured over the last ``dt`` s."""
+        self.rate = gyro[:2]
+        up = self.up - np.cross(gyro, self.up) * dt
+        size = float(np.linalg.norm(accelerometer))
+        if abs(size - g) < self._config.most_disturbance:
+            up = up + (accelerometer / size - up) * min(1.0, dt / self._config.time_constant)
+        self.up = up / np.linalg.norm(up)
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch, rad (REP 103: pitch is positive nose down)."""
+        x, y, z = self.up
+        return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
+
+    def tilt_in(self, seconds: float) -> float:
+        """The larger of roll and pitch in ``seconds`` s, rad, if both keep changing as now, up to a limit."""
+        most = self._config.most_change
+        return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())
+
 
 REFUSED = {Verdict.UNSURE: Outcome.UNSURE, Verdict.BLOCKED: Outcome.BLOCKED}
 """The outcome of a leg for each verdict that forbids the robot to continue."""
@@ -101,7 +198,9 @@ class Navigator:
         self.recovered = 0
         self.motion: Motion | None = None
         self.attitude = Attitude(config.attitude)
-        self._robot, self._period, self._config = robot, control_period, config
+        self._robot = robot
+        self._period = control_period
+        self._config = config
         self._before: Motion | None = None
         self._T_map_odom = np.eye(4)
         self._leaned_at: Place | None = None
@@ -114,7 +213,8 @@ class Navigator:
     def moved(self, motion: Motion) -> None:
         """Take the newest motion of the body into account; LostError if its odometry is not a pose."""
         check_pose("odometry", motion.time, motion.T_odom_base)
-        self._before, self.motion = self.motion, motion
+        self._before = self.motion
+        self.motion = motion
         self.attitude.update(motion.gyro, motion.accelerometer, self._period)
         if self._leans:
             self._leaned_at = self.T_map_base[:3, 3]
@@ -144,8 +244,10 @@ class Navigator:
         return outcome
 
     def _follow(self, course: Course, send: Send) -> Outcome:
-        self.halts, self.track = [], []
-        way, heading = self._joined(course.way), course.heading
+        self.halts = []
+        self.track = []
+        way = self._joined(course.way)
+        heading = course.heading
         if self._rest is None:
             send(STOP)
         self._rest = None
@@ -188,7 +290,8 @@ class Navigator:
 
     def halt(self, send: Send) -> Outcome:
         """Come to rest at the end of the path along which the robot is rolling, if any."""
-        rest, self._rest = self._rest, None
+        rest = self._rest
+        self._rest = None
         if rest is None:
             send(STOP)
             return Outcome.REACHED
@@ -224,7 +327,8 @@ class Navigator:
     @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or leaned near here: on the crest of a ridge, it is level."""
-        at, near = self._leaned_at, self._config.follower.ramp_margin
+        at = self._leaned_at
+        near = self._config.follower.ramp_margin
         return at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - at) < near)
 
     @property
@@ -238,13 +342,15 @@ class Navigator:
         config = self._config.follower
         while self._speed > config.still:
             yield STOP
-        place, tolerance = self.T_map_base[:2, 3].copy(), config.heading_tolerance
+        place = self.T_map_base[:2, 3].copy()
+        tolerance = config.heading_tolerance
         while True:
             T = self.T_map_base
             error = wrap_angle(heading - yaw_of(T))
             if abs(error) < tolerance:
                 return
-            model, (_, fastest) = self._robot, self._limits
+            model = self._robot
+            _, fastest = self._limits
             # The robot brakes less hard than it could, so that the wheels do not skid past the heading.
             slower = np.sqrt(2 * config.braking * model.turn_acceleration * (abs(error) - tolerance))
             rate = np.clip(slower, model.min_turn_rate, fastest)
@@ -266,7 +372,9 @@ class Navigator:
 
         ``speeds``: (N,) maximum speeds at its poses, m/s; None for no limit.
         """
-        model, config, at = self._robot, self._config.follower, 0
+        model = self._robot
+        config = self._config.follower
+        at = 0
         while True:
             T = self.T_map_base
             at = stretch.nearest(T[:2, 3], at)
@@ -285,10 +393,11 @@ class Navigator:
 
     def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
         """The command at a speed, m/s, for a robot ``left`` m to the left of the pose of index ``at``."""
-        model, config = self._robot, self._config.follower
+        model = self._robot
+        config = self._config.follower
         # With this gain, the robot returns to its line with a damping ratio of 0.7.
-        gain, widest = config.turn_gain / (2 * max(speed, config.least_speed)), config.widest_return
-        back = float(np.clip(gain * left, -widest, widest))
+        gain = config.turn_gain / (2 * max(speed, config.least_speed))
+        back = float(np.clip(gain * left, -config.widest_return, config.widest_return))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
         # The farther off its heading, the more slowly the robot drives; otherwise it would leave the line.
         speed *= max(config.least_pace, float(np.cos(2 * error)))
@@ -358,14 +467,20 @@ class Navigator:
         A robot that leans goes back until it is level; one that tips while backing, as when it backs up a wall, comes
         down again. Spinning wheels end the motion: by their encoders alone, the robot would seem to move.
         """
-        model, config, T_odom_held = self._robot, self._config.recovery, self._T_odom_base
+        model = self._robot
+        config = self._config.recovery
+        T_odom_held = self._T_odom_base
         if isinstance(command, Turn):
-            most, least, braking = config.most_turn, config.least_turn, abs(command.omega) / model.turn_acceleration
+            least, most = config.least_turn, config.most_turn
+            braking = abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            most, least, braking = config.most_way, config.least_way, abs(command.v) / model.acceleration
+            least, most = config.least_way, config.most_way
+            braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
-        came, began, progress = _way(T_odom_start, T_odom_held, undo), self._time, None
+        came = _way(T_odom_start, T_odom_held, undo)
+        began = self._time
+        progress = None
         way = np.clip(came, least, most)
         while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
             if send(undo) is not Verdict.FINE:

@@ -1,14 +1,14 @@
 """Maps and plans as Rerun draws them; lengths in m, everything in ``map``."""
 
 from collections.abc import Sequence
-from math import sqrt
+from math import ceil, sqrt
 from typing import Any
 
 import cv2
 import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike
-from PIL import ImageColor
+from PIL import Image, ImageColor, ImageOps
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Labels, Places, Points, Pose, Poses, Rgb
@@ -194,3 +194,28 @@ def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
 def trajectory(positions: Sequence[ArrayLike], colour: Colour) -> rr.LineStrips3D:
     """Positions, (3,) m each, as one line."""
     return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour)
+
+
+def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedImage:
+    """Photos with captions, row by row in a square.
+
+    Args:
+        photos: each photo's caption, the photo, and the caption's colour.
+        side: side of a photo, caption included, pixels. Sheets are scaled to the size of 3 × 3 photos, because the
+            viewer takes the JPEGs of one entity for a video.
+    """
+    cells = [_photo(*photo, side) for photo in photos]
+    row = ceil(sqrt(len(cells))) or 1
+    cells += [np.zeros((side, side, 3), np.uint8)] * (row**2 - len(cells))
+    whole = np.vstack([np.hstack(cells[k : k + row]) for k in range(0, len(cells), row)])
+    size = 3 * side, 3 * side
+    return colour_image(np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.uint8))
+
+
+def _photo(text: str, photo: Rgb, colour: Colour, side: int) -> Rgb:
+    """A photo, scaled to fit above its caption."""
+    (_, caption), _ = cv2.getTextSize(text, *FONT, thickness=1)
+    fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (side, side - 2 * caption)))
+    cell = np.vstack([fitted, np.zeros((2 * caption, side, 3), np.uint8)])
+    cv2.putText(cell, text, (caption, side - caption // 2), *FONT, colour, 1, cv2.LINE_AA)
+    return cell

@@ -6,8 +6,7 @@ import numpy as np
 import rerun as rr
 from PIL import ImageColor
 
-from pipeline.rerun.drawings import MARK
-from pipeline.rerun.photo_sheet import sheet
+from pipeline.rerun.drawings import MARK, sheet
 from pipeline.tracks.find import Find, Reading, plain_text
 
 FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report

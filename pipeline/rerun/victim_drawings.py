@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places
 from pipeline.labels import PERSON_COLOUR
-from pipeline.rerun.drawings import ABOVE_GROUND, LINE, Colour
-from pipeline.rerun.photo_sheet import sheet
+from pipeline.rerun.drawings import ABOVE_GROUND, LINE, Colour, sheet
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.victims.certainty import ellipsoids

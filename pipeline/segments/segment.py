@@ -4,18 +4,55 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
+import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
-from pipeline.arrays import Cells, Direction, Pose
+from pipeline.arrays import Cells, Direction, Points, Pose
 from pipeline.geometry.cells import SurfaceCells, centres, in_contact, unite
 from pipeline.geometry.cells_kernels import bounds, placed_cells
 from pipeline.geometry.moving_kernels import moved
 from pipeline.geometry.planes import Moments, Plane
+from pipeline.geometry.thinning import first_in_voxels
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
 from pipeline.segments.config import SegmentsConfig
-from pipeline.segments.members import Member
+from pipeline.segments.planes import PlanePatch
+from pipeline.transforms import inverse, transform_points
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """The data kept from a patch, in ``base_link`` of the keyframe that shows it.
+
+    Attributes:
+        keyframe: index of the keyframe.
+        label: class of the patch.
+        normal: normal of its plane.
+        moments: moments of its surfels.
+        outline: corners of the convex hull of its points.
+        points: one of its points per voxel; a voxel has half the edge length of a cell.
+    """
+
+    keyframe: int
+    label: Label
+    normal: Direction
+    moments: Moments
+    outline: Points
+    points: Points
+
+    @classmethod
+    def of(cls, patch: PlanePatch, keyframe: int, T_map_base: Pose, cell: float) -> Self:
+        """The member for a patch that a keyframe at ``T_map_base`` shows; ``cell``: edge length of a cell, m."""
+        across = np.eye(3)[np.abs(patch.plane.normal).argmin()]
+        u = np.cross(patch.plane.normal, across)
+        v = np.cross(patch.plane.normal, u)
+        flat = np.ascontiguousarray(patch.points @ np.stack([u, v], axis=1), np.float32)
+        corners = cv2.convexHull(flat, returnPoints=False)[:, 0]
+        T = inverse(T_map_base)
+        kept = first_in_voxels(patch.points, 2 / cell)
+        outline, points = (transform_points(T, patch.points[some]) for some in (corners, kept))
+        return cls(keyframe, patch.label, T[:3, :3] @ patch.plane.normal, patch.moments.moved(T), outline, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,22 +92,26 @@ class Segment:
     ) -> Self:
         """Create a segment; its plane and box are computed, with the normal on the same side as ``side``."""
         plane, rms = moments.fit(side)
-        thickness, edge = config.thickness * rms, config.cells.edge
+        thickness = config.thickness * rms
+        edge = config.cells.edge
         box = bounding_box(plane, moments.centroid, hull, thickness, edge)
         return cls(label, plane, box, cells, moments, hull, members, config)
 
     @classmethod
     def placed(cls, member: Member, number: int, T_map_base: Pose, config: SegmentsConfig) -> Self:
         """The segment made of the member with this number alone, if its keyframe is at ``T_map_base``."""
-        normal, moments = T_map_base[:3, :3] @ member.normal, member.moments.moved(T_map_base)
+        normal = T_map_base[:3, :3] @ member.normal
+        moments = member.moments.moved(T_map_base)
         cells = placed_cells(T_map_base, member.points, config.cells.edge)
         hull = Hull.of(moved(T_map_base, member.outline))
         return cls.of(member.label, normal, cells, moments, hull, (number,), config)
 
     def merged(self, other: "Segment") -> "Segment":
         """The union of both segments."""
-        cells, hull = unite(self.cells, other.cells), self.hull.union(other.hull)
-        members, moments = tuple(sorted(self.members + other.members)), self.moments + other.moments
+        cells = unite(self.cells, other.cells)
+        moments = self.moments + other.moments
+        hull = self.hull.union(other.hull)
+        members = tuple(sorted(self.members + other.members))
         return Segment.of(self.label, self.plane.normal, cells, moments, hull, members, self.config)
 
     @property

@@ -1,18 +1,123 @@
 """The map of segments: pieces of planes that grow and merge from frame to frame (thesis 3.2, figures 5 and 6)."""
 
 from bisect import bisect
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
 
-from pipeline.arrays import Pose, Poses
+from pipeline.arrays import Direction, Mask, Places, Pose, Poses
 from pipeline.labels import Label
 from pipeline.segments.config import SegmentsConfig
-from pipeline.segments.gaps import Gaps, IsSurface
-from pipeline.segments.members import Member
 from pipeline.segments.planes import PlanePatch
-from pipeline.segments.segment import Segment
+from pipeline.segments.segment import Member, Segment
+
+IsSurface = Callable[[Places, Direction], Mask]
+"""Takes positions and a normal; returns which are on a surface in the metric map, seen from the normal's side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """The straight lines across a gap, from those cells of one piece that are nearest to the other.
+
+    Attributes:
+        width: smallest Chebyshev distance between cells of the two pieces, along the axes of the map, m.
+        start, end: ends of the lines, in the plane of the larger piece.
+        normal: normal of this plane.
+        cell: edge length of the pieces' cells, m.
+    """
+
+    width: float
+    start: Places
+    end: Places
+    normal: Direction
+    cell: float
+
+    @classmethod
+    def between(cls, a: Segment, b: Segment) -> Self | None:
+        """The gap between two segments of one plane; None if only their corners face each other."""
+        small, large = (a, b) if a.box.area < b.box.area else (b, a)
+        widths, nearest = large.tree.query(small.tree.data, p=np.inf)
+        cells = large.config.cells
+        front = widths < widths.min() + (cells.reach + 1 / 2) * cells.edge
+        if np.count_nonzero(front) < cells.front:
+            return None
+        start = large.plane.projected(small.tree.data[front])
+        end = large.plane.projected(large.tree.data[nearest[front]])
+        return cls(float(widths.min()), start, end, large.plane.normal, cells.edge)
+
+    def is_closed(self, is_surface: IsSurface) -> bool:
+        """Whether most of the lines lie on a surface; lines are halved until their parts are as short as a cell."""
+        start, way, parts = self.start, self.end - self.start, 1
+        while 2 * len(start) > len(self.start):
+            if parts * self.cell >= self.width:
+                return True
+            between = np.arange(1 / 2, parts) / parts
+            points = start[:, None] + between[:, None] * way[:, None]
+            holds = is_surface(points.reshape(-1, 3), self.normal).reshape(len(start), -1).all(axis=1)
+            start, way, parts = start[holds], way[holds], 2 * parts
+        return False
+
+
+class Gaps:
+    """Joins segments across gaps that the metric map fills.
+
+    During a drive, few keyframes are labelled, but all are in the metric map. Pieces therefore form one surface if
+    the metric map contains it along the straight lines across their gap; across a doorway, it contains none.
+    """
+
+    def __init__(self, is_surface: IsSurface | None) -> None:
+        """Without ``is_surface``, no gap is closed."""
+        self._is_surface = is_surface
+        self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
+        self._joined: dict[tuple[Segment, ...], Segment] = {}
+
+    def closed(self, segments: Sequence[Segment]) -> list[Segment]:
+        """The segments, oldest first, with those across closed gaps joined."""
+        if self._is_surface is None:
+            return list(segments)
+        before = self._gaps
+        self._gaps = {}
+        for pair in _neighbours(segments):
+            self._gaps[pair] = before[pair] if pair in before else Gap.between(*pair)
+        joined = DisjointSet(segments)
+        for pair, gap in self._gaps.items():
+            if gap and gap.is_closed(self._is_surface):
+                joined.merge(*pair)
+        whole = self._joined
+        self._joined = {}
+        for group in (tuple(sorted(group, key=_id)) for group in joined.subsets()):
+            self._joined[group] = whole[group] if group in whole else reduce(Segment.merged, group)
+        return sorted(self._joined.values(), key=_id)
+
+
+def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
+    """Yield the pairs that continue each other, except those with a third segment of their plane nearer to both."""
+    low, high = np.array([segment.bounds for segment in segments]).reshape(-1, 2, 3).swapaxes(0, 1)
+    distance = np.full((len(segments), len(segments)), np.inf)
+    pairs = [pair for pair in _coplanar(segments) if segments[pair[0]].continues(segments[pair[1]])]
+    for a, b in pairs:
+        distance[a, b] = distance[b, a] = np.maximum(low[a] - high[b], low[b] - high[a]).max()
+    for a, b in pairs:
+        if not (np.maximum(distance[a], distance[b]) < distance[a, b]).any():
+            yield segments[a], segments[b]
+
+
+def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
+    """The index pairs of segments that face the same side, where the centre of one lies in the plane of the other."""
+    middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
+    normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
+    offsets = [segment.plane.offset for segment in segments]
+    is_near = np.abs(middles @ normals.T - offsets) <= [segment.config.flatness for segment in segments]
+    return np.argwhere(np.triu((is_near | is_near.T) & (normals @ normals.T > 0), 1)).tolist()
+
+
+def _id(segment: Segment) -> int:
+    return segment.id
 
 
 class Segments:
@@ -86,7 +191,8 @@ class Segments:
 
     def _partner(self, new: Segment) -> int | None:
         """The index of the oldest segment that ``new`` touches, or None."""
-        (low, high), reach = new.bounds, self.config.cells.reach
+        low, high = new.bounds
+        reach = self.config.cells.reach
         near = (self._bounds[:, 0] <= high + reach) & (self._bounds[:, 1] >= low - reach)
         rows = np.flatnonzero(near.all(axis=1)).tolist()
         return next((row for row in rows if self._touching[row].touches(new)), None)

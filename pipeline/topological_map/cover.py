@@ -70,7 +70,8 @@ class NodeCover:
             The cells that changed.
         """
         self.traversability = traversability
-        layers, revision = self._layers, self._layers.revision
+        layers = self._layers
+        revision = layers.revision
         layers.match(traversability.grid)
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
@@ -121,7 +122,8 @@ class NodeCover:
 
     def visible_from(self, places: Places) -> VisibleCells:
         """The cells that are seen from (K, 2) positions, m."""
-        cells, reach = self.grid.cell_of(places), self._reach
+        cells = self.grid.cell_of(places)
+        reach = self._reach
         seen = visible_cells(cells, self.target, self._layers["walls"], reach)
         return VisibleCells(places, seen, cells - reach + self.grid.low)
 
@@ -164,7 +166,8 @@ class NodeCover:
         if not mask.any():
             return np.zeros((0, 2))
         # Start the window at the corner of a block.
-        cell, block = self.grid.cell, self._config.block
+        cell = self.grid.cell
+        block = self._config.block
         reach = round(within / cell)
         i, j = box_around(mask, reach)
         window = slice(i.start // block * block, i.stop), slice(j.start // block * block, j.stop)
@@ -179,7 +182,8 @@ class NodeCover:
     def _count(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""
         visible = self._seen_by[node]
-        window, corner = self._window(visible), visible.corners[0] - self.grid.low
+        window = self._window(visible)
+        corner = visible.corners[0] - self.grid.low
         i, j = (slice(w.start - c, w.stop - c) for w, c in zip(window, corner, strict=True))
         self.count[window] += by * visible.seen[0][i, j]
 

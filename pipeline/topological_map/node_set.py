@@ -6,13 +6,46 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
-from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places
+from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
+from pipeline.segments.crossings import crossings
 from pipeline.segments.segment import Segment
 from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
-from pipeline.topological_map.links import StraightDrives, drive_seconds
+
+
+class StraightDrives:
+    """Tests which straight lines the robot can drive, according to the maps of one step.
+
+    Attributes:
+        traversability: where the robot may drive.
+        walls: the walls of the semantic map.
+        wall_gap: distance within which a line meets a wall, m.
+    """
+
+    def __init__(self, traversability: Traversability, walls: Sequence[Segment], wall_gap: float):
+        self.traversability = traversability
+        self.walls = walls
+        self.wall_gap = wall_gap
+
+    def are_free(self, starts: Places, ends: Places) -> Mask:
+        """(N,) whether the footprint, swept along lines between points (N, 3) on the ground, meets no obstacle.
+
+        The traversability covers drops, steps, the sides of ramps, tilt, low ceilings and unknown ground. The
+        segments cover walls, which block a line between half the body's height and the headroom.
+        """
+        free = np.isfinite(self.traversability.line_seconds(starts, ends))
+        robot = self.traversability.robot
+        lift = np.array([0, 0, robot.body_height / 2])
+        height = robot.headroom - robot.body_height / 2
+        free[free] = ~crossings(starts[free] + lift, ends[free] + lift, self.walls, self.wall_gap, height)
+        return free
+
+
+def drive_seconds(traversability: Traversability, starts: Places, ends: Places) -> Values:
+    """(N,) costs of driving the lines between points, one or N on each side, and of stopping once, s."""
+    return traversability.line_seconds(starts, ends) + traversability.config.costs.stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,17 +116,17 @@ class NodeSet:
         """Move the nodes that are ``moving`` (N,) to (N, 3) positions; the next :meth:`renew` tests their drives."""
         nodes = list(self.nodes.values())
         for k in np.flatnonzero(moving):
-            node, position = nodes[k], positions[k]
+            node = nodes[k]
             self.cover.remove(node.id)
-            self.cover.add(node.id, position[:2])
-            self.nodes[node.id] = Node(node.id, node.label, position)
-            self._moved += [node.position, position]
+            self.cover.add(node.id, positions[k, :2])
+            self.nodes[node.id] = Node(node.id, node.label, positions[k])
+            self._moved += [node.position, positions[k]]
 
     def add(self, label: Label, xy: Place) -> int:
         """Add a node at (2,), m; return its id."""
-        node, self._next_id = self._next_id, self._next_id + 1
-        self._put(node, label, xy)
-        return node
+        self._put(self._next_id, label, xy)
+        self._next_id += 1
+        return self._next_id - 1
 
     def remove(self, node: int) -> None:
         """Forget a node."""
@@ -112,10 +145,12 @@ class NodeSet:
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
         # Not by networkx, which takes twenty times as long if nodes are left out.
-        near, parts = dict(self.free.adjacency()), []
+        near = dict(self.free.adjacency())
+        parts = list[set[int]]()
         left = near.keys() - set(without)
         while left:
-            part, fresh = set(), {left.pop()}
+            part = set[int]()
+            fresh = {left.pop()}
             while fresh:
                 part |= fresh
                 fresh = {m for n in fresh for m in near[n]} & left
@@ -135,15 +170,15 @@ class NodeSet:
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)
-        low, high = (self.cover.grid.centre_of(side) for side in (cells.min(axis=0), cells.max(axis=0)))
+        low = self.cover.grid.centre_of(cells.min(axis=0))
+        high = self.cover.grid.centre_of(cells.max(axis=0))
         ids = np.array(list(self.nodes))
         places = np.array([self.nodes[n].position for n in ids])
         i, j = np.triu_indices(len(ids), 1)
         touched = (np.maximum(places[i], places[j])[:, :2] >= low).all(axis=1)
         touched &= (np.minimum(places[i], places[j])[:, :2] <= high).all(axis=1)
-        i, j = i[touched], j[touched]
-        free = self.links.are_free(places[i], places[j])
-        pairs = np.stack([ids[i], ids[j]], axis=1)
+        free = self.links.are_free(places[i[touched]], places[j[touched]])
+        pairs = np.stack([ids[i[touched]], ids[j[touched]]], axis=1)
         self.free.remove_edges_from(pairs[~free].tolist())
         self._add_edges(pairs[free])
 

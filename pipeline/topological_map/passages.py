@@ -11,8 +11,7 @@ from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import box_around
 from pipeline.planning.pose_paths import PosePaths, simplify
-from pipeline.topological_map.links import StraightDrives, drive_seconds
-from pipeline.topological_map.node_set import Node
+from pipeline.topological_map.node_set import Node, StraightDrives, drive_seconds
 
 
 class Passages:
@@ -30,7 +29,8 @@ class Passages:
         Nodes that straight ``drives`` join have no passages between them.
         """
         grid = links.traversability.grid
-        before, self._nodes = self._nodes, dict(nodes)
+        before = self._nodes
+        self._nodes = dict(nodes)
         pairs = (before, nodes), (nodes, before)
         moved = [some[n].position for some, other in pairs for n in some if some[n] is not other.get(n)]
         mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
@@ -93,7 +93,9 @@ def _nearest(nodes: Mapping[int, Node], xy: Place) -> int:
 def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
     """For each pair of touching regions, the two adjacent cells where the path between the nodes is cheapest."""
     source = paths.sources()
-    cells, costs, keys = [], [], []
+    cells = []
+    costs = []
+    keys = []
     for step in ((1, 0), (0, 1)):
         here = tuple(slice(None, -1) if s else slice(None) for s in step)
         there = tuple(slice(1, None) if s else slice(None) for s in step)
@@ -103,7 +105,7 @@ def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
         cells.append(np.stack([p, p + step], axis=1))
         costs.append((paths.cost[here] + paths.cost[there])[border])
         keys.append(np.sort(np.stack([a[border], b[border]], axis=1), axis=1))
-    pairs, cost = np.concatenate(cells), np.concatenate(costs)
-    order = np.argsort(cost, kind="stable")
+    pairs = np.concatenate(cells)
+    order = np.argsort(np.concatenate(costs), kind="stable")
     _, first = np.unique(np.concatenate(keys)[order], axis=0, return_index=True)
     return [(pairs[k, 0], pairs[k, 1]) for k in order[np.sort(first)]]

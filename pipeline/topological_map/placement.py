@@ -5,7 +5,8 @@ node is removed if others see its cells and stay connected, and two nodes are me
 """
 
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -13,10 +14,82 @@ from scipy.spatial import KDTree
 from pipeline.arrays import Indices, Place, Places
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths, simplify
+from pipeline.robot import RobotModel
+from pipeline.segments.planes import PlanePatch
+from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.config import TopologicalMapConfig
+from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.node_set import NodeSet
-from pipeline.topological_map.nodes import NodePlace, label_at
+
+
+@dataclass(frozen=True, eq=False)
+class NodePlace:
+    """A position where the thesis places a node.
+
+    Attributes:
+        xy: (2,) position, m.
+        label: label of its segment.
+    """
+
+    xy: Place
+    label: Label
+
+
+def thesis_places(
+    patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover, config: TopologicalMapConfig
+) -> list[NodePlace]:
+    """The positions on all segments and terrain patches that lie near where the robot can turn, moved there."""
+    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot, config)]
+    wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
+    places = []
+    for place, label in wanted:
+        level = np.abs(cover.traversability.elevation - place[2]) < config.same_level
+        xy = cover.grid.nearest(cover.standable & level, place, config.snap)
+        if xy is not None:
+            places.append(NodePlace(xy, label))
+    return places
+
+
+def label_at(point: Place, segments: Segments, same_level: float) -> Label:
+    """The label of a node at a point on the ground: straight ramp if one is within ``same_level`` m, else terrain."""
+    for segment in segments.of(Label.STRAIGHT_RAMP):
+        if segment.tree.query(point)[0] <= same_level:
+            return Label.STRAIGHT_RAMP
+    return Label.TERRAIN
+
+
+def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
+    """Positions (N, 3) for the nodes of a straight or inclined ramp, m; none on other segments.
+
+    A segment that is smaller than the robot, or too steep to drive on, such as the side of a ramp, has none.
+    """
+    if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
+        if segment.label is Label.STRAIGHT_RAMP:
+            return _middles(segment, config.large_ramp)
+        if segment.label is Label.INCLINED_RAMP:
+            return _bottom(segment, robot.half_length + config.before_ramp)[None]
+    return np.zeros((0, 3))
+
+
+def _middles(segment: Segment, large: float) -> Places:
+    """(N, 3) the centre of a straight ramp, or the centres of its two halves if it is longer than ``large``, m."""
+    T, extent = segment.box.T_map_box, segment.box.extent
+    long = int(np.argmax(extent[:2]))
+    if extent[long] <= large:
+        return T[None, :3, 3]
+    quarter = T[:3, long] * extent[long] / 4
+    return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
+
+
+def _bottom(segment: Segment, distance: float) -> Place:
+    """The position ``distance`` m in front of the bottom edge of an inclined ramp, where the robot stands level."""
+    box = segment.box
+    downhill = np.array([*segment.plane.normal[:2], 0.0])
+    downhill /= np.linalg.norm(downhill)
+    # The box's y axis runs along the slope, up or down.
+    along = box.T_map_box[:3, 1] * np.sign(box.T_map_box[:3, 1] @ downhill)
+    return box.T_map_box[:3, 3] + along * box.extent[1] / 2 + downhill * distance
 
 
 class Placement:
@@ -24,7 +97,10 @@ class Placement:
 
     def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments, config: TopologicalMapConfig):
         """``places``: positions of nodes by the thesis's rules, which take precedence over all others."""
-        self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
+        self._nodes = nodes
+        self._cover = nodes.cover
+        self._places = places
+        self._segments = segments
         self._config = config
 
     def add_places(self) -> None:
@@ -36,7 +112,8 @@ class Placement:
 
     def cover_rest(self) -> None:
         """Add nodes for the cells that no node sees, starting with the node of greatest gain."""
-        cover, spare = self._cover, self._config.spare
+        cover = self._cover
+        spare = self._config.spare
         visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
         while len(visible.places):
             gains = cover.gains(visible)
@@ -68,7 +145,8 @@ class Placement:
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
         """(N, 2) positions that join a group of nodes to another one: a single one, or else the path's bends."""
-        traversability, nodes = self._cover.traversability, self._nodes.nodes
+        traversability = self._cover.traversability
+        nodes = self._nodes.nodes
         # The search starts from the smaller groups, so that its front is smaller.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
         targets = np.array([nodes[n].position for n in sorted(part)])
@@ -86,7 +164,8 @@ class Placement:
 
     def thin_out(self, active: set[int]) -> None:
         """Remove ``active`` nodes, and merge them with others, as long as no ground and no connection is lost."""
-        cover, sight = self._cover, self._config.sight
+        cover = self._cover
+        # Remove nodes that see hardly any ground alone and connect nothing, those that see least first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.spare
             if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
@@ -94,21 +173,19 @@ class Placement:
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        candidates = self._candidates(active)
+        # Merge pairs that one node can replace: at a position of the thesis's rules, or anywhere around them. A new
+        # node may be merged again.
+        around = cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
+        lattice = cover.candidates(around, self._config.sight)
+        candidates = np.vstack([*(place.xy[None] for place in self._places), lattice])
         ids = list(self._nodes.nodes)
-        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * sight)
+        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * self._config.sight)
         pairs = deque(pair for i, j in sorted(near) if active & set(pair := (ids[i], ids[j])))
         while pairs:
             pair = pairs.popleft()
             new = self._merge(pair, candidates) if self._nodes.nodes.keys() >= set(pair) else None
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
-
-    def _candidates(self, active: Collection[int]) -> Places:
-        """(K, 2) positions of the thesis's rules, and candidates around the active nodes."""
-        around = self._cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
-        lattice = self._cover.candidates(around, self._config.sight)
-        return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
     def _merge(self, pair: tuple[int, int], candidates: Places) -> int | None:
         """Replace two nodes by one; return its id, or None if none of the candidates can replace both."""
@@ -118,7 +195,8 @@ class Placement:
         good = self._stand_ins(pair, candidates)
         if not len(good):
             return None
-        rest, parts = self._nodes.parts(pair), len(self._nodes.parts())
+        rest = self._nodes.parts(pair)
+        parts = len(self._nodes.parts())
         for xy in good:
             links = self._nodes.links_from(xy[None], pair)[0]
             if 1 + sum(not part & set(links) for part in rest) <= parts:
@@ -129,7 +207,9 @@ class Placement:
 
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
         """(K, 2) positions that see the cells only these two nodes see; first the thesis's, then by cells seen."""
-        sight, spare, cell = self._config.sight, self._config.spare, self._cover.grid.cell
+        sight = self._config.sight
+        spare = self._config.spare
+        cell = self._cover.grid.cell
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
@@ -141,7 +221,8 @@ class Placement:
         rows = np.flatnonzero(near)
         visible = self._cover.visible_from(places[rows])
         good = self._cover.see_all(visible, lost, spare)
-        is_other, seen = rows[good] >= len(self._places), visible.seen[good].sum(axis=(1, 2))
+        is_other = rows[good] >= len(self._places)
+        seen = visible.seen[good].sum(axis=(1, 2))
         return visible.places[good][np.lexsort([-seen, is_other])]
 
     def _label(self, xy: Place) -> Label:

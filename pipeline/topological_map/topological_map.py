@@ -7,6 +7,8 @@ from typing import Literal
 
 import networkx as nx
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import shortest_path
 
 from pipeline.arrays import Mask, MaskLayer, Place, Poses
 from pipeline.arrays import Places as Points
@@ -18,12 +20,9 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.config import TopologicalMapConfig
-from pipeline.topological_map.links import drive_seconds
-from pipeline.topological_map.node_set import Node, NodeSet
-from pipeline.topological_map.nodes import thesis_places
+from pipeline.topological_map.node_set import Node, NodeSet, drive_seconds
 from pipeline.topological_map.passages import Passages
-from pipeline.topological_map.placement import Placement
-from pipeline.topological_map.roadmap import collision_free_tree, roadmap
+from pipeline.topological_map.placement import Placement, thesis_places
 
 GraphKind = Literal["mst", "roadmap"]
 """The graph used for planning: the thesis's minimum spanning tree, or this tree and loops that shorten detours."""
@@ -42,8 +41,10 @@ class TopologicalMap:
         self._config = config
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set, self._passages = NodeSet(config), Passages(config.sight)
-        self._places, self._bends = Places.joined([]), dict[tuple[int, int], Places]()
+        self._set = NodeSet(config)
+        self._passages = Passages(config.sight)
+        self._places = Places.joined([])
+        self._bends = dict[tuple[int, int], Places]()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
@@ -58,8 +59,10 @@ class TopologicalMap:
             segments: all segments so far.
             paths: cheapest paths over the ground from the robot's pose.
         """
-        nodes, walls = self._set, segments.of(Label.WALL)
-        changed = nodes.renew(paths.traversability, self._reachable(paths), walls)
+        # Adapt the nodes to the ground where it changed.
+        nodes = self._set
+        changed = nodes.renew(paths.traversability, self._reachable(paths), segments.of(Label.WALL))
+        # Place nodes by the thesis's rules, then for the ground that none sees, then to connect groups; thin out.
         places = thesis_places(patches, segments, nodes.cover, self._config)
         placement = Placement(nodes, places, segments, self._config)
         old = set(nodes.nodes)
@@ -67,6 +70,7 @@ class TopologicalMap:
         placement.cover_rest()
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
+        # Choose the drives along which paths are planned.
         self.tree = collision_free_tree(nodes.free)
         self.graph = self.tree
         if self.kind == "roadmap" and len(nodes.nodes) > 1:
@@ -127,3 +131,43 @@ class TopologicalMap:
         if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable
         return paths.reachable | PosePaths(paths.traversability, places).reachable
+
+
+def collision_free_tree(free: nx.Graph) -> nx.Graph:
+    """The minimum spanning tree of the edges that meet no obstacle, one for each group of nodes that they connect.
+
+    The thesis computes the tree of the complete graph, adds a huge number to the weight of each of its edges that
+    meets a wall, and repeats this until none does. This ends with the same tree. Because all edges are tested anyway,
+    one pass over the free ones is enough.
+
+    Args:
+        free: graph of all nodes and of the edges that can be driven, with ``weight``.
+    """
+    return nx.minimum_spanning_tree(free)
+
+
+def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
+    """The tree, and enough other drives that no path is longer than ``max_detour`` times that over all drives.
+
+    A greedy spanner (Althöfer et al. 1993) that starts with the tree: drives are considered in order of their weight,
+    and a drive is added if the current path between its ends is longer than ``max_detour`` times the drive.
+
+    Args:
+        tree: graph of all nodes and some of the drives.
+        drives: graph of all drives between these nodes, with ``weight``.
+        max_detour: maximum ratio of the lengths, at least 1.
+    """
+    graph = tree.copy()
+    row = {n: k for k, n in enumerate(graph)}
+    way = shortest_path(nx.to_scipy_sparse_array(graph, dtype=float))
+    for a, b, data in sorted(drives.edges(data=True), key=lambda d: (d[2]["weight"], *sorted(d[:2]))):
+        if way[row[a], row[b]] > max_detour * data["weight"]:
+            graph.add_edge(a, b, **data)
+            _open(way, row[a], row[b], data["weight"])
+    return graph
+
+
+def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
+    """Update the lengths (N, N) of all shortest paths for a new edge between i and j."""
+    through = way[:, i, None] + (way[j] + weight)
+    np.minimum(way, np.minimum(through, through.T), out=way)

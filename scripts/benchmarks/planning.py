@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Places, Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.traversability_layer import TraversabilityLayer
+from pipeline.elevation_map.traversability import TraversabilityLayer
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.viewpoint import Context

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.config import DropoutConfig
-from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
+from pipeline.elevation_map.ground_evidence import find_depth_dropouts
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
 

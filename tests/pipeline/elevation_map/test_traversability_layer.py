@@ -4,8 +4,7 @@ from hypothesis import strategies as st
 
 from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.traversability import LAYERS, assess_map
-from pipeline.elevation_map.traversability_layer import TraversabilityLayer
+from pipeline.elevation_map.traversability import LAYERS, TraversabilityLayer, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, show, wall_points
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pipeline.labels import RAMP_TILT
-from pipeline.navigation.attitude import Attitude
+from pipeline.navigation.navigator import Attitude
 from pipeline.transforms import from_rotation, tilt_of
 
 angles = st.floats(-0.6, 0.6)

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.navigation.commands import Turn
 from pipeline.navigation.config import ProgressConfig
-from pipeline.navigation.progress import Progress
+from pipeline.navigation.navigator import Progress
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER

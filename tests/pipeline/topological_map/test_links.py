@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.traversability import assess_map
-from pipeline.topological_map.links import StraightDrives, drive_seconds
+from pipeline.topological_map.node_set import StraightDrives, drive_seconds
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points

@@ -4,8 +4,7 @@ import networkx as nx
 import numpy as np
 
 from pipeline.labels import Label
-from pipeline.topological_map.links import StraightDrives
-from pipeline.topological_map.node_set import Node
+from pipeline.topological_map.node_set import Node, StraightDrives
 from pipeline.topological_map.passages import Passages
 from tests.pipeline.topological_map.grounds import U_TURN, room
 

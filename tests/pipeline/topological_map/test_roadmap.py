@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.topological_map.roadmap import collision_free_tree, roadmap
+from pipeline.topological_map.topological_map import collision_free_tree, roadmap
 from tests.pipeline.topological_map.grounds import room, topology_of
 
 

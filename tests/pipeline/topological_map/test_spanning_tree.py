@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.topological_map.roadmap import collision_free_tree
+from pipeline.topological_map.topological_map import collision_free_tree
 
 HUGE = 1e6
 

@@ -11,7 +11,7 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.config import TopologicalMapConfig
-from pipeline.topological_map.nodes import segment_nodes
+from pipeline.topological_map.placement import segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER

@@ -229,3 +229,9 @@ def check_scene(one, other, base=None):
     assert len(set(nearest)) == len({tuple(row) for row in rows.round(4)})
     np.testing.assert_allclose(data.cam_xmat[: wanted.ncam], places.cam_xmat, atol=ALIKE)
     np.testing.assert_allclose(data.light_xdir[: wanted.nlight], places.light_xdir, atol=ALIKE)
+
+
+def test_mujoco_has_no_public_setter_of_the_precision_of_its_xml():
+    """Where it has one, vetting is to use it instead of the library's private one."""
+    writers = [str(getattr(mujoco.MjSpec, name).__doc__) for name in ("to_file", "to_xml")]
+    assert not [name for name in (*dir(mujoco), *dir(mujoco.MjSpec), *writers) if "precision" in name.lower()]

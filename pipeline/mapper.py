@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Points, Pose, Probabilities
 from pipeline.config import PipelineConfig
-from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.elevation_map.traversability import Traversability, TraversabilityLayer
@@ -28,9 +27,8 @@ from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier, check_probabilities
-from pipeline.semantic_map.finds import with_finds
+from pipeline.semantic_map.revision import Revision
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.tracks.finds import Finds
@@ -120,9 +118,7 @@ class Mapper:
         self.metric_map = MetricMap(config.metric_map)
         self.elevation_map = ElevationMap(robot, config.elevation_map)
         self._traversability_layer = TraversabilityLayer()
-        is_certain = getattr(classifier, "is_certain", False)  # A user's own classifier may lack it
-        revisions = () if is_certain else (self._is_inaccessible, self._revised)
-        self.semantic_map = SemanticMap(*revisions, config=config.semantic_map)
+        self.semantic_map = SemanticMap(config=config.semantic_map)
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
         self.victims = Victims(config.tracks.victim, config.tracks.likelihood, config.victims.background)
@@ -304,6 +300,7 @@ class Mapper:
         if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.due:
             return None
         moves = self.correct(poses)
+        self.revise_labels()
         if not moves.are_noticeable.any():
             return None
         for observer in self.observers:
@@ -345,6 +342,7 @@ class Mapper:
             self.finds.place(poses)
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses, moving)
+        self.revise_labels()
 
     def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
@@ -399,18 +397,17 @@ class Mapper:
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
             self.topological_map.anchor(self.keyframes.poses)
+        self.revise_labels()
 
-    def _is_inaccessible(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        ground, keyframes = self._traversability_layer.update(self.elevation_map), self.keyframes
-        is_above = points[:, 2] > keyframes.highest_camera
-        return is_inaccessible(ground, keyframes.poses[:, :3, 3], points, is_deck & is_above)
-
-    def _revised(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(N,) labels of the semantic map's points (N, 3), m, made consistent with each other and with the finds."""
-        robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
-        config = self.semantic_map.config
-        whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
-        return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
+    def revise_labels(self) -> None:
+        """Tell the semantic map what the other maps say about its labels, unless its classifier is certain."""
+        if getattr(self.classifier, "is_certain", False):  # A user's own classifier may lack it
+            return
+        keyframes = self.keyframes
+        people = [victim.points for victim in self.victims.confirmed]
+        ground = self._traversability_layer.update(self.elevation_map)
+        places = keyframes.poses[:, :3, 3]
+        self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, people))
 
     def _take_read(self) -> list[Detection]:
         """Add the results of the background detection, if any, to the maps; the people detected in that frame."""

@@ -14,13 +14,9 @@ from pipeline.grid_map import Grid, ensure_capacity
 from pipeline.labels import COLOURS, Label
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.ply import write_ply
+from pipeline.semantic_map.revision import Revision
 from pipeline.semantic_map.semantic_map_kernels import BLOCK, COLUMN, GONE, accumulate, forget
-from pipeline.semantic_map.uprights import RAMPS
 
-IsInaccessible = Callable[[Points, Mask], Mask]
-"""Takes points labelled as ramps, and which of them are straight ramps; returns which the robot cannot drive on."""
-Revise = Callable[[Points, Labels], Labels]
-"""Takes all points and their labels; returns labels that are consistent with each other."""
 EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
 """The selection of all columns."""
 
@@ -28,8 +24,8 @@ EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    Points labelled as a ramp, straight or inclined, on which the robot cannot drive, such as a table top, become
-    clutter.
+    Its labels are its own: it keeps the most probable class of each point, and revises it by what the other maps say
+    when it is told (:meth:`revise`).
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
     first hit, so the same frames in the same order give the same map.
@@ -38,16 +34,11 @@ class SemanticMap:
         config: the size of the voxels, and how labels are revised.
     """
 
-    def __init__(
-        self,
-        is_inaccessible: IsInaccessible | None = None,
-        revise: Revise | None = None,
-        *,
-        config: SemanticMapConfig = SemanticMapConfig(),
-    ) -> None:
-        """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
+    def __init__(self, *, config: SemanticMapConfig = SemanticMapConfig()) -> None:
+        """An empty map, whose labels are not revised yet."""
         self.config = config
-        self._is_inaccessible, self._revise = is_inaccessible, revise
+        self._revision: Revision | None = None
+        self._known_labels: Labels | None = None
         self._blocks, self._size, self._frames = 0, 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -97,7 +88,7 @@ class SemanticMap:
             self._block_keys, self._voxels, self._rows, self._born, number << 32, self._columns, self._free,
             (self._blocks, self._size, len(self._free)),
         )  # fmt: skip
-        self._free, self._known_order = self._free[:left], None
+        self._free, self._known_order, self._known_labels = self._free[:left], None, None
 
     @contextmanager
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
@@ -113,7 +104,7 @@ class SemanticMap:
         self._columns = columns.low, within
         blocks, born = slice(self._blocks), self._born[: self._size]
         gone = forget(self._block_keys[blocks], self._voxels[blocks], born, self._columns)
-        self._free, self._known_order = np.concatenate([self._free, gone]), None
+        self._free, self._known_order, self._known_labels = np.concatenate([self._free, gone]), None, None
         try:
             yield meets
         finally:
@@ -144,16 +135,17 @@ class SemanticMap:
         """The mean point of every voxel."""
         return self._rows[self._order, 1:4]
 
+    def revise(self, revision: Revision) -> None:
+        """Revise the labels, now and of points yet to come, by what the other maps say."""
+        self._revision, self._known_labels = revision, None
+
     def labels(self) -> Labels:
-        """The most probable class of every voxel (the lower id wins a tie), as revised using the other maps."""
-        labels, points = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8), self.points()
-        if self._is_inaccessible is not None:
-            ramps = np.flatnonzero(np.isin(labels, RAMPS))
-            is_deck = labels[ramps] == Label.STRAIGHT_RAMP
-            labels[ramps[self._is_inaccessible(points[ramps], is_deck)]] = Label.CLUTTER
-        if self._revise is not None:
-            labels = self._revise(points, labels)
-        return labels
+        """The most probable class of every voxel (the lower id wins a tie), as last revised."""
+        if self._known_labels is None:
+            labels = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8)
+            revision = self._revision
+            self._known_labels = labels if revision is None else revision.revised(self.points(), labels, self.config)
+        return self._known_labels
 
     def probabilities(self) -> Probabilities:
         """The class probabilities of every voxel: the mean over all its returns."""

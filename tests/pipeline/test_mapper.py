@@ -339,4 +339,5 @@ class CertainRamps(Ramps):
 def test_the_map_revises_labels_that_are_not_certain(classifier: Ramps, is_revised: bool) -> None:
     mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
     mapper.add_frame(Localised(FRAMES[0], POSES[0]))
+    mapper.revise_labels()
     assert (mapper.semantic_map.labels() != Label.INCLINED_RAMP).any() == is_revised

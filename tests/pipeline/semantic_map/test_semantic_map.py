@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
+from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 
@@ -40,11 +41,21 @@ def test_frames_are_fused() -> None:
     assert semantic_map.labels().tolist() == [Label.TERRAIN]
 
 
-def test_a_ramp_that_is_no_way_is_clutter() -> None:
-    semantic_map = SemanticMap(lambda points, is_deck: points[:, 2] - (is_deck & (points[:, 0] > 1)) > 0.5)
-    points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6), (3, 0, 0.6))
-    semantic_map.update(points, one_hot(4, 4, 3, 1, 4, 3))
-    assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4, Label.CLUTTER]
+class HighIsClutter:
+    """Other maps that call everything above half a metre clutter."""
+
+    def revised(self, points: np.ndarray, labels: np.ndarray, config: SemanticMapConfig) -> np.ndarray:
+        return np.where(points[:, 2] > 0.5, Label.CLUTTER, labels).astype(np.uint8)
+
+
+def test_labels_are_revised_when_the_map_is_told_and_so_are_those_of_later_points() -> None:
+    semantic_map = SemanticMap()
+    semantic_map.update(cloud((0, 0, 0.4), (0, 0, 0.6)), one_hot(4, 3))
+    assert semantic_map.labels().tolist() == [4, 3]
+    semantic_map.revise(HighIsClutter())
+    assert semantic_map.labels().tolist() == [4, Label.CLUTTER]
+    semantic_map.update(cloud((0, 0.2, 0.6), (2, 0, 0.1)), one_hot(1, 1))
+    assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1]
 
 
 def test_sides_of_zero_are_different_voxels() -> None:

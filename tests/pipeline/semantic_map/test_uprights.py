@@ -1,14 +1,11 @@
 """Walls, posts, barrels, and the sides of ramps and decks, of exact points."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
-from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.uprights import (
     TopDownProjection,
     with_sides_of_ramps,
@@ -106,18 +103,6 @@ def test_without_ramps_and_without_points_nothing_changes(robot: RobotModel) -> 
     assert of_sides((wall, WALL)) == [{WALL}]
     nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
     assert len(with_whole_uprights(*nothing, robot, CELL, SemanticMapConfig())) == 0
-
-
-def test_a_map_revises_its_labels(robot: RobotModel) -> None:
-    points = np.concatenate([grid((0, 1), (0, 0), (0, 0.4)), grid((0.4, 0.5), (0.3, 0.3), (0, 0.4))])
-    wall = np.repeat(np.eye(len(Label), dtype=np.float32)[[WALL]], len(points), axis=0)
-    revise = partial(with_whole_uprights, robot=robot, cell=CELL, config=SemanticMapConfig())
-    for given, expected in ((None, {WALL}), (revise, {WALL, CLUTTER})):
-        semantic_map = SemanticMap(revise=given)
-        semantic_map.update(points, wall)
-        labels, y = semantic_map.labels(), semantic_map.points()[:, 1]
-        assert set(labels.tolist()) == expected
-        assert set(labels[y < 0.2].tolist()) == {WALL}
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 135.0])

@@ -1,0 +1,47 @@
+"""What the other maps say about the classes of points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Labels, Places, Points
+from pipeline.elevation_map.accessibility import is_inaccessible
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.labels import Label
+from pipeline.semantic_map.config import SemanticMapConfig
+from pipeline.semantic_map.finds import with_finds
+from pipeline.semantic_map.uprights import RAMPS, with_whole_uprights
+
+
+@dataclass(frozen=True, eq=False)
+class Revision:
+    """What the other maps knew at one moment; :meth:`revised` makes the labels of a semantic map consistent with it.
+
+    Attributes:
+        ground: where the robot may drive.
+        places: (K, 3) positions where the robot has been, m in ``map``.
+        highest_camera: greatest height of its camera so far, m in ``map``.
+        signs: points of each sign or code that was found.
+        people: points of each person that was found.
+    """
+
+    ground: Traversability
+    places: Places
+    highest_camera: float
+    signs: Sequence[Points]
+    people: Sequence[Points]
+
+    def revised(self, points: Points, labels: Labels, config: SemanticMapConfig) -> Labels:
+        """Labels of a map's points (N, 3), m, that are consistent with each other and with the other maps."""
+        robot = self.ground.robot
+        labels = labels.copy()
+        # What looks like a ramp, straight or inclined, but cannot carry the robot, such as a table top, is clutter.
+        ramps = np.flatnonzero(np.isin(labels, RAMPS))
+        ramp_points = points[ramps]
+        from_below = (labels[ramps] == Label.STRAIGHT_RAMP) & (ramp_points[:, 2] > self.highest_camera)
+        labels[ramps[is_inaccessible(self.ground, self.places, ramp_points, from_below)]] = Label.CLUTTER
+        # Walls and the sides of ramps have one class from top to bottom.
+        labels = with_whole_uprights(points, labels, robot, self.ground.grid.cell, config)
+        # Signs are clutter, and people victims.
+        return with_finds(points, labels, self.signs, self.people, robot.max_step, config.skin)

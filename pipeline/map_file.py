@@ -1,12 +1,12 @@
 """The map of a run as a file from which a later run can continue: the observations of its keyframes."""
 
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from itertools import chain
+from dataclasses import fields, replace
+from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,100 +36,95 @@ KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
 FORMAT, VERSION = "sarsim keyframes", 7
 
 Row = dict[str, Any]
-Arrays = dict[str, NDArray[Any]]
-MANY = "*"
-"""First dimension of a field whose number of entries differs from row to row."""
-
-
-class Field(NamedTuple):
-    """Type and shape of a field; a letter other than ``MANY`` stands for a length that all rows share."""
-
-    kind: str
-    shape: tuple[int | str, ...] = ()
-
-
-def _points(kind: str = "f4") -> Field:
-    return Field(kind, (MANY, 3))
-
+Field = tuple[str, *tuple[int | str, ...]]
+"""Type and shape. A capital stands for a length that all rows share, a small letter, which may only come first, for a
+length that differs from row to row but not between the fields of a row."""
+POINTS: Field = ("f4", "n", 3)
+NOTHING = np.zeros(0)
 
 LAYOUT: dict[str, dict[str, Field]] = {
     "keyframe": {
-        "depth": Field("u2", ("H", "W")),
-        "camera": Field("f8", (4,)),  # fx, fy, cx, cy
-        "T_base_camera": Field("f8", (4, 4)),
-        "T_map_base": Field("f8", (4, 4)),
-        "up": Field("f8", (3,)),
-        "points": _points("i2"),
-        "hits": Field("u1", (MANY,)),
-        "above": Field("u1", (MANY,)),
-        "dropouts": _points("i2"),
-        "dropout_hits": Field("u1", (MANY,)),
-        "rays": _points("i2"),
-        "is_labelled": Field("?"),
-        "classes": Field("u1", (MANY, 2)),
-        "share": Field("u1", (MANY,)),
-        "surfaces": _points(),  # Points and normals with which frames are registered
-        "normals": _points(),
-        "order": Field("i8"),  # Position among all evidence about the ground
+        "depth": ("u2", "H", "W"),
+        "camera": ("f8", 4),  # fx, fy, cx, cy
+        "T_base_camera": ("f8", 4, 4),
+        "T_map_base": ("f8", 4, 4),
+        "up": ("f8", 3),
+        "points": ("i2", "n", 3),
+        "hits": ("u1", "n"),
+        "above": ("u1", "n"),
+        "dropouts": ("i2", "d", 3),
+        "dropout_hits": ("u1", "d"),
+        "rays": ("i2", "r", 3),
+        "is_labelled": ("?",),
+        "classes": ("u1", "l", 2),
+        "share": ("u1", "l"),
+        "surfaces": ("f4", "s", 3),  # Points and normals with which frames are registered
+        "normals": ("f4", "s", 3),
+        "order": ("i8",),  # Position among all evidence about the ground
     },
-    "odometry": {"errors": Field("f8", (5,)), "covariance": Field("f8", (5, 5))},  # a single row
-    "assumed": {"keyframe": Field("i8"), "order": Field("i8"), "points": _points()},
+    "odometry": {"errors": ("f8", 5), "covariance": ("f8", 5, 5)},  # A single row
+    "assumed": {"keyframe": ("i8",), "order": ("i8",), "points": POINTS},
     "driven": {
-        "keyframe": Field("i8"),
-        "order": Field("i8"),
-        "track": _points(),
-        "yaws": Field("f4", (MANY,)),
-        "obstacles": _points(),
-        "touched": _points(),
+        "keyframe": ("i8",),
+        "order": ("i8",),
+        "track": ("f4", "w", 3),
+        "yaws": ("f4", "w"),
+        "obstacles": ("f4", "o", 3),
+        "touched": ("f4", "t", 3),
     },
     "member": {
-        "keyframe": Field("i8"),
-        "label": Field("i8"),
-        "normal": Field("f8", (3,)),
-        "count": Field("i8"),
-        "total": Field("f8", (3,)),  # Σ x
-        "squares": Field("f8", (3, 3)),  # Σ x xᵀ
-        "outline": _points(),
-        "points": _points(),
+        "keyframe": ("i8",),
+        "label": ("i8",),
+        "normal": ("f8", 3),
+        "count": ("i8",),
+        "total": ("f8", 3),  # Σ x
+        "squares": ("f8", 3, 3),  # Σ x xᵀ
+        "outline": ("f4", "o", 3),
+        "points": POINTS,
     },
     "victim": {
-        "missed": Field("i8"),
-        "photo_shows": Field("f8"),  # Number of the person's voxels times the confidence
-        "photo": Field("u1", (MANY,)),
-        "photo_shape": Field("i8", (3,)),
-        "tried_from": Field("i8", (MANY,)),  # Keyframes, and positions relative to them
-        "tried": _points("f8"),
-        "sightings": Field("i8"),  # How many of the following ``sighting`` rows belong to this victim
+        "missed": ("i8",),
+        "photo_shows": ("f8",),  # Number of the person's voxels times the confidence
+        "photo": ("u1", "p"),
+        "photo_shape": ("i8", 3),
+        "tried_from": ("i8", "t"),  # Keyframes, and positions relative to them
+        "tried": ("f8", "t", 3),
+        "sightings": ("i8",),  # How many of the following ``sighting`` rows belong to this victim
     },
     "sighting": {
-        "keyframe": Field("i8"),
-        "confidence": Field("f8"),
-        "camera": Field("f8", (3,)),
-        "information": Field("f8", (3, 3)),
-        "points": _points(),
+        "keyframe": ("i8",),
+        "confidence": ("f8",),
+        "camera": ("f8", 3),
+        "information": ("f8", 3, 3),
+        "points": POINTS,
     },
     "find": {
-        "kind": Field("u1", (MANY,)),  # UTF-8
-        "missed": Field("i8"),
-        "tried_from": Field("i8", (MANY,)),
-        "tried": _points("f8"),
-        "sightings": Field("i8"),  # As in ``victim``, of the ``find_sighting`` rows
+        "kind": ("u1", "k"),  # UTF-8
+        "missed": ("i8",),
+        "tried_from": ("i8", "t"),
+        "tried": ("f8", "t", 3),
+        "sightings": ("i8",),  # As in ``victim``, of the ``find_sighting`` rows
     },
     "find_sighting": {
-        "keyframe": Field("i8"),
-        "text": Field("u1", (MANY,)),  # UTF-8
-        "confidence": Field("f8"),
-        "corners": Field("f4", (MANY, 2)),
-        "position": Field("f8", (3,)),
-        "information": Field("f8", (3, 3)),
-        "camera": Field("f8", (3,)),
-        "has_depth": Field("?"),
-        "points": _points(),
-        "photo": Field("u1", (MANY,)),
-        "photo_shape": Field("i8", (3,)),
+        "keyframe": ("i8",),
+        "text": ("u1", "k"),  # UTF-8
+        "confidence": ("f8",),
+        "corners": ("f4", "c", 2),
+        "position": ("f8", 3),
+        "information": ("f8", 3, 3),
+        "camera": ("f8", 3),
+        "has_depth": ("?",),
+        "points": POINTS,
+        "photo": ("u1", "p"),
+        "photo_shape": ("i8", 3),
     },
 }
 """The rows of each kind. A field whose length varies is stored concatenated, with an array of its lengths."""
+
+
+def varies(field: Field) -> bool:
+    """Whether the length of a field differs from row to row."""
+    return len(field) > 1 and str(field[1]).islower()
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
@@ -154,30 +149,27 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
         "odometry": [vars(mapper.localisation.keyframes().odometry)],
         "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
         "driven": list(_ground_rows(mapper.keyframes, Driven)),
-        "member": [_member_row(member) for member in mapper.segments.members],
+        "member": [vars(member) | vars(member.moments) for member in mapper.segments.members],
         "victim": [_track_row(track) for track in people],
         "sighting": [_observation_row(seen) for track in people for seen in track.seen],
         "find": [_track_row(track) for track in finds],
         "find_sighting": [_observation_row(seen) for track in finds for seen in track.seen],
     }
     arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
-    for kind, fields in LAYOUT.items():
-        for name, field in fields.items():
-            arrays |= _columns(f"{kind}.{name}", field, [row[name] for row in rows[kind]])
+    for kind, layout in LAYOUT.items():
+        for name, field in layout.items():
+            dtype, *shape = field
+            values = [np.asarray(row[name], dtype) for row in rows[kind]]
+            nothing = np.zeros([n if isinstance(n, int) else 0 for n in shape], dtype)
+            if varies(field):
+                arrays[f"{kind}.{name}"] = np.concatenate([nothing, *values])
+                arrays[f"{kind}.{name}.lengths"] = np.array([*map(len, values)], np.int64)
+            else:
+                arrays[f"{kind}.{name}"] = np.stack(values) if values else nothing[None][:0]
     with atomic_write(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for name, array in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, array, allow_pickle=False)
-
-
-def _columns(name: str, field: Field, values: Sequence[Any]) -> Arrays:
-    """The arrays of a field: the values of all rows, and their lengths if these vary."""
-    rows = [np.asarray(value, field.kind) for value in values]
-    fixed = [n if isinstance(n, int) else 0 for n in field.shape]
-    if field.shape[:1] == (MANY,):
-        nothing = np.zeros([0, *fixed[1:]], field.kind)
-        return {name: np.concatenate([nothing, *rows]), f"{name}.lengths": np.array([*map(len, rows)], np.int64)}
-    return {name: np.stack(rows) if rows else np.zeros([0, *fixed], field.kind)}
 
 
 def load_keyframes(path: Path, mapper: Mapper) -> None:
@@ -194,10 +186,12 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         odometry = OdometryErrors(**rows["odometry"][0])
         mapper.localisation.restore(SavedKeyframes(poses, ups, surfaces, normals, owner, odometry))
         _restore_keyframes(rows, mapper.keyframes)
-        mapper.segments.members = [_member_of(row) for row in rows["member"]]
-        seen, of_find = iter(rows["sighting"]), iter(rows["find_sighting"])
-        mapper.victims.all = [_person_of(row, _next(row, seen), mapper.victims.policy) for row in rows["victim"]]
-        mapper.finds.all = [_find_of(row, _next(row, of_find), mapper.finds.policy_of) for row in rows["find"]]
+        for row in rows["member"]:
+            moments = Moments(row["count"], row["total"], row["squares"])
+            own = row["keyframe"], Label(row["label"]), row["normal"], moments, row["outline"], row["points"]
+            mapper.segments.members.append(Member(*own))
+        mapper.victims.all = list(_tracks(rows["victim"], rows["sighting"], lambda kind: mapper.victims.policy))
+        mapper.finds.all = list(_tracks(rows["find"], rows["find_sighting"], mapper.finds.policy_of))
         mapper.restore()
 
 
@@ -229,47 +223,40 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
     arrays = load_results(path, "map saved by a run", KEYFRAMES, FORMAT, VERSION)
     try:
-        sizes: dict[str, int] = {}
-        rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}
+        rows = {kind: _rows(arrays, kind, layout) for kind, layout in LAYOUT.items()}
         _check(rows)
         yield rows
-    except (ValueError, IndexError, KeyError, StopIteration, RuntimeError, np.linalg.LinAlgError) as error:
+    except (ValueError, IndexError, KeyError, RuntimeError, np.linalg.LinAlgError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"{path}: the map is invalid ({said}); repeat the run that wrote it") from error
 
 
-def _rows(arrays: Arrays, kind: str, fields: dict[str, Field], sizes: dict[str, int]) -> list[Row]:
+def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
-    columns = [list(_values(arrays, f"{kind}.{name}", field, sizes)) for name, field in fields.items()]
-    if len({len(column) for column in columns}) != 1:
+    columns: dict[str, list[Any]] = {}
+    sizes: dict[str, Any] = {}  # By letter: a length, or the lengths of all rows
+    for name, field in layout.items():
+        dtype, *shape = field
+        array = arrays.get(f"{kind}.{name}", NOTHING)
+        if array.dtype != dtype or array.ndim != len(shape) + (not varies(field)):
+            raise ValueError(f"{kind}.{name} is missing, or has the wrong type or number of dimensions")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{kind}.{name} contains non-finite numbers")
+        sized = zip(shape[varies(field) :], array.shape[1:], strict=True)
+        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(n, size)) for n, size in sized)
+        if varies(field):
+            lengths = arrays.get(f"{kind}.{name}.lengths", NOTHING)
+            fits &= lengths.dtype == np.int64 and lengths.ndim == 1 and bool((lengths >= 0).all())
+            fits &= lengths.sum() == len(array) and np.array_equal(lengths, sizes.setdefault(shape[0], lengths))
+        if not fits:
+            raise ValueError(f"{kind}.{name} has a wrong shape or wrong lengths")
+        if varies(field):
+            columns[name] = [array[end - n : end] for n, end in zip(lengths, np.cumsum(lengths), strict=True)]
+        else:
+            columns[name] = list(array) if shape else array.tolist()
+    if len({len(column) for column in columns.values()}) != 1:
         raise ValueError(f"the {kind} arrays have different lengths")
-    return [dict(zip(fields, values, strict=True)) for values in zip(*columns, strict=True)]
-
-
-def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> Iterator[Any]:
-    """The value of a field in each row."""
-    array = arrays.get(name, np.zeros(0))
-    has_lengths = field.shape[:1] == (MANY,)
-    of_row = array.shape[1:]
-    expected = field.shape[1:] if has_lengths else field.shape
-    if array.dtype != np.dtype(field.kind) or len(of_row) != len(expected):
-        raise ValueError(f"{name} is missing, or has the wrong type or number of dimensions")
-    for n, size in zip(expected, of_row, strict=True):
-        if size != (n if isinstance(n, int) else sizes.setdefault(n, size)):
-            raise ValueError(f"{name} has the wrong shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} contains non-finite numbers")
-    if not has_lengths:
-        return iter(array if of_row else array.tolist())
-    return _parts(name, array, arrays.get(f"{name}.lengths", np.zeros(0)))
-
-
-def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Split an array into parts of the given lengths; ValueError if these do not add up to its length."""
-    if lengths.dtype != np.int64 or lengths.ndim != 1 or (lengths < 0).any() or lengths.sum() != len(array):
-        raise ValueError(f"{name} has {len(array)} entries, which do not match {name}.lengths")
-    ends = np.cumsum(lengths).tolist()
-    return (array[start:end] for start, end in zip(chain([0], ends), ends, strict=False))
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
 def _check(rows: dict[str, list[Row]]) -> None:
@@ -331,40 +318,20 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
     """Add the keyframes of a file, and all evidence about the ground in the order in which it was found."""
     found: list[tuple[int, int, GroundEvidence]] = []
     for k, row in enumerate(rows["keyframe"]):
-        keyframes.add(_seen_of(row), row["T_map_base"])
-        found.append((row["order"], k, keyframes.seen[k]))
-    found += [(row["order"], row["keyframe"], Assumed(row["points"])) for row in rows["assumed"]]
-    parts = "track", "yaws", "obstacles", "touched"
-    found += [(row["order"], row["keyframe"], Driven(*(row[part] for part in parts))) for row in rows["driven"]]
+        if row["is_labelled"] and len(row["classes"]) != len(row["points"]):
+            raise ValueError("a keyframe has different numbers of points and classes")
+        height, width = row["depth"].shape
+        own = {field.name: row[field.name] for field in fields(Seen) if field.name in row}
+        shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
+        seen = Seen(**own, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
+        keyframes.add(seen, row["T_map_base"])
+        found.append((row["order"], k, seen))
+    for kind, make in (("assumed", Assumed), ("driven", Driven)):
+        for row in rows[kind]:
+            evidence = make(**{field.name: row[field.name] for field in fields(make)})
+            found.append((row["order"], row["keyframe"], evidence))
     for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
         keyframes.add_ground(k, evidence)
-
-
-def _seen_of(row: Row) -> Seen:
-    height, width = row["depth"].shape
-    if len({len(row[name]) for name in ("points", "hits", "above")}) > 1:
-        raise ValueError("a keyframe has different numbers of points, hits and overhangs")
-    if len(row["dropout_hits"]) != len(row["dropouts"]):
-        raise ValueError("a keyframe has different numbers of dropouts and dropout hits")
-    if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
-        raise ValueError("a keyframe has different numbers of points, classes and shares")
-    names = "depth", "T_base_camera", "points", "hits", "above", "dropouts", "dropout_hits", "rays"
-    kept = {name: row[name] for name in names}
-    shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
-    return Seen(**kept, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
-
-
-def _member_row(member: Member) -> Row:
-    return vars(member) | {
-        "count": member.moments.count,
-        "total": member.moments.total,
-        "squares": member.moments.squares,
-    }
-
-
-def _member_of(row: Row) -> Member:
-    moments = Moments(row["count"], row["total"], row["squares"])
-    return Member(row["keyframe"], Label(row["label"]), row["normal"], moments, row["outline"], row["points"])
 
 
 def _text_of(data: NDArray[np.uint8]) -> str:
@@ -399,32 +366,27 @@ def _observation_row(seen: Observation) -> Row:
     }
 
 
-def _next(row: Row, observations: Iterator[Row]) -> list[Row]:
-    """The rows of the observations of the next track."""
-    return [next(observations) for _ in range(row["sightings"])]
+def _tracks(rows: list[Row], sightings: list[Row], policy_of: Callable[[str], TrackPolicy]) -> Iterator[Track]:
+    """Tracks of people or finds; their observations are placed when the mapper builds its maps."""
+    left = iter(sightings)
+    for row in rows:
+        kind = _text_of(row["kind"]) if "kind" in row else VICTIM
+        seen = [_observation_of(kind, sighting) for sighting in islice(left, row["sightings"])]
+        if len(seen) != row["sightings"]:
+            raise ValueError("a victim or find lacks sightings")
+        tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
+        track = Track(policy_of(kind), seen, list(seen), missed=row["missed"], tried=tried)
+        if kind == VICTIM:  # Of a person, only the best photo is saved
+            best = track.best
+            track.seen[best] = replace(seen[best], photo=row["photo"].reshape(row["photo_shape"]))
+        yield track
 
 
-def _track_of(row: Row, policy: TrackPolicy, seen: list[Observation]) -> Track:
-    """A track; its observations are placed when the mapper builds its maps."""
-    tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
-    return Track(policy, seen, list(seen), missed=row["missed"], tried=tried)
-
-
-def _person_of(row: Row, rows: list[Row], policy: TrackPolicy) -> Track:
-    nothing, no_photo = np.zeros((0, 2), np.float32), np.zeros((0, 0, 3), np.uint8)
-    seen = []
-    for s in rows:
-        reading, where = Reading(VICTIM, "", nothing, s["confidence"]), (middle(s["points"]), s["information"])
-        seen.append(Observation(reading, s["keyframe"], *where, s["camera"], s["points"], no_photo))
-    track = _track_of(row, policy, seen)
-    track.seen[track.best] = replace(track.seen[track.best], photo=row["photo"].reshape(row["photo_shape"]))
-    return track
-
-
-def _find_of(row: Row, rows: list[Row], policy_of: Callable[[str], TrackPolicy]) -> Track:
-    kind, seen = _text_of(row["kind"]), []
-    for s in rows:
-        reading = Reading(kind, _text_of(s["text"]), s["corners"], s["confidence"])
-        where, photo = (s["position"], s["information"], s["camera"]), s["photo"].reshape(s["photo_shape"])
-        seen.append(Observation(reading, s["keyframe"], *where, s["points"], photo, has_depth=s["has_depth"]))
-    return _track_of(row, policy_of(kind), seen)
+def _observation_of(kind: str, row: Row) -> Observation:
+    if kind == VICTIM:
+        unread, no_photo = np.zeros((0, 2), np.float32), np.zeros((0, 0, 3), np.uint8)
+        row = row | {"text": _data_of(""), "corners": unread, "position": middle(row["points"]), "photo": no_photo}
+        row |= {"photo_shape": no_photo.shape, "has_depth": True}
+    reading = Reading(kind, _text_of(row["text"]), row["corners"], row["confidence"])
+    own = {field.name: row[field.name] for field in fields(Observation) if field.name in row}
+    return Observation(**own | {"reading": reading, "photo": row["photo"].reshape(row["photo_shape"])})

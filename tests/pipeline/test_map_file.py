@@ -14,7 +14,7 @@ from pipeline.labels import Label
 from pipeline.localisation.localisation import Localised
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
-from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
+from pipeline.map_file import LAYOUT, load_elevation_map, load_keyframes, save_keyframes, varies
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
@@ -138,9 +138,7 @@ def changed(file: Path, folder: Path, **entries: object) -> Path:
 
 
 ENTRIES = [f"{kind}.{name}" for kind, fields in LAYOUT.items() for name in fields]
-LENGTHS = [
-    f"{kind}.{name}.lengths" for kind, fields in LAYOUT.items() for name, f in fields.items() if MANY in f.shape[:1]
-]
+LENGTHS = [f"{kind}.{name}.lengths" for kind, fields in LAYOUT.items() for name, f in fields.items() if varies(f)]
 
 
 @pytest.mark.parametrize(("turn", "name"), list(enumerate(ENTRIES + LENGTHS)))

@@ -21,9 +21,8 @@ from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
-from sarsim.vetting.read import read_mjcf
 from sarsim.vetting.resolved import resolved_root
-from sarsim.vetting.trial import check_model
+from sarsim.vetting.trial import check_model, read_mjcf
 
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,

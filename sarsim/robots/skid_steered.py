@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
 from sarsim.robots.model import drive_model, robot_model
 from sarsim.robots.names import ROBOTS, robot_file
-from sarsim.vetting.read import read_mjcf
+from sarsim.vetting.trial import read_mjcf
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SIDES = ("left", "right")

@@ -1,9 +1,10 @@
-"""Compiles untrusted MJCF on trial, in a separate process with limited memory and time."""
+"""Reads the MJCF of arenas and robots; untrusted files are first compiled on trial, in a separate process."""
 
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from dm_control import mjcf
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
@@ -41,6 +42,23 @@ SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "g
 ALIKE = 1e-6  # m, kg and kg m²
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
 """Arrays with coordinates in m."""
+
+
+def read_mjcf(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
+    """A compiled model, and its MJCF in a form that can be merged with another file.
+
+    Shipped files contain no settings that would affect another file; all other files are vetted and resolved.
+
+    Raises:
+        InputError: the file is invalid; see :func:`vet_mjcf`.
+    """
+    if is_shipped(path):
+        return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
+    vet_mjcf(path)
+    try:
+        return resolved(path)
+    except InputError as error:  # It has changed since it was vetted
+        raise InputError(f"{path}: {error}") from error
 
 
 def is_shipped(path: Path) -> bool:

@@ -43,9 +43,9 @@ from pipeline.victims.detection.detector import VictimDetector
 from sarsim.arenas.load import load_arena
 from sarsim.commands.settings import load_settings, settings_from
 from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import S3dis
+from sarsim.dataset.exports.images import Yolo
+from sarsim.dataset.exports.points import S3dis
 from sarsim.dataset.exports.tum import Tum
-from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.manifest import sha256_of
 from sarsim.episode import Episode
 from sarsim.ground_truth.true_surface import Survey

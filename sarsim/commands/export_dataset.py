@@ -14,8 +14,14 @@ from sarsim.commands.cli import progress, run
 from sarsim.flags import Given
 from sarsim.methods.plugins import find, load_object
 
-EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco"}
-"""The class of each format, in the module of :mod:`sarsim.dataset.exports` with the format's name."""
+EXPORTS = {
+    "s3dis": "points:S3dis",
+    "blocks": "points:Blocks",
+    "tum": "tum:Tum",
+    "yolo": "images:Yolo",
+    "coco": "images:Coco",
+}
+"""Module and class of each format, in :mod:`sarsim.dataset.exports`."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +51,11 @@ class ExportDataset:
 
 def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -> None:
     """Export a dataset scene by scene, and print the folder of the result."""
-    from sarsim.dataset.folder import Dataset
+    from sarsim.dataset.manifest import Dataset
 
     if settings.format in EXPORTS:
-        kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
+        module, _, name = EXPORTS[settings.format].partition(":")
+        kind = getattr(import_module(f"sarsim.dataset.exports.{module}"), name)
     else:
         kind = load_object(find(settings.format, ["sarsim.export"]))
     options = {name: value for name, value in asdict(settings).items() if name != "format"}

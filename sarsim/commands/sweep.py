@@ -73,13 +73,12 @@ def sweep(settings: SweepSettings) -> None:
         raise InputError(f"--seeds {' '.join(map(str, settings.seeds))}: must not be negative")
     if settings.limit <= 0:
         raise InputError(f"limit {settings.limit:g}: must be positive")
-    if settings.steps < 1:
-        raise InputError(f"steps {settings.steps}: must be at least 1")
-    if settings.workers is not None and settings.workers < 1:
-        raise InputError(f"--workers {settings.workers}: must be at least 1")
+    for flag, number in (("steps", settings.steps), ("--workers", settings.workers)):
+        if number is not None and number < 1:
+            raise InputError(f"{flag} {number}: must be at least 1")
     check_names(settings.methods, settings.arenas)
     from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, write_parquet
-    from sarsim.commands.sweeps.leaderboard import write_entry
+    from sarsim.commands.sweeps.leaderboard import entry_of, write_entry
     from sarsim.commands.sweeps.page import write_page
 
     arenas, methods = arenas_of(settings.arenas), dict.fromkeys(settings.methods or METHODS["exploration"])
@@ -88,6 +87,7 @@ def sweep(settings: SweepSettings) -> None:
             load_own("methods", method, OWN_CLASS)
     if settings.engine == "local":
         check_rendering()
+    # run the episodes that have no result in the folder yet
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with locked(settings.out) as lock:
@@ -97,10 +97,22 @@ def sweep(settings: SweepSettings) -> None:
         results = results_of(jobs, settings.out, failed)
         write_parquet([result.row for result in results], settings.out / "episodes.parquet")
         save_settings(settings, settings.out / "config.yaml")
+    # compare the methods
     of_methods = {method: [found for found in results if found.row["method"] == method] for method in methods}
-    entries = [entry(settings, method, found, commit) for method, found in of_methods.items()]
-    for one in entries:
-        write_entry(one, settings.out / ENTRIES)
+    entries = []
+    for method, found in of_methods.items():
+        entry = entry_of(
+            [one.row for one in found],
+            method=method,
+            arenas=settings.arenas,
+            seeds=tuple(dict.fromkeys(settings.seeds)),
+            commit=commit,
+            version=importlib.metadata.version("sarsim"),
+            processor=processor(),
+            processor_s=round(sum(one.processor_s for one in found), 1),
+        )
+        write_entry(entry, settings.out / ENTRIES)
+        entries.append(entry)
     write_page(entries, {m: [one.curve for one in found] for m, found in of_methods.items()}, settings.out / PAGE)
     show(settings, entries, failed)
     if len(failed) == len(jobs):
@@ -113,12 +125,16 @@ def begin(settings: SweepSettings) -> str:
     Raises:
         InputError: the folder holds results of another version or state of the code, or of other settings.
     """
-    file, current = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
-    current |= {"steps": str(settings.steps)}
+    try:
+        code = state_of_code()
+    except InputError:  # not a git checkout
+        code = ""
+    file = settings.out / MANIFEST
+    current = {"version": importlib.metadata.version("sarsim"), "code": code, "steps": str(settings.steps)}
     if not file.exists():
         with atomic_write(file) as part:
             part.write_text(json.dumps(current) + "\n")
-        return current["code"]
+        return code
     try:
         earlier = dict(json.loads(read_text(file)))
     except (ValueError, TypeError) as error:
@@ -131,15 +147,7 @@ def begin(settings: SweepSettings) -> str:
                 f"--out {settings.out}: contains results with {key} = {earlier.get(key) or 'unknown'}, but this sweep"
                 f" has {key} = {value or 'unknown'}; choose another folder"
             )
-    return current["code"]
-
-
-def code() -> str:
-    """The state of the code; empty if it is not in a git checkout."""
-    try:
-        return state_of_code()
-    except InputError:
-        return ""
+    return code
 
 
 def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: FolderLock) -> dict["SweepJob", str]:
@@ -169,22 +177,6 @@ def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob"
     ]
     known = {one.row["arena"]: {"checksum": one.row["checksum"]} for one in found if "checksum" in one.row}
     return [one._replace(row=known.get(one.row["arena"], {}) | one.row) for one in found]
-
-
-def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult"], commit: str) -> "Entry":
-    """A method's leaderboard entry."""
-    from sarsim.commands.sweeps.leaderboard import entry_of
-
-    return entry_of(
-        [one.row for one in results],
-        method=method,
-        arenas=settings.arenas,
-        seeds=tuple(dict.fromkeys(settings.seeds)),
-        commit=commit,
-        version=importlib.metadata.version("sarsim"),
-        processor=processor(),
-        processor_s=round(sum(one.processor_s for one in results), 1),
-    )
 
 
 def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["SweepJob", str]) -> None:

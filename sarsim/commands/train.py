@@ -119,7 +119,7 @@ def _check_out(out: Path, ending: str) -> None:
 
 def _scenes(data: Path) -> int:
     """The number of scenes of a dataset; InputError if a scene's file is missing."""
-    from sarsim.dataset.folder import Dataset
+    from sarsim.dataset.manifest import Dataset
 
     scenes = [data / entry.file for entry in Dataset(data).entries]
     if missing := [path for path in scenes if not path.is_file()]:
@@ -136,7 +136,7 @@ def _clouds(
     """The clouds of the splits train and val; prints which classes are absent from train."""
     from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
-    from sarsim.dataset.folder import Dataset
+    from sarsim.dataset.manifest import Dataset
 
     datasets = [Dataset(folder) for folder in settings.data]
     clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}

@@ -7,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Pose as PoseMatrix
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.errors import InputError
+from pipeline.grid_map import Grid
 from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
+from sarsim.dataset import wheel_contact_kernels as kernels
 from sarsim.dataset.settings import KEYFRAME_WAY
-from sarsim.dataset.wheel_contact import WheelContact
+from sarsim.ground_truth.columns import ConvexBodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
@@ -32,6 +35,42 @@ MAX_FAILURES = 50
 """Maximum number of consecutive legs without a keyframe."""
 WHEEL_RADIUS = 0.1105
 """Wheel radius, m; any value would do, because the wheel angles are computed from it as well."""
+AXLES = np.array([(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)])
+"""(4, 3) centres of a P3-AT's wheels in ``base_link``, m: front left, front right, rear left, rear right."""
+RADIUS = 0.110  # m; a tyre with a radius of 0.111 m is compressed by 1 mm under the robot's weight
+CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
+UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
+"""(N, 3) lowest points of the chassis in ``base_link``, m."""
+CONTACT_REACH = 0.2  # m; surfaces higher than this above the ground at the robot's centre do not count as ground
+
+
+class WheelContact:
+    """The contact of the robot's wheels with the ground of an arena."""
+
+    def __init__(self, bodies: ConvexBodies, grid: Grid):
+        """``bodies``: the arena without the robot; they are indexed by the cells of ``grid`` over which they lie."""
+        number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
+        cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
+        cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
+        count = np.bincount(cell, minlength=number.size).reshape(grid.shape)
+        start = count.cumsum().reshape(grid.shape) - count
+        listed = body[np.argsort(cell, kind="stable")]
+        self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
+
+    def stand(self, x: float, y: float, yaw: float, height: float) -> PoseMatrix | None:
+        """Pose of ``base_link`` at rest at (x, y), m, with heading ``yaw``, rad, on rigid tyres.
+
+        None if the robot cannot stand: a wheel has no ground below it, or the chassis would touch the ground.
+        ``height``: height of the ground near (x, y), m.
+        """
+        below = height + CONTACT_REACH
+        z, climb, rise = kernels.stand(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
+        if not np.isfinite(z):
+            return None
+        R = kernels.attitude(yaw, climb, rise)
+        if not kernels.is_clear(self._ground, x, y, z, R, below, UNDERSIDE):
+            return None
+        return from_rotation(R, (x, y, z))
 
 
 class EndlessDrive:

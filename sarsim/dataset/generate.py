@@ -1,8 +1,8 @@
 """Makes a dataset, or those of its scenes that are missing."""
 
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene
 from sarsim.dataset.summary import write_summary
-from sarsim.jobs import Engine, FolderLock, locked
+from sarsim.jobs import Engine, locked
 
 _log = logging.getLogger(__name__)
 
@@ -29,45 +29,34 @@ def generate(
         InputError: a scene cannot be made, or the folder cannot be written or holds other files.
     """
     make_folder(folder, [FILE])
-    with _cleaned(folder) as lock:
-        manifest = _begun(recipe, folder)
+    manifest = Manifest.new(recipe)
+    with locked(folder) as lock:
+        # keep the scenes that are complete, if the folder holds the same dataset
+        if (folder / FILE).exists():
+            earlier = Manifest.read(folder)
+            earlier.check_same(manifest, folder)
+            for index, entry in earlier.scenes.items():
+                path = folder / entry.file
+                if path.is_file() and sha256_of(path) == entry.sha256:
+                    manifest.scenes[index] = entry
+                else:
+                    _log.warning("%s: missing or changed; generating it again", path)
         manifest.write(folder)
         on_frames(len(manifest.scenes) * recipe.frames)
+        # make the others
         todo = [index for index in range(scenes) if index not in manifest.scenes]
-        with closing(engine(partial(make_scene, recipe), todo, lock)) as outcomes:
-            for index, entry, error in outcomes:
-                if error is not None:
-                    raise type(error)(f"scene {index}: {error}") from error
-                manifest.scenes[index] = entry
-                manifest.write(folder)
-                on_frames(len(manifest.scenes) * recipe.frames)
+        try:
+            with closing(engine(partial(make_scene, recipe), todo, lock)) as outcomes:
+                for index, entry, error in outcomes:
+                    if error is not None:
+                        raise type(error)(f"scene {index}: {error}") from error
+                    manifest.scenes[index] = entry
+                    manifest.write(folder)
+                    on_frames(len(manifest.scenes) * recipe.frames)
+        finally:
+            for unfinished in (folder / SCENES).glob("*.part"):
+                with suppress(OSError):
+                    unfinished.unlink()
         write_summary(folder)
         describe_dataset(folder, manifest)
         return manifest
-
-
-@contextmanager
-def _cleaned(folder: Path) -> Iterator[FolderLock]:
-    """Lock the folder, and delete partially written scenes at the end."""
-    with locked(folder) as lock:
-        try:
-            yield lock
-        finally:
-            for partial in (folder / SCENES).glob("*.part"):
-                with suppress(OSError):
-                    partial.unlink()
-
-
-def _begun(recipe: Recipe, folder: Path) -> Manifest:
-    """The manifest of the scenes that are complete; InputError if the folder holds another dataset."""
-    new = Manifest.new(recipe)
-    if not (folder / FILE).exists():
-        return new
-    manifest = Manifest.read(folder)
-    manifest.check_same(new, folder)
-    for index, entry in list(manifest.scenes.items()):
-        path = folder / entry.file
-        if not path.is_file() or sha256_of(path) != entry.sha256:
-            _log.warning("%s: missing or changed; generating it again", path)
-            del manifest.scenes[index]
-    return manifest

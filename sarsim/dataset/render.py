@@ -19,11 +19,10 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import build_random
 from sarsim.dataset import image_kernels
-from sarsim.dataset.drive import EndlessDrive
+from sarsim.dataset.drive import EndlessDrive, WheelContact
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
-from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.pose import Pose

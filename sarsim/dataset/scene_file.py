@@ -1,6 +1,7 @@
 """One scene of a dataset as an HDF5 file; docs/dataset.md describes the format."""
 
 import json
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Boxes, Labels, Pose, Poses, Rgb
+from pipeline.arrays import Boxes, Labels, Pose, Poses
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame, Intrinsics
@@ -104,17 +105,6 @@ class SceneFrame:
     victim_pixels: NDArray[np.int32]
     victim_area: NDArray[np.int32]
 
-    def row(self) -> dict[str, Any]:
-        """All values except the images, by their names in the file."""
-        return {
-            "time": self.frame.time,
-            "pose_true": self.pose_true,
-            "pose_odom": self.frame.T_odom_base,
-            "T_base_camera": self.frame.T_base_camera,
-            "victims/pixels": self.victim_pixels,
-            "victims/area": self.victim_area,
-        }
-
 
 class SceneWriter(ExitStack):
     """Writes a scene's file, frame by frame; the same frames give the same bytes.
@@ -128,7 +118,7 @@ class SceneWriter(ExitStack):
         super().__init__()
         self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
-        self._rows: list[dict[str, Any]] = []
+        self._rows: dict[str, list[Any]] = defaultdict(list)
         self.callback(self._write_rows)
         self.label_points = np.zeros(len(Label), np.int64)
         k = content.intrinsics
@@ -146,18 +136,27 @@ class SceneWriter(ExitStack):
     def write(self, scene_frame: SceneFrame) -> None:
         """Add the next frame."""
         self._new.check()
-        file, index, frame = self._file, len(self._rows), scene_frame.frame
+        file, index, frame = self._file, len(self._rows["time"]), scene_frame.frame
         label, instance = required(frame.label), required(frame.instance)
         file["rgb"][index] = frame.rgb
         image_kernels.to_millimetres(frame.depth, label, self._millimetres, self.label_points)
         write_noisy(file["depth"], index, self._millimetres)
         file["label"][index] = label
         file["instance"][index] = instance.astype(np.int16)
-        self._rows.append(scene_frame.row())
+        row = {
+            "time": frame.time,
+            "pose_true": scene_frame.pose_true,
+            "pose_odom": frame.T_odom_base,
+            "T_base_camera": frame.T_base_camera,
+            "victims/pixels": scene_frame.victim_pixels,
+            "victims/area": scene_frame.victim_area,
+        }
+        for name, value in row.items():
+            self._rows[name].append(value)
 
     def _write_rows(self) -> None:
-        for name in self._rows[0] if self._rows else ():
-            self._dataset(name, np.array([row[name] for row in self._rows]))
+        for name, values in self._rows.items():
+            self._dataset(name, np.array(values))
 
     def _dataset(self, name: str, data: NDArray, **filters: Any) -> None:
         # With timestamps, the same data would not give the same bytes.
@@ -296,10 +295,6 @@ class Scene(ExitStack):
             label=self.label(index),
             instance=self._numbers("instance", index, -1, self._geoms).astype(np.int32),
         )
-
-    def rgb(self, index: int) -> Rgb:
-        """Colour image of a frame; InputError if the file is broken."""
-        return self._image("rgb", index)
 
     def label(self, index: int) -> NDArray[np.uint8]:
         """(H, W) labels of a frame; InputError if the file is broken."""

@@ -13,8 +13,7 @@ from pipeline.arrays import Rgb
 from pipeline.html_page import jpeg, render, write_html
 from pipeline.labels import COLOURS, Label
 from pipeline.sensor import XTION
-from sarsim.dataset.folder import Dataset
-from sarsim.dataset.manifest import SPLITS
+from sarsim.dataset.manifest import SPLITS, Dataset
 from sarsim.dataset.scene_file import Scene
 
 FILE = "index.html"

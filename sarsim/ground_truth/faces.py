@@ -39,28 +39,20 @@ def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
     """
     labels = geom_labels(model)
     faces = []
-    for geom in np.flatnonzero(np.isin(labels, PLANAR) & np.isin(model.geom_group, DRAWN_GROUPS)):
-        if _is_surface(model, int(geom)):
-            faces += _faces_of_triangles(int(geom), Label(labels[geom]), _triangles(model, data, int(geom)))
+    for geom in map(int, np.flatnonzero(np.isin(labels, PLANAR) & np.isin(model.geom_group, DRAWN_GROUPS))):
+        label, R, position = Label(labels[geom]), data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+        vertices = _vertices(model, geom)
+        if vertices is None:
             continue
-        vertices = _vertices(model, int(geom))
-        if vertices is not None:
-            world = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-            faces += _faces(int(geom), Label(labels[geom]), world)
+        is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
+        if is_mesh and not (model.geom_contype[geom] | model.geom_conaffinity[geom]):
+            mesh = model.geom_dataid[geom]
+            first = model.mesh_faceadr[mesh]
+            triangles = vertices[model.mesh_face[first : first + model.mesh_facenum[mesh]]]
+            faces += _faces_of_triangles(geom, label, triangles @ R.T + position)
+        else:
+            faces += _faces(geom, label, vertices @ R.T + position)
     return faces
-
-
-def _is_surface(model: mujoco.MjModel, geom: int) -> bool:
-    is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
-    return bool(is_mesh and not (model.geom_contype[geom] | model.geom_conaffinity[geom]))
-
-
-def _triangles(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> NDArray[np.float64]:
-    """(N, 3, 3) m, the triangles of a mesh geom in the world."""
-    mesh = model.geom_dataid[geom]
-    first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    corners = mesh_vertices(model, geom)[model.mesh_face[first : first + count]]
-    return corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
 
 
 def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64]) -> list[Face]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Mask, Points, Pose
 from pipeline.transforms import from_rotation, transform_places
-from sarsim.ground_truth.shapes import SQUARE, rotation, swept
+from sarsim.ground_truth.shapes import SQUARE, field_points, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
 
@@ -188,21 +188,16 @@ def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
 
 
 def _height_field(model: mujoco.MjModel, geom: int) -> _Shape:
-    field = model.geom_dataid[geom]
-    rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
-    x_half, y_half, top, _ = model.hfield_size[field]
-    start = model.hfield_adr[field]
-    height = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * float(top)
-    x, y = np.linspace(-x_half, x_half, columns), np.linspace(-y_half, y_half, rows)
-    along_y, along_x = np.gradient(height, y, x)
-    normals = np.stack([-along_x, -along_y, np.ones_like(height)], axis=-1).reshape(-1, 3)
-    vertices = np.stack([*np.meshgrid(x, y), height], axis=-1).reshape(-1, 3)
+    points = field_points(model, geom)
+    rows, columns, _ = points.shape
+    along_y, along_x = np.gradient(points[..., 2], points[:, 0, 1], points[0, :, 0])
+    normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1).reshape(-1, 3)
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     across = first + columns + 1
     triangles = np.concatenate(
         [np.stack([first, first + 1, across], axis=1), np.stack([first, across, across - 1], axis=1)]
     )
-    return _Shape(vertices, normals / np.linalg.norm(normals, axis=1, keepdims=True), triangles)
+    return _Shape(points.reshape(-1, 3), normals / np.linalg.norm(normals, axis=1, keepdims=True), triangles)
 
 
 _BUILDERS: dict[mujoco.mjtGeom, Callable[[mujoco.MjModel, int], _Shape]] = {

@@ -29,14 +29,19 @@ def mesh_vertices(model: mujoco.MjModel, geom: int) -> Places:
     return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
 
 
-def field_triangles(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(N, 3, 3) m, the triangles of a height field geom, counter-clockwise from above; cells split as in MuJoCo."""
+def field_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(rows, columns, 3) m, the points of a height field geom: rows along y, columns along x."""
     field = model.geom_dataid[geom]
     rows, columns, start = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     x_half, y_half, top, _ = model.hfield_size[field]
     height = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * float(top)
     x, y = np.linspace(-x_half, x_half, columns), np.linspace(-y_half, y_half, rows)
-    points = np.stack([*np.meshgrid(x, y), height], axis=-1)
+    return np.stack([*np.meshgrid(x, y), height], axis=-1)
+
+
+def field_triangles(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(N, 3, 3) m, the triangles of a height field geom, counter-clockwise from above; cells split as in MuJoCo."""
+    points = field_points(model, geom)
     first, along, across, up = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     halves = [np.stack([first, along, across], axis=2), np.stack([first, across, up], axis=2)]
     return np.concatenate([half.reshape(-1, 3, 3) for half in halves])

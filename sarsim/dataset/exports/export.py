@@ -18,8 +18,7 @@ from pipeline.files import check_folder
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
 from sarsim.dataset.croissant import describe_export
-from sarsim.dataset.folder import Dataset
-from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.manifest import Dataset, SceneEntry
 from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 

@@ -68,7 +68,7 @@ import os
 import torch._dynamo
 from pipeline.semantic_map.networks import classifier, training, training_loop
 from sarsim.commands import train
-from sarsim.dataset import folder
+from sarsim.dataset import manifest
 os.environ["RANK"] = "0" if os.fork() else "1"
 train.main()
 if os.environ["RANK"] == "0":

@@ -8,8 +8,8 @@ from pycocotools import mask as coco_masks
 from pycocotools.coco import COCO
 
 from pipeline.labels import Label
-from sarsim.dataset.exports.coco import Coco, objects, run_lengths
-from sarsim.dataset.folder import Dataset
+from sarsim.dataset.exports.images import Coco, objects, run_lengths
+from sarsim.dataset.manifest import Dataset
 from tests.sarsim.dataset.small import toys
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from sarsim.dataset.croissant import CROISSANT
 from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import S3dis
-from sarsim.dataset.exports.yolo import Yolo
+from sarsim.dataset.exports.images import Yolo
+from sarsim.dataset.exports.points import S3dis
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import FILE, sha256_of
 from sarsim.dataset.recipe import Recipe

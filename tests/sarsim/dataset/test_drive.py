@@ -8,9 +8,8 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset import drive
-from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive
+from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive, WheelContact
 from sarsim.dataset.settings import KEYFRAME_WAY
-from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.robots.pose import Pose

@@ -17,14 +17,12 @@ from evo.tools.file_interface import read_tum_trajectory_file
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
-from sarsim.dataset.exports.blocks import Blocks
-from sarsim.dataset.exports.clouds import Cloud
 from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import NAMES, S3dis
+from sarsim.dataset.exports.images import Yolo
+from sarsim.dataset.exports.points import NAMES, Blocks, Cloud, S3dis
 from sarsim.dataset.exports.tum import Tum
-from sarsim.dataset.exports.yolo import Yolo
-from sarsim.dataset.folder import Dataset
 from sarsim.dataset.generate import generate
+from sarsim.dataset.manifest import Dataset
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
 from tests.sarsim.dataset.small import InProcess

@@ -67,20 +67,6 @@ def test_arenas_are_taken_in_turn() -> None:
 HARDER = Recipe(**vars(HarderDatasetConfig()))
 
 
-def test_by_default_there_are_ramps_in_light_without_dust_but_with_the_sensors_noise() -> None:
-    drawn = [first(Recipe(), index) for index in range(50)]
-    assert {scene.conditions.lighting for scene in drawn} == {Lighting.normal}
-    assert not any(scene.conditions.air.dust for scene in drawn)
-    assert all(scene.conditions.depth_sensor.axial_noise for scene in drawn)
-    assert all(scene.random and scene.random.ramps > 0 and not scene.random.clutter for scene in drawn)
-
-
-def test_the_harder_mix_has_other_arenas() -> None:
-    drawn = [scene.random for index in range(50) if (scene := first(HARDER, index)).random]
-    assert {config.difficulty for config in drawn} == {0, 1, 2, 3}
-    assert {config.ceiling for config in drawn} == {True, False} and all(config.clutter for config in drawn)
-
-
 def test_every_kind_of_light_air_and_sensor_is_drawn_in_the_harder_mix() -> None:
     drawn = [HARDER.conditions(index) for index in range(200)]
     assert {c.lighting for c in drawn} == set(Lighting)

@@ -48,23 +48,10 @@ def test_the_balance_adds_up(page: str) -> None:
     assert f">{walls}<" in page and f">{floors}<" in page
 
 
-def test_splits_are_reported_and_the_recipe_as_flags(page: str) -> None:
-    assert "<tr><td>train<td class=number>12<td class=number>36<td>12 dim</tr>" in page
-    for flag, words in (("seed", "3"), ("arenas", "nist_6x4"), ("random.wall-density", "0.2 0.7")):
-        assert f"<tr><td>--{flag}<td>{words}</tr>" in page
-
-
-def test_victims_are_boxed() -> None:
-    grey = np.full((6, 8, 3), 90, np.uint8)
-    boxed = with_boxes(grey, np.array([[1, 2, 5, 6]], np.int32))
+def test_pictures_box_victims_and_leave_missing_depth_black() -> None:
+    boxed = with_boxes(np.full((6, 8, 3), 90, np.uint8), np.array([[1, 2, 5, 6]], np.int32))
     frame = np.zeros((6, 8), np.bool_)
     frame[2:6, 1:5], frame[3:5, 2:4] = True, False
     np.testing.assert_array_equal((boxed == COLOURS[Label.VICTIM]).all(axis=2), frame)
-    assert (boxed[~frame] == 90).all() and (grey == 90).all()
-
-
-def test_no_return_is_black() -> None:
-    picture = depth_picture(np.array([[0, 0.8, 3.5]], np.float32))
-    assert (picture[0, 0] == 0).all()
-    assert picture[0, 1, 2] > picture[0, 1, 0]  # blue is near
-    assert picture[0, 2, 0] > picture[0, 2, 2]
+    missing, near, far = depth_picture(np.array([[0, 0.8, 3.5]], np.float32))[0].astype(int)
+    assert not missing.any() and near[2] > near[0] and far[0] > far[2]

@@ -11,8 +11,8 @@ from pipeline.robot import Velocity
 from pipeline.transforms import from_rotation, tilt_of, yaw_of
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
-from sarsim.dataset import wheel_contact as wheel_contact
-from sarsim.dataset.wheel_contact import WheelContact
+from sarsim.dataset import drive
+from sarsim.dataset.drive import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -42,9 +42,9 @@ def test_the_numbers_are_those_of_the_model() -> None:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     wheels = [f"{end}_{side}_wheel" for end in ("front", "rear") for side in ("left", "right")]
-    np.testing.assert_allclose(wheel_contact.AXLES, [data.body(name).xpos for name in wheels], atol=1e-9)
-    np.testing.assert_allclose(wheel_contact.CENTRE_OF_MASS, data.subtree_com[0], atol=1e-3)
-    assert model.geom("front_left_tyre").size[0] - SINK == pytest.approx(wheel_contact.RADIUS)
+    np.testing.assert_allclose(drive.AXLES, [data.body(name).xpos for name in wheels], atol=1e-9)
+    np.testing.assert_allclose(drive.CENTRE_OF_MASS, data.subtree_com[0], atol=1e-3)
+    assert model.geom("front_left_tyre").size[0] - SINK == pytest.approx(drive.RADIUS)
 
 
 def test_on_the_floor_it_stands_level() -> None:
@@ -70,8 +70,8 @@ def test_with_one_wheel_on_a_block_the_opposite_one_carries_and_a_third() -> Non
     block = "<geom type='box' size='.06 .06 .02' pos='.135 .199 .02'/>"
     T = contact_on(FLOOR + block).stand(0.0, 0.0, 0.0, 0.0)
     assert T is not None
-    bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([wheel_contact.AXLES, np.ones(4)]).T)[2]
-    above = bottoms - wheel_contact.RADIUS - [0.04, 0, 0, 0]
+    bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([drive.AXLES, np.ones(4)]).T)[2]
+    above = bottoms - drive.RADIUS - [0.04, 0, 0, 0]
     on_ground = np.abs(above) < 1e-3
     # The centre of mass is in front of the diagonal's middle: front right carries, and rear left hangs.
     np.testing.assert_array_equal(on_ground, [True, True, False, True])

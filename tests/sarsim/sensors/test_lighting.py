@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
 from sarsim.arenas.load import load_arena
-from sarsim.sensors import colour_sensor
+from sarsim.sensors import conditions
 from sarsim.sensors.camera import LabelledImage
-from sarsim.sensors.colour_sensor import FULL_WELL, MAX_GAIN, READ_NOISE, exposure_gain
+from sarsim.sensors.conditions import FULL_WELL, MAX_GAIN, READ_NOISE, exposure_gain
 from sarsim.sensors.lighting import BEAM_EXPONENT, Lighting, radiance
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -82,9 +82,9 @@ def test_arena_light_is_what_is_rendered_but_for_its_share() -> None:
 
 @pytest.mark.parametrize("level", [0.5, 0.05, 0.01])
 def test_noise_is_that_of_photons_and_of_reading(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(colour_sensor, "TARGET", 0.5)
+    monkeypatch.setattr(conditions, "TARGET", 0.5)
     flat = np.full((240, 320, 3), level, np.float32)
-    values = colour_sensor.expose(flat, np.random.default_rng(0)).astype(np.float64)
+    values = conditions.expose(flat, np.random.default_rng(0)).astype(np.float64)
     gain = min(0.5 / level, 8)
     electrons = level * FULL_WELL
     sigma = 255 * gain / FULL_WELL * np.sqrt(electrons + READ_NOISE**2)
@@ -100,8 +100,8 @@ def test_gain_never_dims_and_never_passes_its_limit() -> None:
 
 
 def test_white_saturates_and_black_stays_dark(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(colour_sensor, "READ_NOISE", 0.0)
-    values = colour_sensor.expose(
+    monkeypatch.setattr(conditions, "READ_NOISE", 0.0)
+    values = conditions.expose(
         np.stack([np.full((8, 8), v, np.float32) for v in (2, 1.5, 0)], axis=-1), np.random.default_rng(0)
     )
     assert np.all(values[..., :2] == 255) and np.all(values[..., 2] == 0)
@@ -109,6 +109,6 @@ def test_white_saturates_and_black_stays_dark(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_same_seed_gives_the_same_grain() -> None:
     flat = np.full((16, 16, 3), 0.3, np.float32)
-    first, second, other = (colour_sensor.expose(flat, np.random.default_rng(s)) for s in (1, 1, 2))
+    first, second, other = (conditions.expose(flat, np.random.default_rng(s)) for s in (1, 1, 2))
     np.testing.assert_array_equal(first, second)
     assert np.any(first != other)

@@ -1,6 +1,7 @@
-"""Images with boxes and masks in COCO's format (Lin et al., ECCV 2014)."""
+"""Exports of images with the objects in them: COCO's format (Lin et al., ECCV 2014) and YOLO's."""
 
 import json
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from pipeline.errors import required
 from pipeline.labels import Label
 from sarsim.dataset.exports.export import ImageExport
-from sarsim.dataset.folder import Dataset
-from sarsim.dataset.manifest import SceneEntry
+from sarsim.dataset.manifest import SPLITS, Dataset, SceneEntry
 from sarsim.dataset.scene_file import Scene, SceneContent
 
+_log = logging.getLogger(__name__)
 CATEGORIES = [{"id": int(label), "name": label.name.lower()} for label in Label if label is not Label.UNLABELLED]
 
 
@@ -85,3 +86,49 @@ def run_lengths(mask: NDArray[np.bool_]) -> str:
             if is_last:
                 break
     return "".join(letters)
+
+
+@dataclass(frozen=True)
+class Yolo(ImageExport):
+    """images/<split>/*.jpg, labels/<split>/*.txt with lines of class x y width height, and data.yaml."""
+
+    def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
+        """Write an image and a text file for each frame."""
+        labels = folder / "labels" / entry.split
+        labels.mkdir(parents=True, exist_ok=True)
+        size = np.array([scene.intrinsics.width, scene.intrinsics.height], np.float64)
+        for index, (name, _) in enumerate(self.images(folder, entry, scene)):
+            boxes = scene.victim_pixels[index][scene.victim_area[index] >= self.min_area]
+            middle, extent = (boxes[:, :2] + boxes[:, 2:]) / 2 / size, (boxes[:, 2:] - boxes[:, :2]) / size
+            lines = [
+                f"0 {x:.6f} {y:.6f} {w:.6f} {h:.6f}\n"
+                for (x, y), (w, h) in zip(middle.tolist(), extent.tolist(), strict=True)
+            ]
+            (labels / f"{name}.txt").write_text("".join(lines))
+
+    def finish(self, folder: Path, dataset: Dataset) -> None:
+        """Write data.yaml with the splits and the only class; without val scenes, some frames of train become val."""
+        present = {entry.split for entry in dataset.entries}
+        if "val" not in present and self._hold_out(folder, dataset):
+            _log.warning(
+                "the val split has no scenes, so the last fifth of each train scene's frames was moved to it"
+            )
+            present.add("val")
+        lines = [f"{split}: images/{split}" for split in SPLITS if split in present]
+        (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")
+
+    def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
+        """Move the last fifth of each scene's frames from train to val; True if any was moved.
+
+        They are consecutive, because neighbouring frames look alike.
+        """
+        moved = False
+        for entry in dataset.entries:
+            images = sorted((folder / "images" / "train").glob(f"{entry.index:05d}_*.jpg"))
+            for image in images[len(images) - max(len(images) // 5, 1) :] if images[1:] else []:
+                for path in (image, folder / "labels" / "train" / f"{image.stem}.txt"):
+                    place = path.parents[1] / "val"
+                    place.mkdir(exist_ok=True)
+                    path.rename(place / path.name)
+                    moved = True
+        return moved

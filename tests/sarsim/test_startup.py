@@ -1,0 +1,39 @@
+"""What commands set up in their process, in new processes."""
+
+import os
+import subprocess
+import sys
+
+PREPARE = "from sarsim.startup import prepare_process; prepare_process()"
+COUNT = "import numpy as np, os; np.ones((500, 500)) @ np.ones((500, 500)); print(len(os.listdir('/proc/self/task')))"
+HOLES = """
+import numpy as np
+
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096
+
+np.ones(2**21)  # what is freed teaches glibc what to keep
+before, kept = resident(), []
+for _ in range(20):
+    large, small = np.ones(2**20), np.ones(2**8)
+    kept.append((large, small))
+kept = [small for _, small in kept]
+del large
+print((resident() - before) / 2**23)
+"""
+
+
+def printed_after_preparing(program: str) -> str:
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    return subprocess.check_output(
+        [sys.executable, "-c", f"{PREPARE}\n{program}"], env=environment, text=True
+    ).strip()
+
+
+def test_numpy_computes_in_one_thread() -> None:
+    alone = printed_after_preparing("import os; print(len(os.listdir('/proc/self/task')))")
+    assert printed_after_preparing(COUNT) == alone
+
+
+def test_memory_of_large_arrays_that_are_gone_is_given_back() -> None:
+    assert float(printed_after_preparing(HOLES)) < 2  # of the 20 arrays

@@ -33,7 +33,7 @@ from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import inverse, transform_points, yaw_of
-from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.detection import Detection, Detector
 from pipeline.victims.readers import BackgroundReader, FindReader
 from pipeline.victims.victim_map import Victims
 

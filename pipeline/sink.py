@@ -14,7 +14,7 @@ from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Motion
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 
 
 @dataclass(frozen=True, eq=False)

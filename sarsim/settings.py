@@ -136,7 +136,9 @@ class PerceptionConfig:
     Attributes:
         labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
         weights: network weights file. By default the shipped one.
-        detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
+        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
+        detector_names: file with the names of the detector's classes, one per line. By default, a .names file next to
+            the detector.
         detector_class: your own victim detector, MODULE:CLASS.
         reader: your own class that finds objects.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
@@ -145,6 +147,7 @@ class PerceptionConfig:
     labels: Labels = NETWORK
     weights: Given[Path] = None
     detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector_names: Given[Path] = None
     detector_class: Given[str] = None
     reader: OwnClasses = ()
     pipeline: Fixed[PipelineConfig] = PipelineConfig()

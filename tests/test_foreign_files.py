@@ -39,7 +39,7 @@ from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import load_classifier, save_classifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.transforms import from_yaw
-from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detector import VictimDetector
 from sarsim.arenas.load import load_arena
 from sarsim.commands.settings import load_settings, settings_from
 from sarsim.dataset.exports.export import Export
@@ -57,7 +57,7 @@ from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.semantic_map.networks.small_network import network
-from tests.pipeline.victims.detection.networks import SMALL, darknet_files
+from tests.pipeline.victims.networks import SMALL, darknet_files
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw

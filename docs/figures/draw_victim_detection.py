@@ -13,7 +13,7 @@ from pipeline.frame import Frame
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detector import VictimDetector
 from pipeline.victims.observation import observe
 from sarsim.dataset.render import World, find_scene
 from sarsim.sensors.lighting import Lighting

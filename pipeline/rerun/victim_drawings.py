@@ -12,9 +12,8 @@ from pipeline.labels import PERSON_COLOUR
 from pipeline.rerun.drawings import ABOVE_GROUND, LINE, Colour, sheet
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
-from pipeline.victims.certainty import ellipsoids
-from pipeline.victims.detection.detection import Detection
-from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
+from pipeline.victims.detection import Detection
+from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))

@@ -19,8 +19,7 @@ from pipeline.rescue_report.routes import Route, Router
 from pipeline.tracks.find import HEAT, Find
 from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
-from pipeline.victims.certainty import ellipsoids
-from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
+from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 
 CHECKED = 100
 """Maximum number of keyframes that are compared with the map, evenly spread over the run."""

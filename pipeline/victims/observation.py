@@ -11,9 +11,9 @@ from pipeline.tracks.likelihood import extents_of, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
+from pipeline.victims.background import background_planes, near_plane
 from pipeline.victims.config import BackgroundConfig
-from pipeline.victims.detection.background import background_planes, near_plane
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.people import PeoplePolicy, middle
 
 

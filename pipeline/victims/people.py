@@ -8,15 +8,50 @@ from typing import cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.arrays import Covariance, Information, Place, Points, Pose
+from pipeline.arrays import Covariance, Indices, Information, Place, Points, Pose
 from pipeline.frame import Frame
+from pipeline.geometry.thinning import first_in_voxels
+from pipeline.geometry.voxel_hash import first_of, voxels_of
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import transform_points
-from pipeline.victims.person_voxels import PersonVoxels
+
+
+@dataclass(frozen=True, eq=False)
+class PersonVoxels:
+    """The voxels that observations of one person show; what only a few show belongs to something else.
+
+    Attributes:
+        edge: edge length of a voxel, m.
+        seen: a point in each voxel.
+        shown: number of observations that show each voxel.
+    """
+
+    edge: float
+    seen: Points
+    shown: Indices
+
+    @classmethod
+    def of(cls, points: Points, edge: float) -> "PersonVoxels":
+        """The voxels of one observation's points; ``edge`` in m."""
+        first = first_in_voxels(points / edge)
+        return cls(edge, points[first], np.ones(len(first), np.int64))
+
+    @classmethod
+    def joined(cls, observations: Sequence["PersonVoxels"]) -> "PersonVoxels":
+        """The voxels of all the given observations, at least one."""
+        seen, edge = np.concatenate([voxels.seen for voxels in observations]), observations[0].edge
+        voxel, keys = voxels_of(seen / edge)
+        shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
+        return cls(edge, seen[first_of(voxel, len(keys))], shown)
+
+    def agreed(self, frames: float) -> Points:
+        """A point in each voxel that at least ``frames`` observations show; in every voxel if there is none."""
+        is_agreed = self.shown >= frames
+        return self.seen[is_agreed] if is_agreed.any() else self.seen
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from pipeline.frame import Frame
 from pipeline.tracks.config import ObjectConfig
 from pipeline.tracks.find import Reading, is_same
 from pipeline.victims.config import HeatConfig
-from pipeline.victims.detection.detection import Detection, Detector, check_detections
+from pipeline.victims.detection import Detection, Detector, check_detections
 from pipeline.victims.heat import warm_regions
 
 

@@ -11,10 +11,9 @@ from pipeline.tracks.track import Observation, Track
 from pipeline.tracks.tracks import Tracks, join_nearest
 from pipeline.transforms import inverse
 from pipeline.victims.config import BackgroundConfig
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.observation import Refusal, observe
-from pipeline.victims.people import PeoplePolicy
-from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.people import PeoplePolicy, PersonVoxels
 
 
 class Victims(Tracks):

@@ -16,7 +16,7 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.tracks.find import KINDS
-from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.detection import Detection, Detector
 
 MOST_ROWS = 3000  # Maximum number of detections in an image: a damaged file must not fill the memory
 

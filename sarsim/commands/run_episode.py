@@ -56,7 +56,8 @@ def cache_outputs(episode: "Episode") -> "OutputCache":
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
         mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
     if mapper.detector and config.detector and not config.detector_class:
-        mapper.detector = CachedDetector(mapper.detector, cache, *config.detector)
+        names = (config.detector_names,) if config.detector_names else ()
+        mapper.detector = CachedDetector(mapper.detector, cache, *config.detector, *names)
     return cache
 
 

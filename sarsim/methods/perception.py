@@ -9,8 +9,8 @@ from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
-from pipeline.victims.detection.detection import Detector
-from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection import Detector
+from pipeline.victims.detector import VictimDetector
 from pipeline.victims.readers import FindReader, SeveralReaders
 from sarsim.assets import asset
 from sarsim.methods.make import make_own
@@ -23,7 +23,9 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
     if config.detector_class:
         return classifier, make_own("detector-class", config.detector_class, Detector)
     numbers = config.pipeline.victims.detector
-    return classifier, VictimDetector.load(*config.detector, config=numbers) if config.detector else None
+    if not config.detector:
+        return classifier, None
+    return classifier, VictimDetector.load(*config.detector, names=config.detector_names, config=numbers)
 
 
 def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> FindReader | None:

@@ -31,7 +31,11 @@ from scripts.benchmarks.settings import CostSettings
 CODE = Path(pipeline.__file__).parents[1]
 PERIOD = 0.005  # s between two samples
 STAGES = {
-    "pipeline/victims/detection": "detector",
+    "pipeline/victims/detector.py": "detector",
+    "pipeline/victims/two_stages.py": "detector",
+    "pipeline/victims/yolo.py": "detector",
+    "pipeline/victims/boxes.py": "detector",
+    "pipeline/victims/input_image.py": "detector",
     "pipeline/plugins/finds": "finds",
     "pipeline/tracks/finds.py": "finds",
     "pipeline/tracks/objects.py": "finds",

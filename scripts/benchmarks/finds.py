@@ -20,9 +20,9 @@ from pipeline.files import read_text
 from pipeline.frame import decoded
 from pipeline.plugins.finds.readers import FindReaders
 from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
-from pipeline.victims.detection.boxes import overlaps
-from pipeline.victims.detection.detection import Detection, Detector
-from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.boxes import overlaps
+from pipeline.victims.detection import Detection, Detector
+from pipeline.victims.detector import VictimDetector
 from sarsim.commands.cli import tracked
 from sarsim.plugins.finds.plugin import shipped_readers
 from scripts.benchmarks.common import Result

@@ -251,7 +251,7 @@ class VictimsSettings(EpisodesSettings):
         frames: number of frames of an arena.
         seed: seed of these arenas; no network was trained on the default.
         rounds: number of timed frames; 0 skips the timing.
-        detector: .cfg and .weights of any Darknet network, or a .safetensors file like the shipped one.
+        detector: an .onnx file, .cfg and .weights of any Darknet network, or the shipped .safetensors file.
     """
 
     scenes: int = 30

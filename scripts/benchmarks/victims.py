@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Mask, Rgb, Values
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.average_precision import AveragePrecision
-from pipeline.victims.detection.detection import Detection, Detector
-from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection import Detection, Detector
+from pipeline.victims.detector import VictimDetector
 from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
@@ -22,6 +21,7 @@ from sarsim.dataset.settings import HarderArenaRange
 from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
+from scripts.benchmarks.average_precision import AveragePrecision
 from scripts.benchmarks.common import Result, at_least, seconds
 from scripts.benchmarks.reports import group_figures, pairs
 from scripts.benchmarks.runs import Job, Results, failures, jobs_of, run_episode, run_jobs

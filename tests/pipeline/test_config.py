@@ -18,7 +18,7 @@ from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import KINDS
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.victim_map import Victims
 from sarsim.composition import make_mapper
 from sarsim.methods.make import make_exploration

@@ -13,7 +13,7 @@ from pipeline.plugins.finds.hazmat import HazmatReader
 from pipeline.plugins.finds.shapes import ShapeReader
 from pipeline.plugins.finds.squares import Squares
 from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.readers import not_among
 
 

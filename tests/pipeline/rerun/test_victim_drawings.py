@@ -11,7 +11,7 @@ from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder, victim_drawings
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from tests.pipeline.rescue_report.people import block, victim, victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot

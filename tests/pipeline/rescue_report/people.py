@@ -12,9 +12,8 @@ from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.track import Observation, Track
-from pipeline.victims.detection.detection import Detection
-from pipeline.victims.people import PeoplePolicy
-from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.detection import Detection
+from pipeline.victims.people import PeoplePolicy, PersonVoxels
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, StillRobot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.rescue_report import words
-from pipeline.victims.display_ids import letters
+from pipeline.victims.display import letters
 
 
 def test_numbers_as_people_read_them() -> None:

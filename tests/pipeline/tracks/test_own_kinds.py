@@ -10,7 +10,7 @@ from pipeline.tracks.config import Confirmation, ObjectConfig, TracksConfig
 from pipeline.tracks.find import Reading, box_corners, is_find_kind
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.readers import SeveralReaders
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import WALL, camera_at, step

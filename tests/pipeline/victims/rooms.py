@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
 from pipeline.transforms import from_rotation, inverse
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 
 INTRINSICS = Intrinsics(160, 120, 144.0, 144.0, 80.0, 60.0)
 WALL, HEIGHT = 4.0, 0.6

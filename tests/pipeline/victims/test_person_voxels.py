@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.people import PersonVoxels
 
 VOXEL = 0.03  # m
 

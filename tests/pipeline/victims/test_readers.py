@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.readers import BackgroundReader
 from tests.pipeline.victims.rooms import camera_at, step
 

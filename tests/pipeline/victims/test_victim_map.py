@@ -9,7 +9,7 @@ from pipeline.keyframes import Places
 from pipeline.tracks.config import Confirmation, PeopleConfig
 from pipeline.tracks.track import Observation
 from pipeline.transforms import from_rotation
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from pipeline.victims.observation import Refusal, observe
 from pipeline.victims.people import PeoplePolicy
 from pipeline.victims.victim_map import Victims

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from sarsim.commands.network_cache import CachedDetector, OutputCache
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sarsim.assets import asset
-from tests.pipeline.victims.detection.networks import SMALL
+from tests.pipeline.victims.networks import SMALL
 from tests.sarsim.rooms import room
 
 HEAVY = ("mujoco", "dm_control", "torch", "numba", "scipy", "cv2", "h5py", "rerun")

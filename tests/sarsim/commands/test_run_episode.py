@@ -17,7 +17,7 @@ from sarsim.commands import run_episode
 from sarsim.episode import Episode
 from sarsim.plugins.fiducials.plugin import FiducialsConfig
 from sarsim.settings import WEIGHTS, EpisodeConfig
-from tests.pipeline.victims.detection.networks import darknet_files
+from tests.pipeline.victims.networks import darknet_files
 from tests.sarsim.rooms import room
 from tests.source_tree import ROOT
 

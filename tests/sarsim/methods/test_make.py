@@ -22,7 +22,7 @@ from pipeline.robot import RobotModel
 from pipeline.semantic_map.classifier import PointClassifier, check_probabilities
 from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
-from pipeline.victims.detection.detection import Detection, Detector, check_detections
+from pipeline.victims.detection import Detection, Detector, check_detections
 from pipeline.victims.readers import FindReader
 from sarsim import settings
 from sarsim.arenas.arena import RescueArena

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection import Detection
 from scripts.benchmarks import barn, camera, exploration, finds, localisation, networks, semantic, victims
 from scripts.benchmarks.reports import flat, group_figures
 from scripts.benchmarks.victims import PeopleInFrame, ap50

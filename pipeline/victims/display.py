@@ -1,4 +1,8 @@
-"""Display ids of victims, the same in the report, the drawings and the log."""
+"""What the report, the drawings and the log have in common: ids of victims, and confidence ellipsoids."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
@@ -18,3 +22,15 @@ def letters(k: int) -> str:
     """A, B, … Z, AA, AB, … for k = 0, 1, …"""
     head, last = divmod(k, 26)
     return (letters(head - 1) if head else "") + chr(ord("A") + last)
+
+
+def ellipsoids(
+    covariances: NDArray[np.float64], probability: float = 0.95
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The ellipsoids that contain positions with a given probability, from their (..., n, n) covariances, m².
+
+    Returns:
+        (..., n) semi-axes, m, the shortest first, and (..., n, n) their directions as columns.
+    """
+    variances, directions = np.linalg.eigh(covariances)
+    return np.sqrt(chdtri(variances.shape[-1], 1 - probability) * variances), directions

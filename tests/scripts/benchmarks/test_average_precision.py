@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.detection.average_precision import AveragePrecision, match
+from scripts.benchmarks.average_precision import AveragePrecision, match
 
 Box = Sequence[float]
 A, B, C = [0, 0, 10, 10], [20, 0, 30, 10], [40, 0, 50, 10]

@@ -1,12 +1,11 @@
-"""Boxes: decoding and overlap by hand, suppression by its properties and OpenCV's."""
+"""Boxes: decoding and overlap by hand, suppression by its properties."""
 
-import cv2
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.detection.boxes import decode, overlaps, size_overlaps, suppress
-from pipeline.victims.detection.yolo import Grid
+from pipeline.victims.boxes import best_boxes, overlaps
+from pipeline.victims.yolo import decode
 
 
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -16,17 +15,16 @@ def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_cell_is_decoded_by_hand() -> None:
-    yolo = Grid(((10, 20), (30, 40)), (1,))
     head = np.full((7, 3, 4), -9, np.float32)
     head[:, 1, 2] = np.log([1, 1, 2, 1, 3, 1, 1 / 3])  # σ = ½ ½, twice as wide, ¾, ½, ¼
-    boxes, scores = decode(head, yolo, width=40, height=60, threshold=0.5)
+    boxes, scores = decode(head, ((30, 40),), width=40, height=60, threshold=0.5)
     np.testing.assert_allclose(boxes, [[25 - 30, 30 - 20, 25 + 30, 30 + 20]], rtol=1e-6)  # cells of 10 × 20
     np.testing.assert_allclose(scores, [[0.375, 0.1875]], rtol=1e-6)
 
 
 def test_what_is_far_out_stays_finite() -> None:
     head = np.full((6, 1, 1), 1e4, np.float32)
-    boxes, scores = decode(head, Grid(((10.0, 20.0),), (0,)), 40, 60, 0.5)
+    boxes, scores = decode(head, ((10.0, 20.0),), 40, 60, 0.5)
     assert np.isfinite(boxes).all()
     assert scores.tolist() == [[1.0]]
 
@@ -40,18 +38,20 @@ def test_overlap_by_hand() -> None:
 @given(count=st.integers(0, 12), seed=st.integers(0, 999), overlap=st.sampled_from([0.2, 0.45, 0.7]))
 def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -> None:
     boxes, scores = random_boxes(count, seed)
-    kept = suppress(boxes, scores, overlap, 3000)
-    between = overlaps(boxes[kept], boxes[kept]) - np.eye(len(kept))
+    kept, kept_scores = best_boxes(boxes, scores, 1e-9, overlap, 3000)
+    assert (kept_scores[:-1] >= kept_scores[1:]).all()
+    between = overlaps(kept, kept) - np.eye(len(kept))
     assert (between <= overlap).all()
-    for dropped in set(range(count)) - set(kept.tolist()):
-        over = overlaps(boxes[[dropped]], boxes[kept])[0] > overlap
-        assert scores[kept][over].max() >= scores[dropped]
-    theirs = cv2.dnn.NMSBoxes(
-        np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).tolist(), scores.tolist(), 0, overlap
-    )
-    assert sorted(kept.tolist()) == sorted(np.array(theirs).flatten().tolist())
+    left = [tuple(box) for box in kept]
+    for box, score in zip(boxes, scores, strict=True):
+        if tuple(box) not in left:
+            over = overlaps(box[None], kept)[0] > overlap
+            assert kept_scores[over].max() >= score
 
 
-def test_size_overlap_by_hand() -> None:
-    result = size_overlaps(np.array([[2.0, 4.0]]), np.array([[2.0, 4.0], [4.0, 2.0], [1.0, 1.0]]))
-    np.testing.assert_allclose(result, [[1, 4 / 12, 1 / 8]])
+def test_only_boxes_with_an_area_and_enough_confidence_are_kept_and_only_the_best_compared() -> None:
+    boxes = np.array([[0, 0, 4, 4], [10, 0, 14, 4], [20, 4, 24, 0], [30, 0, 34, 4]], np.float32)
+    kept, scores = best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5, 3000)
+    np.testing.assert_array_equal(kept, boxes[[3, 1]])
+    assert scores.tolist() == [np.float32(0.7), 0.5]
+    assert len(best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.1, 0.5, 2)[0]) == 2

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.victims.config import ExposureConfig
-from pipeline.victims.detection.input_image import GREY, Letterbox, evenly_exposed
+from pipeline.victims.input_image import GREY, Letterbox, evenly_exposed
 
 CONFIG = ExposureConfig(brightness=130.0, darkest=12.0)
 

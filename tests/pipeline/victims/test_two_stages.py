@@ -7,11 +7,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection import two_stages
-from pipeline.victims.detection.two_stages import TwoStages, surroundings, turned_back
-from pipeline.victims.detection.yolo import YoloSmall, YoloTiny
+from pipeline.victims.two_stages import TwoStages, surroundings, turned_back
 
-SHIPPED = Path(__file__).parents[4] / "assets" / "weights" / "victims.safetensors"
+SHIPPED = Path(__file__).parents[3] / "assets" / "weights" / "victims.safetensors"
 RED, BLUE = 0, 2
 CONFIG = DetectorConfig()
 
@@ -35,12 +33,6 @@ class Spots:
         return np.array(boxes, np.float32).reshape(-1, 4)[kept], np.array(scores, np.float32)[kept, None]
 
 
-def detector(monkeypatch, arena: Spots, coco: Spots) -> TwoStages:
-    parts = iter((arena, coco))
-    monkeypatch.setattr(two_stages, "FusedYolo", lambda _: next(parts))
-    return TwoStages(YoloSmall(), YoloTiny(), CONFIG)
-
-
 def image_of(*spots: tuple[int, slice, slice]) -> np.ndarray:
     image = np.zeros((240, 320, 3), np.uint8)
     for channel, rows, columns in spots:
@@ -60,21 +52,21 @@ def found(network: TwoStages, image: np.ndarray) -> list[tuple[list[int], float]
     ]
 
 
-def test_a_suspect_counts_only_with_a_witness(monkeypatch) -> None:
+def test_a_suspect_counts_only_with_a_witness() -> None:
     for other, count in (((BLUE, *PERSON), 1), ((BLUE, slice(100, 110), slice(200, 203)), 0)):
-        network = detector(monkeypatch, Spots(RED, score=0.9), Spots(BLUE, score=0.06))
+        network = TwoStages(Spots(RED, score=0.9), Spots(BLUE, score=0.06), CONFIG)
         assert found(network, image_of((RED, *PERSON), other)) == [([200, 100, 220, 140], 0.9)] * count
 
 
-def test_what_the_witness_is_sure_of_counts_by_itself(monkeypatch) -> None:
-    network = detector(monkeypatch, Spots(RED, score=0.3), Spots(BLUE, score=0.7))
+def test_what_the_witness_is_sure_of_counts_by_itself() -> None:
+    network = TwoStages(Spots(RED, score=0.3), Spots(BLUE, score=0.7), CONFIG)
     boxes = found(network, image_of((RED, *PERSON), (BLUE, slice(110, 120), slice(205, 210))))
     assert boxes == [([205, 110, 210, 120], 0.7)]
 
 
-def test_the_witness_looks_only_where_there_is_a_suspect(monkeypatch) -> None:
+def test_the_witness_looks_only_where_there_is_a_suspect() -> None:
     arena, coco = Spots(RED), Spots(BLUE)
-    network = detector(monkeypatch, arena, coco)
+    network = TwoStages(arena, coco, CONFIG)
     assert found(network, image_of((BLUE, *PERSON))) == []
     assert (len(arena.looks), coco.looks) == (1, [])
     found(network, image_of((RED, *PERSON), (BLUE, *PERSON)))
@@ -82,18 +74,18 @@ def test_the_witness_looks_only_where_there_is_a_suspect(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(("spot", "looks"), [((slice(100, 120), slice(200, 240)), 3), (PERSON, 1)])
-def test_who_may_lie_is_seen_from_the_side_too(spot: tuple[slice, slice], looks: int, monkeypatch) -> None:
+def test_who_may_lie_is_seen_from_the_side_too(spot: tuple[slice, slice], looks: int) -> None:
     """Here the witness knows only people who stand, and those who are 20 × 40 pixels do so in the turned image."""
     coco = Spots(BLUE, most_width=0.8, score=0.06)
-    assert len(found(detector(monkeypatch, Spots(RED), coco), image_of((RED, *spot), (BLUE, *spot)))) == 1
+    assert len(found(TwoStages(Spots(RED), coco, CONFIG), image_of((RED, *spot), (BLUE, *spot)))) == 1
     assert len(coco.looks) == looks
 
 
-def test_the_witness_looks_everywhere_if_there_are_hints_everywhere(monkeypatch) -> None:
+def test_the_witness_looks_everywhere_if_there_are_hints_everywhere() -> None:
     image = image_of((BLUE, *PERSON))
     for always, sizes in ((CONFIG.most_hints, set()), (CONFIG.most_hints + 1, {image.shape})):
         coco = Spots(BLUE)
-        found_there = found(detector(monkeypatch, Spots(RED, always=always), coco), image)
+        found_there = found(TwoStages(Spots(RED, always=always), coco, CONFIG), image)
         assert set(coco.looks) == sizes
         assert len(found_there) == len(sizes)
 

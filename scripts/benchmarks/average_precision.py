@@ -6,7 +6,7 @@ Unlike in COCO, precision is evaluated at every recall, not at 101 values of it.
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victims.detection.boxes import overlaps
+from pipeline.victims.boxes import overlaps
 
 MATCHING_IOU = 0.5  # Minimum intersection over union of a detection with its true box
 

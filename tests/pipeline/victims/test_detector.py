@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.detector import VictimDetector
-from tests.pipeline.victims.detection.networks import SMALL, bright_spots, darknet_files
+from pipeline.victims.detector import VictimDetector
+from tests.pipeline.victims.networks import SMALL, bright_spots, darknet_files
 
 WHITE, BLACK = np.full((8, 16, 3), 255, np.uint8), np.zeros((8, 16, 3), np.uint8)
 THREE = SMALL.replace("classes=1", "classes=3").replace("filters=6", "filters=8")

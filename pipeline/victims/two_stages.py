@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Mask, Rgb
 from pipeline.tracks.find import VICTIM
+from pipeline.victims.boxes import Boxes, best_boxes, joined, overlaps
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.boxes import Boxes, areas, joined, overlaps, suppress
-from pipeline.victims.detection.inference import FusedYolo
-from pipeline.victims.detection.weights import load_shipped
-from pipeline.victims.detection.yolo import YoloSmall, YoloTiny
+from pipeline.victims.yolo import Yolo, load_shipped
 
 NOTHING: Boxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
@@ -28,9 +26,11 @@ class TwoStages:
 
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
-    def __init__(self, arena: YoloSmall, coco: YoloTiny, config: DetectorConfig) -> None:
-        """Copy the networks, which stay unchanged."""
-        self._arena, self._coco, self._config = FusedYolo(arena), FusedYolo(coco), config
+    def __init__(self, arena: Yolo, coco: Yolo, config: DetectorConfig) -> None:
+        """Detect with the network that proposes candidates, and the one that verifies them."""
+        self._arena = arena
+        self._coco = coco
+        self._config = config
 
     @classmethod
     def load(cls, weights: Path, config: DetectorConfig) -> Self:
@@ -52,7 +52,7 @@ class TwoStages:
         parts = [far, self._near(self._arena, image, least)] if hints else [NOTHING]
         return self._best(joined(parts), least), hints
 
-    def _near(self, network: FusedYolo, image: Rgb, least: float) -> Boxes:
+    def _near(self, network: Yolo, image: Rgb, least: float) -> Boxes:
         """Boxes of people so near that they are too large for a network at the usual size of the input."""
         boxes, scores = network.boxes(image, self._config.near_size, least)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
@@ -97,11 +97,9 @@ class TwoStages:
 
     def _best(self, found: Boxes, least: float) -> Boxes:
         """One box per object, the most confident first."""
-        boxes, scores = found
-        good = (scores[:, 0] >= least) & (areas(boxes) > 0)
-        boxes, scores = boxes[good], scores[good]
-        kept = suppress(boxes, scores[:, 0], self._config.suppressing_iou, self._config.most_boxes)
-        return boxes[kept], scores[kept]
+        config = self._config
+        boxes, scores = best_boxes(found[0], found[1][:, 0], least, config.suppressing_iou, config.most_boxes)
+        return boxes, scores[:, None]
 
 
 def surroundings(image: Rgb, box: NDArray[np.float32], context: float) -> tuple[NDArray[np.float32], Rgb]:

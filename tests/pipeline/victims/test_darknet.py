@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.boxes import overlaps
-from pipeline.victims.detection.detector import VictimDetector
-from tests.pipeline.victims.detection.networks import HEADER, SMALL, darknet_files, small_numbers
+from pipeline.victims.boxes import overlaps
+from pipeline.victims.detector import VictimDetector
+from tests.pipeline.victims.networks import HEADER, SMALL, darknet_files, small_numbers
 
-SHARED = Path(__file__).parents[5] / "shared"
+SHARED = Path(__file__).parents[4] / "shared"
 PUBLISHED = {"yolo-fastest-1.1-xl": "coco_person", "yolo-fastest-1.1_body": "body"}
 """Networks by their names, and what their boxes are called in the photos' truth."""
 CONV = "[convolutional]\nfilters={}\nsize={}\npad=1\nbatch_normalize=1\nactivation={}\n"

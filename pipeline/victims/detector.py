@@ -1,0 +1,105 @@
+"""The detector of people in camera images, and of other objects for which its network has classes."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.arrays import Rgb
+from pipeline.errors import InputError
+from pipeline.files import read_text
+from pipeline.victims.boxes import Boxes, best_boxes
+from pipeline.victims.config import DetectorConfig
+from pipeline.victims.darknet import DarknetNetwork
+from pipeline.victims.detection import Detection
+from pipeline.victims.input_image import evenly_exposed
+from pipeline.victims.onnx_network import OnnxNetwork
+from pipeline.victims.two_stages import TwoStages
+
+
+class BoxNetwork(Protocol):
+    """Finds boxes of some classes in an image."""
+
+    @property
+    def kinds(self) -> Mapping[str, Sequence[int]]:
+        """Indices of its classes, by kind of object; other classes are ignored."""
+        ...
+
+    def find(self, image: Rgb, least: float) -> Boxes:
+        """Boxes in the image, pixels, several per object, including all with a confidence of at least ``least``."""
+        ...
+
+
+class VictimDetector:
+    """Finds people, and other objects for which its network has classes, with a network of the YOLO family."""
+
+    def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
+        """Detect with a network; InputError for a minimum confidence that is not between 0 and 1."""
+        if not 0 < config.confidence < 1:
+            raise InputError(f"detector: confidence = {config.confidence:g}: must be greater than 0 and less than 1")
+        self._network, self._config = network, config
+
+    @classmethod
+    def load(
+        cls, *files: Path, names: Path | None = None, config: DetectorConfig = DetectorConfig()
+    ) -> "VictimDetector":
+        """A detector from the shipped ``.safetensors``, an ONNX file, or the ``.cfg`` and ``.weights`` of Darknet.
+
+        Args:
+            files: the network.
+            names: file with the names of its classes, one per line; by default, a ``.names`` file next to the first
+                file, if there is one.
+            config: which boxes are detections.
+
+        Raises:
+            InputError: see :meth:`TwoStages.load`, :meth:`OnnxNetwork.load` and :meth:`DarknetNetwork.load`; or the
+                files are of other types.
+        """
+        endings = [file.suffix.lower() for file in files]
+        if endings == [".safetensors"] and names is not None:
+            raise InputError(f"--detector-names {names}: the shipped network finds only people; leave the names out")
+        if endings == [".safetensors"]:
+            return cls(TwoStages.load(files[0], config), config)
+        if endings == [".onnx"]:
+            return cls(OnnxNetwork.load(files[0], *_class_names(files[0], names)), config)
+        if len(files) == 2 and endings[0] == ".cfg" and endings[1] not in (".safetensors", ".onnx"):
+            cfg, weights = files
+            return cls(DarknetNetwork.load(cfg, weights, *_class_names(cfg, names)), config)
+        given = " ".join(map(str, files))
+        wanted = "one .onnx or .safetensors file, or a Darknet .cfg file and its .weights file"
+        raise InputError(f"--detector {given}: must be {wanted}")
+
+    def detect(self, rgb: Rgb) -> list[Detection]:
+        """Objects in an image of any size, the most confident first.
+
+        Raises:
+            InputError: the image is greyscale, empty, or of another type.
+        """
+        check_image(rgb)
+        config = self._config
+        boxes, scores = self._network.find(evenly_exposed(rgb, config.exposure), config.confidence)
+        found: list[Detection] = []
+        for kind, classes in self._network.kinds.items():
+            of_kind = scores[:, list(classes)].max(axis=1)
+            best = best_boxes(boxes, of_kind, config.confidence, config.suppressing_iou, config.most_boxes)
+            found += [Detection(tuple(box.tolist()), float(sure), kind) for box, sure in zip(*best, strict=True)]
+        return sorted(found, key=lambda detection: -detection.confidence)
+
+
+def _class_names(network: Path, names: Path | None) -> tuple[list[str], str]:
+    """The names of a network's classes in the file ``names`` or in one next to the network; and which file it is."""
+    beside = network.with_suffix(".names")
+    if names is not None:
+        return read_text(names).split("\n"), str(names)
+    return (read_text(beside).split("\n") if beside.exists() else []), "its .names file"
+
+
+def check_image(rgb: Rgb) -> None:
+    """Raise InputError unless an image is (H, W, 3), uint8 and not empty."""
+    if rgb.size == 0:
+        raise InputError(f"an image must have at least one pixel, but its shape is {rgb.shape}")
+    if rgb.ndim != 3 or rgb.shape[2] != 3:
+        raise InputError(f"an image must have shape (height, width, 3), not {rgb.shape}")
+    if rgb.dtype != np.uint8:
+        raise InputError(f"an image must have dtype uint8, not {rgb.dtype}")

@@ -1,0 +1,148 @@
+"""Networks from any source that OpenCV runs: what those of Darknet and of ONNX have in common.
+
+OpenCV trusts the files and may crash on them. Therefore a network is first tried in a separate process.
+"""
+
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from math import prod
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+
+from pipeline.arrays import Rgb
+from pipeline.errors import InputError
+from pipeline.files import GOOD, run_isolated
+from pipeline.tracks.find import KINDS, VICTIM
+from pipeline.victims.boxes import Boxes
+from pipeline.victims.input_image import Letterbox
+
+PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
+"""For networks without class names, by number of classes: index of ``person``, and the source of the classes."""
+KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
+"""Kind of each known class by name, with underscores for spaces; other classes are ignored."""
+SECONDS, MEMORY = 60, 3_000_000_000
+"""Limits for reading a network: processor time, s, and memory, bytes; MEMORY also limits its layers' outputs."""
+CRASHED = f"OpenCV crashed on this network, or needed more than {SECONDS} s or {MEMORY / 1e9:g} GB to read it"
+
+
+class OpenCvNetwork(ABC):
+    """A network that OpenCV runs once per image.
+
+    Attributes:
+        kinds: indices of its classes, by kind of object.
+        net: the network.
+        size: width and height of its input, pixels.
+        outputs: names of the layers whose outputs are decoded.
+    """
+
+    kinds: dict[str, list[int]]
+    net: cv2.dnn.Net
+    size: tuple[int, int]
+    outputs: Sequence[str]
+
+    @abstractmethod
+    def check(self) -> None:
+        """Raise InputError if it cannot be right; before OpenCV runs it for the first time."""
+
+    @abstractmethod
+    def decode(self, outputs: Sequence[Any]) -> Boxes:
+        """Boxes in the input, pixels, several per object, and (N, classes) confidences, from the ``outputs``."""
+
+    def find(self, image: Rgb, least: float) -> Boxes:
+        """Boxes with a confidence of at least ``least``, pixels, several per object, and (N, classes) confidences."""
+        letterbox, canvas = Letterbox.fit(image, *self.size)
+        boxes, scores = self.run(canvas)
+        good = scores.max(axis=1, initial=0) >= least
+        return letterbox.to_image(boxes[good]), scores[good]
+
+    def run(self, canvas: Rgb) -> Boxes:
+        """Boxes in an image of the input's size; see :meth:`decode`."""
+        self.net.setInput(cv2.dnn.blobFromImage(canvas, 1 / 255))
+        return self.decode(self.net.forward(self.outputs))
+
+    def shapes(self) -> list[list[tuple[int, ...]]]:
+        """The shapes of all layers' outputs."""
+        _, _, shapes = self.net.getLayersShapes([1, 3, *self.size[::-1]])
+        return [[tuple(map(int, shape)) for shape in layer] for layer in shapes]
+
+
+Network = TypeVar("Network", bound=OpenCvNetwork)
+
+
+def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
+    """Make a network after it was tried in a separate process, and run it once.
+
+    Args:
+        files: its files, for errors.
+        make: makes the network; it must be picklable.
+        remedy: what may help if OpenCV cannot run it, to end the error with.
+
+    Raises:
+        InputError: OpenCV cannot run the network, or its outputs are not finite; the message names the ``files``.
+    """
+    said = run_isolated(_fault, make, remedy, seconds=SECONDS, memory=MEMORY)
+    if said != GOOD:
+        raise InputError(f"{files}: {said or CRASHED}")
+    network = make()
+    try:
+        boxes, scores = network.run(np.full((*network.size[::-1], 3), 128, np.uint8))
+    except cv2.error as error:
+        raise InputError(f"{files}: {_said(error)}{remedy}") from error
+    if not (np.isfinite(boxes).all() and np.isfinite(scores).all()):
+        raise InputError(f"{files}: the network's outputs with these weights are not finite; use other weights")
+    return network
+
+
+def _fault(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
+    """What is wrong with a network, or GOOD."""
+    try:
+        network = make()
+        outputs = sum(4 * prod(shape) for layer in network.shapes() for shape in layer)
+        network.check()
+    except cv2.error as error:
+        return _said(error) + remedy
+    except InputError as error:
+        return str(error)
+    if outputs <= MEMORY:
+        return GOOD
+    return (
+        f"the network is too large: its layers take {outputs / 1e9:.2g} GB, more than {MEMORY / 1e9:g} GB; "
+        "use one with a smaller input"
+    )
+
+
+def _said(error: cv2.error) -> str:
+    return f"OpenCV cannot run this network: {' '.join(error.err.split())}"
+
+
+def kinds_of(path: Path, count: int, names: Sequence[str], where: str) -> dict[str, list[int]]:
+    """Indices of a network's classes, by kind of object.
+
+    Args:
+        path: file of the network.
+        count: number of its classes.
+        names: their names, in order; none if unknown.
+        where: what has the names, for errors.
+
+    Raises:
+        InputError: there are more or fewer names, or none is known.
+    """
+    words = ["_".join(word.split()).casefold() for word in names if word.strip()]
+    if not words and count in PERSON:
+        number, whose = PERSON[count]
+        if count > 1:
+            print(f"{path}: no names of its classes; assuming the {count} classes of {whose}", file=sys.stderr)
+        return {VICTIM: [number]}
+    if words and len(words) != count:
+        raise InputError(f"{path}: the network has {count} classes, but {where} has {len(words)} names")
+    kinds = [KIND_OF.get(word) for word in words]
+    if not any(kinds):
+        raise InputError(
+            f"{path}: none of the network's {count} classes is known; "
+            f"{where} must contain at least one of {', '.join(KIND_OF)}"
+        )
+    return {kind: [i for i, other in enumerate(kinds) if other == kind] for kind in KINDS if kind in kinds}

@@ -12,6 +12,7 @@ import time
 import zipfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -155,6 +156,19 @@ def read_text(path: Path, most: float = MOST_TEXT) -> str:
         raise InputError(
             f"{path}: must be UTF-8 text, but byte {error.start + 1} ({error.object[error.start]:#04x}) is invalid"
         ) from error
+
+
+def check_hash(path: Path) -> None:
+    """Raise InputError if the ``.sha256`` file next to the weights, if any, holds another hash."""
+    beside = path.with_name(f"{path.name}.sha256")
+    if beside.exists():
+        wanted = (read_text(beside).split() or [""])[0]
+        found = sha256(read_bytes(path)).hexdigest()
+        if wanted.lower() != found:
+            raise InputError(
+                f"{path}: the SHA-256 is {found}, which is not the one in {beside.name}; "
+                f"replace the weights, or delete {beside.name} if you changed them"
+            )
 
 
 def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.float64]:

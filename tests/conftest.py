@@ -69,7 +69,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def unisolated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check files in this process: a new one for each takes a second, and that is tested elsewhere."""
-    for name in ("sarsim.vetting.trial", "pipeline.victims.darknet"):
+    for name in ("sarsim.vetting.trial", "pipeline.victims.opencv_network"):
         if name in sys.modules:
             monkeypatch.setattr(f"{name}.run_isolated", lambda function, *args, **limits: function(*args))
 

@@ -16,10 +16,9 @@ import cv2
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import read_bytes, read_text
+from pipeline.files import check_hash, read_bytes, read_text
 from pipeline.victims.boxes import Boxes
 from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
-from pipeline.victims.yolo import check_hash
 
 WHOLE = re.compile(
     "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"

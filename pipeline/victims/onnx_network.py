@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import read_bytes
+from pipeline.files import check_hash, read_bytes
 from pipeline.victims.boxes import Boxes
 from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
-from pipeline.victims.yolo import check_hash
 
 GRIDS = (8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32)
 """Pixels per cell of the grids that detectors of the YOLO family have."""

@@ -10,7 +10,6 @@ calls on a CPU; calling them directly needs no C++ compiler on the robot, and sa
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from hashlib import sha256
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar
@@ -23,8 +22,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from pipeline.arrays import Rgb
-from pipeline.errors import InputError
-from pipeline.files import read_bytes, read_text
+from pipeline.files import check_hash
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
 from pipeline.victims.boxes import Boxes, joined
 from pipeline.victims.input_image import Letterbox
@@ -197,19 +195,6 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
     tensors = {name: tensor for name, tensor in read_tensors(path)[0].items() if not name.startswith("layers.0.")}
     copy_tensors(tensors, wanted, path)
     return YoloSmall(wanted), YoloTiny(wanted)
-
-
-def check_hash(path: Path) -> None:
-    """Raise InputError if the ``.sha256`` file next to the weights, if any, holds another hash."""
-    beside = path.with_name(f"{path.name}.sha256")
-    if beside.exists():
-        wanted = (read_text(beside).split() or [""])[0]
-        found = sha256(read_bytes(path)).hexdigest()
-        if wanted.lower() != found:
-            raise InputError(
-                f"{path}: the SHA-256 is {found}, which is not the one in {beside.name}; "
-                f"replace the weights, or delete {beside.name} if you changed them"
-            )
 
 
 def decode(head: NDArray[np.float32], anchors: Anchors, width: int, height: int, threshold: float) -> Boxes:

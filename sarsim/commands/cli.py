@@ -42,7 +42,7 @@ COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
 )
-READ = ("data", "detector", "init", "map", "path", "weights")
+READ = ("data", "detector", "detector-names", "init", "map", "path", "weights")
 """Settings that name files or folders to read."""
 Item = TypeVar("Item")
 _quiet = _verbose = False

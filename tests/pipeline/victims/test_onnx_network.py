@@ -86,10 +86,12 @@ def test_what_is_white_is_found_where_it_is_and_each_object_once(file: Path) -> 
         assert found.box == pytest.approx((72 - 24, 40 - 16, 72 + 24, 40 + 16), abs=1e-3)
 
 
+@pytest.mark.usefixtures("unisolated")
 def test_nothing_is_found_in_the_dark(file: Path) -> None:
     assert VictimDetector.load(file).detect(EMPTY) == []
 
 
+@pytest.mark.usefixtures("unisolated")
 def test_a_box_comes_back_from_bars_beside_the_image(file: Path) -> None:
     image = np.zeros((64, 64, 3), np.uint8)  # with bars of 32 pixels at both sides in the input
     image[16:24, 32:40] = 255
@@ -97,6 +99,7 @@ def test_a_box_comes_back_from_bars_beside_the_image(file: Path) -> None:
     assert person.box == pytest.approx((36 - 12, 20 - 8, 36 + 12, 20 + 8), abs=1e-3)
 
 
+@pytest.mark.usefixtures("unisolated")
 def test_names_in_another_file_count_instead_of_those_beside(file: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.txt"
     other.write_text("cat\nPerson\ndog")
@@ -109,6 +112,7 @@ def test_names_in_another_file_count_instead_of_those_beside(file: Path, tmp_pat
         VictimDetector.load(file, names=other)
 
 
+@pytest.mark.usefixtures("unisolated")
 @pytest.mark.parametrize("is_v5", [True, False])
 def test_the_only_class_is_people(is_v5: bool, tmp_path: Path) -> None:
     """A box with a single class has six numbers in YOLOv5's layout, as a detection of an end-to-end network has."""
@@ -118,6 +122,7 @@ def test_the_only_class_is_people(is_v5: bool, tmp_path: Path) -> None:
     assert person.kind == "victim"
 
 
+@pytest.mark.usefixtures("unisolated")
 @pytest.mark.parametrize(
     ("network", "options", "message"),
     [

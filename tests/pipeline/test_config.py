@@ -92,10 +92,11 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
     held, called = Audit(config), Audit(config)
     held.note_held([partial(print, Half(config))])
     assert held.foreign == {"Half: TracksConfig"}
+    victims = Victims()
     with called.calls():
-        Finds(Victims(), config.tracks)
+        Finds(victims, config.tracks)
         assert called.foreign == set()
-        Finds(Victims(), TracksConfig())
+        Finds(victims, TracksConfig())
     assert called.foreign == {"tracks/finds.py __init__: TracksConfig"}
 
 

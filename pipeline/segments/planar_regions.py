@@ -76,54 +76,37 @@ def planar_regions(
         config: how regions grow and planes are fitted.
     """
     surfels = Surfels.of(frame, labels, thinning)
-    region, planes = _ransac_regions(surfels, _grow(surfels, config), seed, config)
-    return PlanarRegions(surfels, *_settle(surfels, region, planes, config))
-
-
-def _grow(surfels: Surfels, config: RegionConfig) -> NDArray[np.int32]:
-    """(N,) region of every surfel; seeds are taken in order of flatness."""
-    normal, variation = normals(surfels.points, surfels.near)
+    points = surfels.points
+    near = surfels.near
+    # Grow regions with nearly the same normal, from the flattest surfels on.
+    normal, variation = normals(points, near)
     order = np.argsort(variation, kind="stable")
-    return grow_regions(surfels.points, surfels.near, normal, order, np.cos(config.angle), config.step)
-
-
-def _ransac_regions(
-    surfels: Surfels, region: NDArray[np.int32], seed: int, config: RegionConfig
-) -> tuple[NDArray[np.int32], Planes]:
-    """(N,) plane of every surfel, NONE for outliers, and the planes of all regions.
-
-    Large regions come first, and surfels of later regions may join their planes: otherwise, the surfels along the
-    line where two walls meet, which lie between both, would form a narrow plane of their own.
-    """
-    result = np.full(len(region), NONE, np.int32)
+    grown = grow_regions(points, near, normal, order, np.cos(config.angle), config.step)
+    # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join their
+    # planes: otherwise, the surfels along the line where two walls meet, which lie between both, would form a narrow
+    # plane of their own.
+    region = np.full(len(points), NONE, np.int32)
     planes = np.empty((0, 4))
-    regions = [members for _, members in groups(region) if len(members) >= config.fewest_surfels]
-    for members in sorted(regions, key=len, reverse=True):
-        claimed = claim_nearest(surfels.points, surfels.near, members, result, planes, config.distance)
-        result[members] = claimed
+    large = [members for _, members in groups(grown) if len(members) >= config.fewest_surfels]
+    for members in sorted(large, key=len, reverse=True):
+        claimed = claim_nearest(points, near, members, region, planes, config.distance)
+        region[members] = claimed
         rest = members[claimed == NONE]
         while len(rest) >= config.fewest_surfels:
-            inlier = plane_inliers(surfels.points[rest], config.distance, config.samples, seed)
+            inlier = plane_inliers(points[rest], config.distance, config.samples, seed)
             if np.count_nonzero(inlier) < config.fewest_surfels:
                 break
-            result[rest[inlier]] = len(planes)
-            planes = np.vstack([planes, _fit(surfels.points[rest[inlier]])])
+            region[rest[inlier]] = len(planes)
+            planes = np.vstack([planes, _fit(points[rest[inlier]])])
             rest = rest[~inlier]
-    return result, planes
-
-
-def _settle(
-    surfels: Surfels, region: NDArray[np.int32], planes: Planes, config: RegionConfig
-) -> tuple[NDArray[np.int32], Planes]:
-    """Reassign every surfel to the nearest plane around it and refit, so that edges lie where planes meet."""
-    everything = np.arange(len(region))
+    # Reassign every surfel to the nearest plane around it and refit, so that edges lie where planes meet.
     for _ in range(config.rounds):
-        region = claim_nearest(surfels.points, surfels.near, everything, region, planes, config.distance)
+        region = claim_nearest(points, near, np.arange(len(points)), region, planes, config.distance)
         planes = planes.copy()
         for number, members in groups(region):
             if len(members) >= config.fewest_surfels:
-                planes[number] = _fit(surfels.points[members])
-    return region, planes
+                planes[number] = _fit(points[members])
+    return PlanarRegions(surfels, region, planes)
 
 
 def _fit(points: Points) -> Planes:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import InputError, require_at_least, require_positive
 from pipeline.labels import RAMP_TILT
 
 
@@ -31,6 +32,10 @@ class VisibilityConfig:
     least_unknown: float = 1.0
     level_run: float = 1.0
     new_view: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_positive("exploration.visibility", self, "level_run")
+        require_at_least(1, "exploration.visibility", self, "rays", "stride")
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,10 @@ class InspectionConfig:
     depth: float = 0.3
     beside_camera: float = 0.3
 
+    def __post_init__(self) -> None:
+        require_positive("exploration.inspection", self, "spacing", "sign")
+        require_at_least(1, "exploration.inspection", self, "square")
+
 
 @dataclass(frozen=True)
 class UnseenWaysConfig:
@@ -90,6 +99,10 @@ class UnseenWaysConfig:
     alternatives: int = 3
     tries: int = 5
     drives: int = 8
+
+    def __post_init__(self) -> None:
+        require_positive("exploration.unseen_ways", self, "farthest")
+        require_at_least(1, "exploration.unseen_ways", self, "alternatives", "tries", "drives")
 
 
 @dataclass(frozen=True)
@@ -126,3 +139,9 @@ class ExplorationConfig:
     visibility: VisibilityConfig = VisibilityConfig()
     unseen_ways: UnseenWaysConfig = UnseenWaysConfig()
     inspection: InspectionConfig = InspectionConfig()
+
+    def __post_init__(self) -> None:
+        require_positive("exploration", self, "horizon", "keyframe_time")
+        if not self.more_time > 1:
+            raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
+        require_at_least(1, "exploration", self, "patience", "looks")

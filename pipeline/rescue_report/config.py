@@ -1,8 +1,8 @@
 """Parameters of the rescue report."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 
-from pipeline.errors import InputError
+from pipeline.errors import require_positive
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,4 @@ class RescueReportConfig:
     most_named: int = 10
 
     def __post_init__(self) -> None:
-        for name, value in asdict(self).items():
-            if not value > 0:
-                raise InputError(f"rescue_report.{name}: {value} is not greater than 0")
+        require_positive("rescue_report", self, *(field.name for field in fields(self)))

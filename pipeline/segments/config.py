@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from math import radians
 
+from pipeline.errors import require_at_least, require_positive
 from pipeline.geometry.config import CellConfig
 
 
@@ -34,6 +35,9 @@ class SurfelConfig:
         """Minimum number of pixels of a surfel."""
         return self.rows * self.block
 
+    def __post_init__(self) -> None:
+        require_at_least(1, "segments.surfels", self, "block", "rows", "reach")
+
 
 @dataclass(frozen=True)
 class RegionConfig:
@@ -57,6 +61,11 @@ class RegionConfig:
     samples: int = 50
     rounds: int = 2
 
+    def __post_init__(self) -> None:
+        require_positive("segments.regions", self, "distance")
+        require_at_least(1, "segments.regions", self, "samples")
+        require_at_least(3, "segments.regions", self, "fewest_surfels")
+
 
 @dataclass(frozen=True)
 class ExtentConfig:
@@ -71,6 +80,9 @@ class ExtentConfig:
     stride: int = 2
     shift: float = 0.01
     noise: float = 0.006
+
+    def __post_init__(self) -> None:
+        require_at_least(1, "segments.extent", self, "stride")
 
 
 @dataclass(frozen=True)
@@ -99,3 +111,6 @@ class SegmentsConfig:
     least_cosine: float = 0.5
     thickness: float = 4.0
     checkpoint: int = 64
+
+    def __post_init__(self) -> None:
+        require_at_least(1, "segments", self, "checkpoint")

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from pipeline.errors import require_at_least, require_positive
+
 
 @dataclass(frozen=True)
 class TopologicalMapConfig:
@@ -35,3 +37,7 @@ class TopologicalMapConfig:
     before_ramp: float = 0.2
     wall_gap: float = 0.15
     max_detour: float = 1.1
+
+    def __post_init__(self) -> None:
+        require_positive("topological_map", self, "sight")
+        require_at_least(1, "topological_map", self, "block", "max_detour")

@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
+from pipeline.exploration.config import ExplorationConfig, VisibilityConfig
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.localisation.config import BeliefConfig, OdometryConfig, PoseCheckConfig, RegistrationConfig
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.plugins.finds.config import FindsConfig
+from pipeline.rescue_report.config import RescueReportConfig
+from pipeline.segments.config import SegmentsConfig
+from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import KINDS
 from pipeline.tracks.finds import Finds
@@ -110,6 +114,11 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (OdometryConfig, "least_way", -0.1),
         (BeliefConfig, "fault_way", 0.0),
         (PoseCheckConfig, "looks", 0),
+        (VisibilityConfig, "stride", 0),
+        (ExplorationConfig, "more_time", 1.0),
+        (TopologicalMapConfig, "max_detour", 0.9),
+        (SegmentsConfig, "checkpoint", 0),
+        (RescueReportConfig, "drop", 0),
     ],
 )
 def test_a_number_that_cannot_work_is_refused(config: type, field: str, wrong: float) -> None:

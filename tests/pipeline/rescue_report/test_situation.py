@@ -125,9 +125,3 @@ def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
 def test_a_page_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"missing/report\.html"):
         write_page(tmp_path / "missing" / "report.html", before_a_wall(None), {"arena": "a"})
-
-
-@pytest.mark.parametrize("name", ["drop", "most_named"])
-def test_limits_are_positive(name: str) -> None:
-    with pytest.raises(InputError, match=f"rescue_report.{name}: 0 is not greater"):
-        RescueReportConfig(**{name: 0})

@@ -13,6 +13,7 @@ import pytest
 from sarsim.assets import asset
 from tests.pipeline.victims.networks import SMALL
 from tests.sarsim.rooms import room
+from tests.source_tree import ROOT
 
 HEAVY = ("mujoco", "dm_control", "torch", "numba", "scipy", "cv2", "h5py", "rerun")
 BEFORE_IMPORTS = [
@@ -42,7 +43,6 @@ BEFORE_IMPORTS = [
     ("run_episode", "--minutes 5", "--mission"),
     ("run_episode", "--mission league --minutes 0", "--minutes 0:"),
     ("run_episode", "--mission league --minutes inf", "--minutes inf:"),
-    ("run_episode", "--mission none.yaml", "none.yaml"),
     ("run_episode", "--resume none", "--resume none: no such folder"),
     ("run_episode", "--resume .", "--resume .: has no config.yaml"),
     ("map_recording", "none --out a", "none: no such file or folder"),
@@ -75,7 +75,7 @@ for name, line, _ in {BEFORE_IMPORTS!r}:
     said = io.StringIO()
     with contextlib.redirect_stderr(said):
         try:
-            importlib.import_module("sarsim.commands." + name).main()
+            importlib.import_module("scripts." + name).main()
         except SystemExit as ended:
             status = ended.code
     answers.append((status, said.getvalue(), [module for module in {HEAVY!r} if module in sys.modules]))
@@ -86,7 +86,9 @@ print(json.dumps(answers))
 def test_what_is_wrong_at_first_sight_is_refused_before_what_is_slow_is_imported(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "report.json").write_text("PK")
-    run = subprocess.run([sys.executable, "-c", PROGRAM], cwd=tmp_path, capture_output=True, text=True, check=True)
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", PROGRAM]
+    run = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=True)
     for (name, line, hint), (status, said, heavy) in zip(BEFORE_IMPORTS, json.loads(run.stdout), strict=True):
         assert (status, said.count("\n"), heavy) == (2, 1, []), (name, line, said)
         assert hint in said, (name, line, said)
@@ -143,6 +145,7 @@ LATE = [
     ("run_episode", f"{EPISODE} --detector net.cfg long.weights", "too long"),
     ("run_episode", f"{EPISODE} --sink mine:Bad --bag bag --tum tum", "--sink mine:Bad"),
     ("run_episode", f"{EPISODE} --view spawn", "display"),
+    ("run_episode", "--mission none.yaml", "none.yaml"),
     ("run_episode", "--mission wheels.yaml", "unknown setting wheels"),
     ("run_episode", "--mission dance.yaml", "tasks"),
     ("run_episode", "--mission soon.yaml", "minutes"),
@@ -202,7 +205,7 @@ def test_what_turns_out_to_be_wrong_is_refused_in_one_line(
     before = sorted(workplace.rglob("*"))
     monkeypatch.setattr(sys, "argv", [command, *line.split()])
     with pytest.raises(SystemExit) as ended:
-        import_module(f"sarsim.commands.{command}").main()
+        import_module(f"scripts.{command}").main()
     said = capfd.readouterr().err
     assert (ended.value.code, said.count("\n")) == (2, 1), said
     assert said.startswith("error: ") and hint in said

@@ -19,12 +19,11 @@ def trace_points(points, stops, ends, origin, marks):
         stops: (N, 3) float64, the points up to which the rays free space.
         ends: (N,) bool, which points are end points.
         origin: (3,) float64, the start of all rays.
-        marks: (nx, ny, nz) uint8 zeros.
+        marks: (nx, ny, nz) uint8, changed in place; what is HIT stays so.
     """
     for n in range(points.shape[0]):
         if ends[n]:
             marks[int(points[n, 0]), int(points[n, 1]), int(points[n, 2])] = HIT
-    for n in range(points.shape[0]):
         walk(origin[0], origin[1], origin[2], stops[n, 0], stops[n, 1], stops[n, 2], marks)
 
 

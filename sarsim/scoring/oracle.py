@@ -16,7 +16,7 @@ from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.grid_map import best_of_blocks
-from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.config import KeyframePolicy
 from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle

@@ -24,9 +24,11 @@ class VoxelScore:
         """Trace the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
         if not len(points):
             return
-        ends, start = ((place - self._corner) / self._size for place in (points, camera))
-        x, y, z, nx, ny, nz = box_around(np.vstack([start, ends]), 1)
-        self._reserve(np.array([x, y, z]), np.array([x + nx, y + ny, z + nz]))
+        ends, start = points - self._corner, (camera - self._corner) / self._size
+        ends /= self._size
+        for places in (ends, start[None]):
+            x, y, z, nx, ny, nz = box_around(places, 1)
+            self._reserve(np.array([x, y, z]), np.array([x + nx, y + ny, z + nz]))
         ends -= self._lower
         trace_points(ends, ends, np.ones(len(ends), np.bool_), start - self._lower, self._marks)
 

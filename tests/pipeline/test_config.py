@@ -12,8 +12,13 @@ from pipeline.errors import InputError
 from pipeline.exploration.config import ExplorationConfig, VisibilityConfig
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
-from pipeline.localisation.config import BeliefConfig, OdometryConfig, PoseCheckConfig, RegistrationConfig
-from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.config import (
+    BeliefConfig,
+    KeyframePolicy,
+    OdometryConfig,
+    PoseCheckConfig,
+    RegistrationConfig,
+)
 from pipeline.plugins.finds.config import FindsConfig
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.segments.config import SegmentsConfig

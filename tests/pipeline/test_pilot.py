@@ -7,8 +7,7 @@ import pytest
 
 from pipeline.config import PipelineConfig
 from pipeline.frame import Frame
-from pipeline.localisation.config import LocalisationConfig, PoseCheckConfig
-from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.pose_check import Confirmed
 from pipeline.mapper import Keyframe, Mapper, map_frame

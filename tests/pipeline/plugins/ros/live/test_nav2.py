@@ -10,8 +10,7 @@ import pytest
 from pipeline.arrays import Pose
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
-from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.config import KeyframePolicy, LocalisationConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper, map_frame
 from pipeline.navigation.commands import Outcome, Verdict

@@ -342,7 +342,7 @@ def test_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def one_step(flags: list[str]) -> None:
     episode = Episode(settings_from(EpisodeConfig, flags))
     with suppress(LostError):
-        episode.step()
+        episode.explorer.step()
     episode.recorder.close()
     episode.robot.close()
 

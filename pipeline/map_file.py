@@ -234,7 +234,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
 def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
     columns: dict[str, list[Any]] = {}
-    sizes: dict[str, Any] = {}  # By letter: a length, or the lengths of all rows
+    sizes: dict[int | str, Any] = {}  # By letter: a length, or the lengths of all rows
     for name, field in layout.items():
         dtype, *shape = field
         array = arrays.get(f"{kind}.{name}", NOTHING)
@@ -328,8 +328,8 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
         found.append((row["order"], k, seen))
     for kind, make in (("assumed", Assumed), ("driven", Driven)):
         for row in rows[kind]:
-            evidence = make(**{field.name: row[field.name] for field in fields(make)})
-            found.append((row["order"], row["keyframe"], evidence))
+            own = {field.name: row[field.name] for field in fields(make)}
+            found.append((row["order"], row["keyframe"], make(**own)))
     for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
         keyframes.add_ground(k, evidence)
 

@@ -170,6 +170,7 @@ def test_a_worker_that_dies_between_two_jobs_is_replaced(tmp_path: Path) -> None
     with locked(tmp_path) as lock, closing(make_engine("local", 1)(write, range(2), lock)) as ended:
         next(ended)
         (worker,) = multiprocessing.active_children()
+        assert worker.pid is not None
         os.kill(worker.pid, signal.SIGKILL)
         os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
         assert list(ended) == [(1, "1.txt", None)]

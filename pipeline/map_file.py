@@ -243,11 +243,11 @@ def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) 
         if not np.isfinite(array).all():
             raise ValueError(f"{kind}.{name} contains non-finite numbers")
         sized = zip(shape[varies(field) :], array.shape[1:], strict=True)
-        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(n, size)) for n, size in sized)
+        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(str(n), size)) for n, size in sized)
         if varies(field):
             lengths = arrays.get(f"{kind}.{name}.lengths", NOTHING)
             fits &= lengths.dtype == np.int64 and lengths.ndim == 1 and bool((lengths >= 0).all())
-            fits &= lengths.sum() == len(array) and np.array_equal(lengths, sizes.setdefault(shape[0], lengths))
+            fits &= lengths.sum() == len(array) and np.array_equal(lengths, sizes.setdefault(str(shape[0]), lengths))
         if not fits:
             raise ValueError(f"{kind}.{name} has a wrong shape or wrong lengths")
         if varies(field):
@@ -326,7 +326,8 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
         seen = Seen(**own, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
         keyframes.add(seen, row["T_map_base"])
         found.append((row["order"], k, seen))
-    for kind, make in (("assumed", Assumed), ("driven", Driven)):
+    evidences: dict[str, type[Assumed] | type[Driven]] = {"assumed": Assumed, "driven": Driven}
+    for kind, make in evidences.items():
         for row in rows[kind]:
             own = {field.name: row[field.name] for field in fields(make)}
             found.append((row["order"], row["keyframe"], make(**own)))

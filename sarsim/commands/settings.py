@@ -162,7 +162,7 @@ def _instance(kind: type[Settings], given: Mapping[str, Any], where: str) -> Set
     from pydantic import TypeAdapter, ValidationError  # imported here, because --help does not need it
 
     hints = get_type_hints(kind, include_extras=True)
-    values = {}
+    values: dict[str, Any] = {}
     for name, value in given.items():
         if name not in hints:
             raise InputError(f"{where}: {_unknown([name], hints)}")
@@ -189,7 +189,7 @@ def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
     for part in error["loc"]:
         if is_dataclass(inner):
             place.append(str(part))
-            inner = get_type_hints(inner).get(part)
+            inner = get_type_hints(inner).get(str(part))
     if error["type"] == "unexpected_keyword_argument":
         owner = kind
         for part in place[:-1]:

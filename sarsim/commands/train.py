@@ -8,18 +8,13 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.training_config import (
-    BlockAugmentation,
-    Optimization,
-    PointTrainingConfig,
-    TrainingConfig,
-)
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 from sarsim.commands.cli import Interruptible, check_folder_of, progress
 from sarsim.commands.settings import run_one_of, save_settings
 from sarsim.flags import Given
@@ -30,26 +25,24 @@ if TYPE_CHECKING:
 
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from pipeline.semantic_map.networks.network import PointNetwork
-    from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training_loop import TrainingLoop
+    from pipeline.semantic_map.networks.training import Training, TrainingWorker
 
-Config = TypeVar("Config", bound=TrainingConfig)
 VALIDATION_FRAMES = 40
 """Maximum number of validation clouds, spread over the scenes; 200 took as long as 1,000 training steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingFiles:
-    """Files that a training run reads and writes.
+class TrainPoints(TrainingConfig):
+    """Train a network of the semantic map on datasets made by sarsim-dataset.
 
     Attributes:
         data: folders of datasets. Training uses the scenes of the train split, validation those of the val split.
-        out: file for the weights (.safetensors). A checkpoint, a
-            table (.csv) and the settings (.yaml) are written next to it. To continue after an interruption, run the
-            same command again.
+        out: file for the weights (.safetensors). A checkpoint, a table (.csv) and the settings (.yaml) are written
+            next to it. To continue after an interruption, run the same command again.
         stride: use only every n-th frame of each scene; neighbouring frames look alike.
         init: file of initial weights, as written by sarsim-train. By default they are random.
         tensorboard: folder for TensorBoard events of loss and scores; TensorBoard must be installed.
+        colours: learn from colours too, with nine channels instead of six. With --init, the initial weights decide.
     """
 
     data: tuple[Path, ...]
@@ -57,64 +50,40 @@ class TrainingFiles:
     stride: int = 1
     init: Given[Path] = None
     tensorboard: Given[Path] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainPoints(PointTrainingConfig, TrainingFiles):
-    """Train a network of the semantic map on datasets made by sarsim-dataset.
-
-    Attributes:
-        colours: learn from colours too, with nine channels instead of six. With --init, the initial weights decide.
-    """
-
     colours: bool = False
     augmentation: Fixed[BlockAugmentation] = field(default_factory=BlockAugmentation)
-    optimization: Fixed[Optimization] = field(default_factory=Optimization)
 
 
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
-    _check(settings, ".safetensors")
+    if settings.stride < 1:
+        raise InputError(f"--stride {settings.stride}: must be at least 1")
+    if settings.out.suffix != ".safetensors":
+        raise InputError(f"--out {settings.out}: the file name must end in .safetensors")
+    check_folder_of("out", settings.out)
     from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
-    from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training import PointLearner
-    from pipeline.semantic_map.networks.training_loop import TrainingLoop
+    from pipeline.semantic_map.networks.training import Training, TrainingWorker
 
-    config = _config(PointTrainingConfig, settings)
+    # The settings of the training itself, without its files.
+    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     scenes = sum(map(_scenes, settings.data))
     about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
     initial: PointNetwork | str = network
-    blocks, colours = BlockConfig(), settings.colours
+    blocks = BlockConfig()
+    colours = settings.colours
     if settings.init is not None:
-        (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
+        initial, blocks = load_classifier(settings.init, network)
+        about["init"] = str(settings.init)
         colours = initial.channels == COLOURED
     worker = TrainingWorker.join()
     try:
         clouds = _clouds(settings, worker, blocks.voxel_size, colours)
         validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
-        learner = PointLearner(clouds["train"], validation, config, initial, worker.device, blocks)
-        training = TrainingLoop(learner, config, settings.out, worker, about)
-        _train(training, settings, "mIoU of the thesis's four classes", settings.tensorboard)
+        training = Training(clouds["train"], validation, config, initial, settings.out, worker, blocks, about)
+        _train(training, settings)
     finally:
         worker.leave()
-
-
-def _config(kind: type[Config], settings: Any) -> Config:
-    """The settings of the training itself, without its files."""
-    return kind(**{f.name: getattr(settings, f.name) for f in fields(kind)})
-
-
-def _check(settings: TrainPoints, ending: str) -> None:
-    if settings.stride < 1:
-        raise InputError(f"--stride {settings.stride}: must be at least 1")
-    _check_out(settings.out, ending)
-
-
-def _check_out(out: Path, ending: str) -> None:
-    if out.suffix != ending:
-        raise InputError(f"--out {out}: the file name must end in {ending}")
-    check_folder_of("out", out)
 
 
 def _scenes(data: Path) -> int:
@@ -160,16 +129,17 @@ def _clouds(
     return clouds
 
 
-def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensorboard: Path | None = None) -> None:
+def _train(training: "Training", settings: TrainPoints) -> None:
     """Train with a progress bar; Ctrl-C ends the training after the current step."""
     leads = training.worker.leads
+    score = "mIoU of the thesis's four classes"
     if leads:
         save_settings(settings, training.out.with_suffix(".yaml"))
-    write_events = _events(tensorboard) if leads and tensorboard else None
+    write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
     with progress(disable=not leads) as bars, Interruptible() as hold:
         bar = bars.add_task("steps", total=training.config.steps, completed=training.step)
 
-        def report(now: "TrainingLoop[Any, Any]") -> None:
+        def report(now: "Training") -> None:
             bars.update(bar, completed=now.step, description=f"steps, {score} {now.score:.3f}")
             if write_events:
                 write_events(now)
@@ -181,7 +151,7 @@ def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensor
         Console().print(f"Validation: {score} {training.score:.4f}. Weights in {training.out}", soft_wrap=True)
 
 
-def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
+def _events(folder: Path) -> "Callable[[Training], None]":
     """A function that writes to TensorBoard all validations since it was last called."""
     try:
         from torch.utils.tensorboard import SummaryWriter
@@ -189,12 +159,15 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
         raise InputError(
             f"--tensorboard {folder}: TensorBoard is not installed; run: pip install tensorboard"
         ) from error
-    writer, written = SummaryWriter(folder), 0
+    from pipeline.semantic_map.networks.training import SCORES
 
-    def write(now: "TrainingLoop[Any, Any]") -> None:
+    writer = SummaryWriter(folder)
+    written = 0
+
+    def write(now: "Training") -> None:
         nonlocal written
         for step, *values in now.rows[written:]:
-            for name, value in zip(("loss", *now.learner.SCORES), values, strict=True):
+            for name, value in zip(("loss", *SCORES), values, strict=True):
                 writer.add_scalar(name, value, int(step))
             writer.flush()
         written = len(now.rows)

@@ -106,7 +106,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         Finds(victims, config.tracks)
         assert called.foreign == set()
         Finds(victims, TracksConfig())
-    assert called.foreign == {"tracks/finds.py __init__: TracksConfig"}
+    assert called.foreign == {"tracks/finds.py Finds.__init__: TracksConfig"}
 
 
 @pytest.mark.parametrize(

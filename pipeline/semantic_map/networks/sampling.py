@@ -11,7 +11,7 @@ from torch import Tensor
 
 from pipeline.semantic_map.networks.blocks import BlockConfig, channels
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.training_config import BlockAugmentation, PointTrainingConfig
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class BlockSampler:
     """Draws batches from clouds."""
 
     def __init__(
-        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, fewest: int, config: PointTrainingConfig
+        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, fewest: int, config: TrainingConfig
     ) -> None:
         """The blocks of a batch come from the clouds in turn; each has at least ``fewest`` points."""
         self._clouds, self._blocks, self._fewest = clouds, blocks, fewest

@@ -1,16 +1,29 @@
-"""Training of a point classifier on random blocks of labelled clouds."""
+"""Training of a point classifier on random blocks of labelled clouds; the weights are written at every validation.
 
-from collections.abc import Sequence
+With ``torchrun``, several processes train together: in each step, every process learns from its own batch.
+"""
+
+import csv
+import json
+import os
+import pickle
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from math import cos, pi
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor, distributed, nn
 from torch.nn.functional import log_softmax
+from torch.nn.parallel import DistributedDataParallel
 
 from pipeline.errors import InputError
+from pipeline.files import atomic_write
 from pipeline.labels import THESIS_FOUR
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig
@@ -20,80 +33,265 @@ from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.sampling import Batch, BlockSampler
 from pipeline.semantic_map.networks.scores import confusion_of, iou, mean_iou
-from pipeline.semantic_map.networks.training_config import PointTrainingConfig
-from pipeline.semantic_map.networks.training_loop import Learner
+from pipeline.semantic_map.networks.threads import torch_threads
+from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.semantic_map.networks.weights import NETWORKS
 
+SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
+"""Scores of a validation: mean IoU over the thesis's four classes, and the IoU of each class."""
+RISE = 0.05
+"""Share of the training during which the learning rate rises."""
+SAVE_EVERY = 50
+"""Steps between checkpoints, besides those at validations; a killed process loses no more steps."""
 
-class PointLearner(Learner[Batch, PointNetwork]):
-    """Trains a point network on blocks; the score is the mean IoU over the thesis's four classes."""
 
-    SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
-    THREADS = 1
+@dataclass(frozen=True)
+class TrainingWorker:
+    """This process among those that train together.
+
+    Attributes:
+        rank: number of this process; process 0 leads: it validates and writes.
+        count: number of processes.
+        device: device that it computes on.
+    """
+
+    rank: int
+    count: int
+    device: torch.device
+
+    @classmethod
+    def join(cls) -> "TrainingWorker":
+        """This process with its rank from torchrun, or as the only one; on its own GPU if there are GPUs."""
+        rank = int(os.environ.get("RANK", 0))
+        count = int(os.environ.get("WORLD_SIZE", 1))
+        device = torch.device("cpu")
+        if torch.cuda.is_available():
+            device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
+            torch.cuda.set_device(device)
+        if count > 1:
+            distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+        return cls(rank, count, device)
+
+    @property
+    def leads(self) -> bool:
+        """Whether this process is the one that validates and writes."""
+        return self.rank == 0
+
+    def agreed(self, value: float) -> float:
+        """Process 0's value, in every process."""
+        shared = torch.tensor(value, dtype=torch.float64, device=self.device)
+        if self.count > 1:
+            distributed.broadcast(shared, 0)
+        return float(shared)
+
+    def leave(self) -> None:
+        """Leave the group of processes."""
+        if self.count > 1:
+            distributed.destroy_process_group()
+
+
+class Training:
+    """A training run that can be interrupted at any step and resumed, with the same final weights.
+
+    Attributes:
+        config: settings.
+        out: file for the weights; the checkpoint and the table (.csv) have the same name with other suffixes.
+        worker: this process.
+        network: the network that learns, in training mode, on the device of the worker.
+        step: number of batches so far.
+        spent: processor time for these batches, excluding validations, s.
+        rows: rows of the table, one for each validation: step, mean loss since the previous row, ``SCORES``.
+    """
 
     def __init__(
         self,
-        training: Sequence[LabelledCloud],
+        known: Sequence[LabelledCloud],
         validation: Sequence[LabelledCloud],
-        config: PointTrainingConfig,
+        config: TrainingConfig,
         initial: PointNetwork | str,
-        device: torch.device,
+        out: Path,
+        worker: TrainingWorker,
         blocks: BlockConfig | None = None,
+        about: dict[str, Any] | None = None,
     ) -> None:
-        """Prepare the network.
+        """Prepare the network, or resume from ``out``'s checkpoint if there is one.
 
         Args:
-            training: clouds to learn from.
+            known: clouds to learn from.
             validation: clouds for the scores.
             config: settings.
             initial: the initial network, with the clouds' channels and :data:`CLASSES`, or the name of a network,
                 which then starts with random weights.
-            device: device to train on.
+            out: file for the weights.
+            worker: this process.
             blocks: how to cut clouds into blocks; by default columns of 1 m.
+            about: additional metadata on the training, written with the weights.
 
         Raises:
-            InputError: there are no labelled points for training or for validation.
+            InputError: there are no labelled points for training or for validation; or the checkpoint cannot be
+                read, or belongs to another training run.
         """
-        training = [cloud for cloud in training if len(cloud.points)]
-        for purpose, clouds in (("training", training), ("validation", validation)):
+        known = [cloud for cloud in known if len(cloud.points)]
+        for purpose, clouds in (("training", known), ("validation", validation)):
             if not any(len(cloud.points) for cloud in clouds):
                 raise InputError(
                     f"the {purpose} scenes contain no labelled points; choose other datasets with --data"
                 )
+        self.config = config
+        self.out = out
+        self.worker = worker
+        self._validation = validation
+        self._blocks = blocks or BlockConfig()
+        self._about = about or {}
         torch.manual_seed(config.seed)
-        self._validation, self._blocks, self._seed = validation, blocks or BlockConfig(), config.seed
-        channels = 3 + training[0].points.shape[1]
+        channels = 3 + known[0].points.shape[1]
         network = NETWORKS[initial](channels, len(CLASSES)) if isinstance(initial, str) else initial
-        self.network = network.to(device).train()
         for layer in network.modules():
             if isinstance(layer, nn.Dropout):
                 layer.p = 0.0  # the published 0.5 suits longer training runs
-        self._sampler = BlockSampler(training, self._blocks, network.fewest, config)
-        self._device, self._weights = device, class_weights(training).to(device)
-        points = [sum(len(cloud.points) for cloud in clouds) for clouds in (training, validation)]
-        self.data = f"{network.NAME} {channels} {points} {self._blocks}"
+        self.network = network.to(worker.device).train()
+        self._sampler = BlockSampler(known, self._blocks, network.fewest, config)
+        self._weights = class_weights(known).to(worker.device)
+        self._optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate)
+        self.step = 0
+        self.spent = 0.0
+        self.rows: list[list[float]] = []
+        self._losses: list[float] = []
+        # A checkpoint must be of the same settings, number of processes and data.
+        points = [sum(len(cloud.points) for cloud in clouds) for clouds in (known, validation)]
+        data = f"{network.NAME} {channels} {points} {self._blocks}"
+        self._settings = f"{json.dumps(asdict(config))} {worker.count} {data}"
+        self._checkpoint = out.with_suffix(".checkpoint")
+        if self._checkpoint.exists():
+            self._resume()
 
-    def batch(self, number: int) -> Batch:
-        """The batch of blocks with this number."""
-        return self._sampler.batch(number)
+    @property
+    def progress(self) -> float:
+        """Completed share of the training: of the steps or, if greater, of the time limit; at least 1 at the end."""
+        if self.config.minutes is None:
+            return self.step / self.config.steps
+        return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
 
-    def loss(self, network: nn.Module, batch: Batch) -> Tensor:
-        """The sum of the cross entropy and the network's penalty."""
-        logits = network(batch.points.to(self._device), batch.sizes)
-        return cross_entropy(logits, batch.shares.to(self._device), self._weights) + self.network.penalty
+    @property
+    def score(self) -> float:
+        """The mean IoU over the thesis's four classes at the last validation; NaN before the first one."""
+        return self.rows[-1][2] if self.rows else float("nan")
 
-    def validate(self, network: PointNetwork) -> list[float]:
-        """The mean IoU over the thesis's four classes, and the IoU of each class."""
-        confusion = validate(network, self._validation, self._blocks, self._seed)
-        return [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
+    def run(self, report: Callable[["Training"], object] = lambda training: None) -> None:
+        """Train to the end. ``report`` is called after every step; if it raises, a checkpoint is written first."""
+        if self.progress >= 1 and self.worker.leads and not self.out.exists():
+            self._write_weights()
+        # The wrapper averages the gradients over all processes.
+        shared = DistributedDataParallel(self.network) if self.worker.count > 1 else self.network
+        with ThreadPoolExecutor(1) as pool, torch_threads(1):
+            coming = pool.submit(self._draw, self.step)
+            try:
+                while self.progress < 1:
+                    start = process_time()
+                    batch = coming.result()
+                    coming = pool.submit(self._draw, self.step + 1)  # during this step
+                    self._losses.append(self._learn(shared, batch))
+                    self.step += 1
+                    self.spent = self.worker.agreed(self.spent + process_time() - start)
+                    if self.step % self.config.validate_every == 0 or self.progress >= 1:
+                        if self.worker.leads:
+                            self._validate()
+                        # Wait for process 0, which only sends: after a barrier, a process that leaves at once can
+                        # interrupt another's last receive.
+                        self.worker.agreed(0.0)
+                    elif self.step % SAVE_EVERY == 0:
+                        self._save()
+                    report(self)
+            finally:
+                # As the last user of the group of processes, the wrapper would wait for the group's threads with
+                # the GIL held, while these need it to release their last tensors.
+                shared = self.network
+                if self.progress < 1:
+                    self._save()
 
-    def write(self, network: PointNetwork, out: Path, about: dict[str, Any]) -> None:
-        """Write a file that the robot's classifier can load."""
-        save_classifier(out, network, self._blocks, about)
+    def _draw(self, step: int) -> Batch:
+        return self._sampler.batch(step * self.worker.count + self.worker.rank)
+
+    def _learn(self, network: nn.Module, batch: Batch) -> float:
+        """Take a step along the gradient of a batch's loss, and return the loss."""
+        for group in self._optimizer.param_groups:
+            group["lr"] = self.config.learning_rate * rate(min(self.progress + 1 / self.config.steps, 1))
+        logits = network(batch.points.to(self.worker.device), batch.sizes)
+        loss = cross_entropy(logits, batch.shares.to(self.worker.device), self._weights) + self.network.penalty
+        self._optimizer.zero_grad()
+        loss.backward()
+        self._optimizer.step()
+        return float(loss.detach())
+
+    def _validate(self) -> None:
+        """Validate, and write the current weights whatever the score: a small validation set selects badly."""
+        confusion = confusion_matrix(self.network, self._validation, self._blocks, self.config.seed)
+        scores = [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
+        self.rows.append([self.step, float(np.mean(self._losses)), *scores])
+        self._losses = []
+        self._write_weights()
+        with atomic_write(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
+            csv.writer(stream).writerows([("step", "loss", *SCORES), *self.rows])
+        self._save()
+
+    def _write_weights(self) -> None:
+        now = {"step": self.step, "processor_s": round(self.spent, 1), SCORES[0]: self.score}
+        save_classifier(self.out, self.network, self._blocks, self._about | now | {"config": asdict(self.config)})
+
+    def _save(self) -> None:
+        if self.worker.leads:
+            on_gpu = [torch.cuda.get_rng_state(self.worker.device)] if self.worker.device.type == "cuda" else []
+            state = {
+                "step": self.step,
+                "spent": self.spent,
+                "rows": self.rows,
+                "losses": self._losses,
+                "network": self.network.state_dict(),
+                "optimizer": self._optimizer.state_dict(),
+                "settings": self._settings,
+                "random": [torch.get_rng_state(), *on_gpu],
+            }
+            with atomic_write(self._checkpoint) as file:
+                torch.save(state, file)
+
+    def _resume(self) -> None:
+        remedy = "delete this file or choose another --out"
+        try:
+            state = torch.load(self._checkpoint, map_location=self.worker.device, weights_only=True)
+            if state["settings"] != self._settings:
+                raise InputError(
+                    f"{self._checkpoint}: written by a training run with other settings or data; {remedy}"
+                )
+            self.network.load_state_dict(state["network"])
+            self._optimizer.load_state_dict(state["optimizer"])
+            on_cpu, *on_gpu = state["random"]
+            torch.set_rng_state(on_cpu.cpu())
+            for generator in on_gpu if self.worker.device.type == "cuda" else ():
+                torch.cuda.set_rng_state(generator.cpu(), self.worker.device)
+            self.step = int(state["step"])
+            self.spent = float(state["spent"])
+            self.rows = state["rows"]
+            self._losses = state["losses"]
+        except InputError:
+            raise
+        except (OSError, RuntimeError, LookupError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
+            raise InputError(f"{self._checkpoint}: cannot be read as a training checkpoint; {remedy}") from error
 
 
-def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
-    """(6, 6) int64 confusion matrix of the clouds' returns: true class (row) and predicted class (column).
+def rate(progress: float) -> float:
+    """The learning rate as a share of its peak, when this share of the training is completed after the step.
+
+    It rises linearly, then falls to 0 along half a cosine.
+    """
+    if progress < RISE:
+        return progress / RISE
+    return (1 + cos(pi * (progress - RISE) / (1 - RISE))) / 2
+
+
+def confusion_matrix(
+    network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int
+) -> NDArray[np.int64]:
+    """(6, 6) confusion matrix of the clouds' returns: true class (row) and predicted class (column).
 
     Each cloud is cut by a single grid of ``blocks``, placed randomly according to ``seed``; planes do not vote.
     """

@@ -66,7 +66,7 @@ def test_colours_make_nine_channels_and_go_on_with_them(
 PAIR = """
 import os
 import torch._dynamo
-from pipeline.semantic_map.networks import classifier, training, training_loop
+from pipeline.semantic_map.networks import classifier, training
 from sarsim.commands import train
 from sarsim.dataset import manifest
 os.environ["RANK"] = "0" if os.fork() else "1"

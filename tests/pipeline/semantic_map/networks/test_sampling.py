@@ -11,7 +11,7 @@ from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.sampling import BlockSampler, augmented
-from pipeline.semantic_map.networks.training_config import BlockAugmentation, PointTrainingConfig
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 EYE = pose(0.5, 0.2, 0.6, 0.4, 0.2)
@@ -29,7 +29,7 @@ CLEAR = BlockAugmentation(jitter=0, thinnest=1)
 
 
 def sampler(clouds, blocks=4, augmentation=CLEAR):
-    config = PointTrainingConfig(batch=blocks, seed=5, augmentation=augmentation)
+    config = TrainingConfig(batch=blocks, seed=5, augmentation=augmentation)
     return BlockSampler(clouds, BlockConfig(), 20, config)
 
 

@@ -17,16 +17,14 @@ from pipeline.semantic_map.networks import training as training_module
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.parallel import TrainingWorker
-from pipeline.semantic_map.networks.training import PointLearner, class_weights, cross_entropy
-from pipeline.semantic_map.networks.training_config import Optimization, PointTrainingConfig, Schedule
-from pipeline.semantic_map.networks.training_loop import TrainingLoop
+from pipeline.semantic_map.networks.training import RISE, Training, TrainingWorker, class_weights, cross_entropy, rate
+from pipeline.semantic_map.networks.training_config import TrainingConfig
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 pytestmark = pytest.mark.training
 
 ALONE = TrainingWorker(0, 1, torch.device("cpu"))
-CONFIG = PointTrainingConfig(steps=8, validate_every=4, batch=2)
+CONFIG = TrainingConfig(steps=8, validate_every=4, batch=2)
 BLOCKS = BlockConfig(size=0.5)
 POSES = [pose(0.3 * i, 0.1 * i, 0.6, 0.5 * i, 0.25) for i in range(4)]
 SCENE = [floor(-5, 5, -5, 5), wall((2, -5), (2, 5)), wall((-2, -5), (-2, 5)), wall((-5, 2), (5, 2))]
@@ -48,12 +46,11 @@ def at(step):
 
 
 def trainer(clouds, out, config=CONFIG, initial="dgcnn"):
-    learner = PointLearner(clouds[:3], clouds[3:], config, initial, ALONE.device, BLOCKS)
-    return TrainingLoop(learner, config, out, ALONE, {"data": "walls"})
+    return Training(clouds[:3], clouds[3:], config, initial, out, ALONE, BLOCKS, {"data": "walls"})
 
 
 @pytest.fixture(scope="module")
-def learned(clouds, tmp_path_factory) -> tuple[TrainingLoop, Path]:
+def learned(clouds, tmp_path_factory) -> tuple[Training, Path]:
     """A training that went on until it had learned, and the weights that it left."""
     out = tmp_path_factory.mktemp("learned") / "w.safetensors"
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30, batch=4))
@@ -69,7 +66,7 @@ def finished(clouds, tmp_path_factory) -> Path:
     return out
 
 
-def test_floor_and_walls_are_learned(learned: tuple[TrainingLoop, Path]) -> None:
+def test_floor_and_walls_are_learned(learned: tuple[Training, Path]) -> None:
     training, out = learned
     assert training.score > 0.85
     assert NetworkClassifier(out)
@@ -104,7 +101,7 @@ def test_a_finished_training_writes_the_weights_again_if_they_are_missing(
 
 def test_the_last_weights_are_kept_however_they_validate(clouds, tmp_path: Path, monkeypatch) -> None:
     out, found = tmp_path / "w.safetensors", iter([np.eye(6), 1 - np.eye(6)])
-    monkeypatch.setattr(training_module, "validate", lambda *given: next(found))
+    monkeypatch.setattr(training_module, "confusion_matrix", lambda *given: next(found))
     training = trainer(clouds, out)
     training.run()
     assert [row[2] for row in training.rows] == [1.0, 0.0]
@@ -117,15 +114,13 @@ def test_weights_of_a_training_that_diverged_are_not_written(clouds, tmp_path: P
     out = tmp_path / "w.safetensors"
     training = trainer(clouds, out)
     with torch.no_grad():
-        next(training.learner.network.parameters()).fill_(1e6)
+        next(training.network.parameters()).fill_(1e6)
     with pytest.raises(InputError, match="half precision"):
         training.run()
     assert not out.exists()
 
 
-def test_a_training_may_begin_with_a_trained_network(
-    clouds, learned: tuple[TrainingLoop, Path], tmp_path: Path
-) -> None:
+def test_a_training_may_begin_with_a_trained_network(clouds, learned: tuple[Training, Path], tmp_path: Path) -> None:
     losses = {}
     for name, initial in (("random", "dgcnn"), ("trained", load_classifier(learned[1])[0])):
         out = tmp_path / f"{name}.safetensors"
@@ -165,23 +160,12 @@ def test_processor_time_ends_a_training(clouds, tmp_path: Path) -> None:
     assert again.step == 1
 
 
-def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path) -> None:
+def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path, monkeypatch) -> None:
     kept = []
     path = tmp_path / "w.checkpoint"
-    config = replace(CONFIG, optimization=Optimization(save_every=3))
-    trainer(clouds, tmp_path / "w.safetensors", config).run(lambda now: kept.append(path.exists()))
+    monkeypatch.setattr(training_module, "SAVE_EVERY", 3)
+    trainer(clouds, tmp_path / "w.safetensors").run(lambda now: kept.append(path.exists()))
     assert kept[:4] == [False, False, True, True]
-
-
-def test_a_batch_of_one_block_is_refused() -> None:
-    with pytest.raises(InputError, match=r"--batch 1: .*at least 2"):
-        PointTrainingConfig(batch=1)
-
-
-@pytest.mark.parametrize("minutes", [0, float("nan"), float("inf")])
-def test_no_time_to_train_in_is_refused(minutes: float) -> None:
-    with pytest.raises(InputError, match="--minutes"):
-        PointTrainingConfig(minutes=minutes)
 
 
 def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> None:
@@ -196,21 +180,30 @@ def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> No
 def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, content) -> None:
     path = tmp_path / "w.checkpoint"
     path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
-    with pytest.raises(InputError, match="cannot be read as a training checkpoint"):
+    with pytest.raises(InputError, match="cannot be read as a training checkpoint|other settings"):
         trainer(clouds, tmp_path / "w.safetensors")
 
 
-@pytest.mark.parametrize("change", [{"learning_rate": -1.0}, {"learning_rate": float("nan")}, {"seed": -1}])
-def test_settings_that_no_training_can_have_are_refused(change: dict) -> None:
-    with pytest.raises(InputError, match=r"--learning-rate (-1|nan): must be pos|--seed -1: must be non-neg"):
-        PointTrainingConfig(**change)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"learning_rate": -1.0}, "--learning-rate -1: must be pos"),
+        ({"learning_rate": float("nan")}, "--learning-rate nan: must be pos"),
+        ({"seed": -1}, "--seed -1: must be non-neg"),
+        ({"batch": 1}, "--batch 1: .*at least 2"),
+        *(({"minutes": minutes}, "--minutes") for minutes in (0, float("nan"), float("inf"))),
+    ],
+)
+def test_settings_that_no_training_can_have_are_refused(change: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        TrainingConfig(**change)
 
 
-def test_nothing_to_learn_from_is_refused(clouds) -> None:
+def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the training scenes contain no labelled points"):
-        PointLearner([], clouds, CONFIG, "dgcnn", ALONE.device)
+        Training([], clouds, CONFIG, "dgcnn", tmp_path / "w", ALONE)
     with pytest.raises(InputError, match="the validation scenes contain no labelled points"):
-        PointLearner(clouds, [], CONFIG, "dgcnn", ALONE.device)
+        Training(clouds, [], CONFIG, "dgcnn", tmp_path / "w", ALONE)
 
 
 def test_rare_classes_weigh_more(clouds) -> None:
@@ -229,8 +222,9 @@ def test_cross_entropy_by_hand() -> None:
 
 
 def test_the_learning_rate_rises_and_falls() -> None:
-    rates = [Schedule(rise=0.1).rate(progress, 100) for progress in np.linspace(0, 1, 101)]
-    assert max(rates) == rates[10] == 1
+    rates = [rate(progress) for progress in np.linspace(0, 1, 101)]
+    top = round(100 * RISE)
+    assert max(rates) == rates[top] == 1
     assert rates[0] == 0
     assert rates[100] == pytest.approx(0)
-    assert np.diff(rates[:11]).min() > 0 > np.diff(rates[10:]).max()
+    assert np.diff(rates[: top + 1]).min() > 0 > np.diff(rates[top:]).max()

@@ -33,7 +33,8 @@ test: develop ## run all tests on all cores
 
 endurance: develop ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all examples in the docs
 	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 SARSIM_DOCUMENTS=1 $(PYTHON) -m pytest \
-	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py \
+	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/sarsim/test_jobs.py \
+	    tests/test_foreign_files.py \
 	    tests/test_documents_run.py
 
 lint: develop ## check style, types and who imports whom

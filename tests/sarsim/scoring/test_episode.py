@@ -30,10 +30,10 @@ def score():
 
 def test_progress_has_an_entry_for_each_keyframe_also_of_those_on_the_way(score):
     times, ways, shares = score.progress
-    assert len(times) == score.report()["localisation"]["keyframes"] > 2 * 2
+    assert len(times) == score.figures()["localisation"]["keyframes"] > 2 * 2
     assert times[0] == 0  # before anything was driven
     assert all(a < b for a, b in itertools.pairwise(times))
-    assert ways[0] == 0 and (np.diff(ways) >= 0).all() and 0 < ways[-1] <= score.report()["navigation"]["distance_m"]
+    assert ways[0] == 0 and (np.diff(ways) >= 0).all() and 0 < ways[-1] <= score.figures()["navigation"]["distance_m"]
     assert all(a <= b for a, b in itertools.pairwise(shares))
     assert shares[-1] == score.coverage.fraction
     assert 0 < shares[0] < 0.9
@@ -47,12 +47,12 @@ def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
 
 
 def test_times_to_see_most_are_those_of_the_first_keyframes_with_so_much(score, monkeypatch):
-    assert not {"t90_s", "t99_s"} & set(score.report()["exploration"])
+    assert not {"t90_s", "t99_s"} & set(score.figures()["exploration"])
     monkeypatch.setattr(EpisodeScore, "progress", ExploredCurve(*np.array([[0, 7, 9], [0, 2, 3], [0.3, 0.9, 0.95]])))
-    assert score.report()["exploration"]["t90_s"] == 7.0
-    assert "t99_s" not in score.report()["exploration"]
+    assert score.figures()["exploration"]["t90_s"] == 7.0
+    assert "t99_s" not in score.figures()["exploration"]
     monkeypatch.setattr(EpisodeScore, "progress", ExploredCurve(*np.array([[0, 7], [0, 2], [0.3, 0.995]])))
-    assert {score.report()["exploration"][key] for key in ("t90_s", "t99_s")} == {7.0}
+    assert {score.figures()["exploration"][key] for key in ("t90_s", "t99_s")} == {7.0}
 
 
 def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():

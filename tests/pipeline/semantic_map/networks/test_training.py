@@ -180,7 +180,7 @@ def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> No
 def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, content) -> None:
     path = tmp_path / "w.checkpoint"
     path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
-    with pytest.raises(InputError, match="cannot be read as a training checkpoint|other settings"):
+    with pytest.raises(InputError, match=r"cannot be read as a training checkpoint|other settings"):
         trainer(clouds, tmp_path / "w.safetensors")
 
 

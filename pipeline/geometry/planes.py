@@ -2,16 +2,16 @@
 
 All planes follow one convention: the points x with n · x = d, where the unit vector n points to the side from which
 the surface was seen. As an array, a plane is [n, d]. In ``camera_optical`` that side contains the origin, so d ≤ 0.
-Planes that a library returns in another convention are converted where the library is called.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Direction, Mask, Place, Places, Planes, Points, Pose, Values
+from pipeline.arrays import Direction, Indices, Mask, Place, Places, Planes, Points, Pose, Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,24 +52,48 @@ def planes_through(triples: NDArray[np.float64]) -> Planes:
     return np.concatenate([normals, np.sum(normals * triples[:, 0], axis=1, keepdims=True)], axis=1)
 
 
-def plane_inliers(points: Points, max_distance: float, samples: int, seed: int) -> Mask:
-    """The inliers of the plane with the most inliers, by RANSAC (Fischler & Bolles 1981).
+def ransac_plane(
+    points: NDArray[np.floating],
+    triples: Indices,
+    tolerance: float | Values,
+    is_allowed: Callable[[Planes, NDArray[np.floating]], Mask] | None = None,
+) -> tuple[Planes, Mask] | None:
+    """The plane (4,) with the most inliers, and its inliers (N,), by RANSAC (Fischler & Bolles 1981).
 
-    The same seed gives the same plane, bit for bit. For this, Open3D must try all samples, hence a probability of 1:
-    otherwise it stops early, after a number of samples that depends on the timing of its threads.
+    The normal of each plane is on the side of the origin; with ``triples`` of the same points, so are the results.
+
+    Args:
+        points: (N, 3) m, in any frame.
+        triples: (S, 3) indices of the three points through which each of the planes to choose from leads.
+        tolerance: distance from a plane within which a point is an inlier, m; one for all, or (N,).
+        is_allowed: given the planes (S, 4) and the points' signed distances from them (N, S), m, (S,) which planes
+            may be chosen.
+
+    Returns:
+        None if no plane is allowed and has an inlier.
+    """
+    planes = facing_camera(planes_through(points[triples].astype(np.float64)))
+    off = distances(points, planes.astype(points.dtype))
+    near = np.abs(off) < np.reshape(tolerance, (-1, 1))
+    counts = near.sum(axis=0) if is_allowed is None else np.where(is_allowed(planes, off), near.sum(axis=0), 0)
+    best = int(counts.argmax())
+    return (planes[best], near[:, best]) if counts[best] else None
+
+
+def plane_inliers(points: Points, max_distance: float, samples: int, seed: int) -> Mask:
+    """The inliers of the plane that RANSAC finds, refitted to its inliers.
 
     Args:
         points: at least three points, in any frame.
         max_distance: distance from the plane within which points are inliers, m.
         samples: number of random planes.
-        seed: seed of the samples; it seeds all of Open3D.
+        seed: seed of the samples.
     """
-    import open3d as o3d  # here, because this takes a second, which would delay every command's --help
-
-    o3d.utility.random.seed(seed & np.iinfo(np.int32).max)
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
-    (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
-    return np.abs(distances(points, np.array([*normal, -minus_offset]))) < max_distance
+    found = ransac_plane(points, np.random.default_rng(seed).integers(len(points), size=(samples, 3)), max_distance)
+    if found is None:
+        return np.zeros(len(points), np.bool_)
+    plane, _ = Moments.of(points[found[1]]).fit(found[0][:3])
+    return np.abs(plane.distance(points)) < max_distance
 
 
 def facing_camera(planes: Planes) -> Planes:

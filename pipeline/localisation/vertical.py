@@ -3,11 +3,12 @@
 from math import radians
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.arrays import Direction, Pose
+from pipeline.arrays import Direction, Mask, Planes, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.geometry.planes import distances, planes_through
+from pipeline.geometry.planes import ransac_plane
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
@@ -76,18 +77,18 @@ def T_floor_camera(frame: Frame) -> Pose:
         needed = f"at least {LEAST_POINTS} to find the floor"
         raise InputError(f"the frame at {frame.time:.2f} s has only {len(points)} depths; it needs {needed}")
     tolerance = ON_FLOOR * frame.sensor.sigma(points[:, 2])
-    best, most = None, LEAST_FLOOR * len(points)
-    planes = planes_through(points[np.random.default_rng(0).integers(0, len(points), (TRIALS, 3))])
-    for plane in planes * -np.sign(planes[:, 1:2]):  # pointing up in the image
-        height = distances(points, plane)
-        on = np.abs(height) < tolerance
-        is_free_below = np.mean(height < -BELOW * tolerance) < MOST_BELOW
-        if -plane[1] > np.cos(STEEPEST) and on.sum() > most and is_free_below:
-            best, most = on, on.sum()
-    if best is None:
+
+    def may_be_floor(planes: Planes, heights: NDArray[np.floating]) -> Mask:
+        is_level = -planes[:, 1] > np.cos(STEEPEST)
+        return is_level & (np.mean(heights < -BELOW * tolerance[:, None], axis=0) < MOST_BELOW)
+
+    triples = np.random.default_rng(0).integers(0, len(points), (TRIALS, 3))
+    found = ransac_plane(points, triples, tolerance, may_be_floor)
+    if found is None or np.count_nonzero(found[1]) <= LEAST_FLOOR * len(points):
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to determine the vertical from")
-    middle = points[best].mean(axis=0)
-    up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
+    on_floor = points[found[1]]
+    middle = on_floor.mean(axis=0)
+    up = np.linalg.svd(on_floor - middle, full_matrices=False)[2][2]
     up *= -np.sign(up[1])
     return T_level_camera(up, float(up @ middle))
 

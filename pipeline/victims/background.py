@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Mask, Planes, Points
+from pipeline.arrays import Indices, Mask, Planes, Points, Values
 from pipeline.frame import Frame
-from pipeline.geometry.planes import Moments, distances, facing_camera, planes_through
+from pipeline.geometry.planes import Moments, distances, ransac_plane
 from pipeline.sensor import SensorModel
 from pipeline.victims.config import BackgroundConfig
 
@@ -66,7 +66,11 @@ def _is_flat(samples: _Samples, plane: Planes, config: BackgroundConfig) -> bool
 
 def near_plane(points: Points, plane: Planes, sensor: SensorModel, config: BackgroundConfig) -> Mask:
     """Which points in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(distances(points, plane)) < config.tolerance + config.sigmas * sensor.sigma(points[:, 2])
+    return np.abs(distances(points, plane)) < _tolerance(points, sensor, config)
+
+
+def _tolerance(points: Points, sensor: SensorModel, config: BackgroundConfig) -> Values:
+    return config.tolerance + config.sigmas * sensor.sigma(points[:, 2])
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -> _Samples:
@@ -89,11 +93,11 @@ def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -
 
 def _plane(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> Planes:
     """The plane with the most samples according to RANSAC, refitted to these samples."""
-    planes = facing_camera(planes_through(_triples(samples, rng, config)))
     points, sensor = samples.points, samples.sensor
-    tolerance = config.tolerance + config.sigmas * sensor.sigma(points[:, 2])
-    near = np.abs(distances(points, planes.astype(np.float32))) < tolerance[:, None]
-    best = planes[near.sum(axis=0).argmax()]
+    found = ransac_plane(points, _triples(samples, rng, config), _tolerance(points, sensor, config))
+    if found is None:
+        return np.full(4, np.nan)  # all samples lie on one line
+    best, _ = found
     members = points[near_plane(points, best, sensor, config)]
     if len(members) < 3:
         return best
@@ -101,11 +105,11 @@ def _plane(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig
     return np.append(plane.normal, plane.offset)
 
 
-def _triples(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> NDArray[np.float64]:
-    """(trials, 3, 3) triples of a random point and two points near it in the image."""
+def _triples(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> Indices:
+    """(trials, 3) indices of a random sample and of two samples near it in the image."""
     first = rng.integers(len(samples.points), size=config.trials)
     others = rng.integers(len(samples.points), size=(config.trials, 2, config.candidates))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]
-    return samples.points[np.column_stack([first, near])].astype(np.float64)
+    return np.column_stack([first, near])

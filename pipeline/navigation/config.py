@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from math import radians
 
+from pipeline.errors import require_at_least, require_positive
 from pipeline.planning.stretches import ArcConfig
 
 
@@ -15,40 +16,28 @@ class FollowerConfig:
         position_tolerance: distance within which the end of a stretch counts as reached, m.
         heading_tolerance: error within which a heading counts as reached, rad.
         lean: tilt above which the robot is on a ramp, even if only with its front wheels, rad.
-        ramp_margin: distance from where the robot leaned within which it still drives as on a ramp, m: on the crest
-            of a ridge, it is level.
         braking: share of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
             wheels do not skid past the end.
-        shown: error of the heading that is acceptable when a viewpoint is passed, rad; the view is still the same.
-        lead: time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay.
-        least_pace: minimum share of its speed that the robot keeps, however far it is off its heading.
-        still: speed below which the robot counts as standing and may turn in place, m/s.
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
         pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
-        least_speed: a slower robot returns to its line as if at this speed, m/s, so that noise does not turn it.
-        widest_return: maximum angle between the robot's heading and its line while it returns to the line, rad.
         hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
-        carried_way: distance, m; a robot that moves farther than this in one control period, or starts farther than
-            this from the start of its plan, was carried.
     """
 
     turn_gain: float = 1.5
     position_tolerance: float = 0.04
     heading_tolerance: float = radians(2)
     lean: float = radians(6)
-    ramp_margin: float = 0.2
     braking: float = 0.8
-    shown: float = radians(10)
-    lead: float = 0.2
-    least_pace: float = 0.2
-    still: float = 0.02
     pivot_level: float = radians(15)
     pivot_ramp: float = radians(35)
-    least_speed: float = 0.2
-    widest_return: float = 0.5
     hold_gain: float = 1.0
-    carried_way: float = 0.3
+
+    def __post_init__(self) -> None:
+        """InputError if the robot could not follow a path like this."""
+        section = "navigation.follower"
+        require_positive(section, self, "turn_gain", "position_tolerance", "heading_tolerance", "braking")
+        require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "hold_gain")
 
 
 @dataclass(frozen=True)
@@ -56,18 +45,16 @@ class RecoveryConfig:
     """How the robot gets out of a halt.
 
     Attributes:
-        tilt_lead: the robot backs out if it would lean too far within this time, s.
-        most_way, least_way: bounds, m, within which the robot backs out as far as it came.
-        most_turn, least_turn: bounds, rad, within which the robot turns back as far as it turned.
-        enough: share of that distance or angle after which the robot counts as free.
+        most_way: the robot backs out as far as it came, but no farther than this, m.
+        most_turn: the robot turns back as far as it turned, but no farther than this, rad.
     """
 
-    tilt_lead: float = 0.1
     most_way: float = 0.3
-    least_way: float = 0.02
     most_turn: float = radians(15)
-    least_turn: float = radians(2)
-    enough: float = 0.5
+
+    def __post_init__(self) -> None:
+        """InputError if the robot could not back out."""
+        require_positive("navigation.recovery", self, "most_way", "most_turn")
 
 
 @dataclass(frozen=True)
@@ -75,29 +62,20 @@ class ProgressConfig:
     """When a robot counts as held or stuck.
 
     Attributes:
-        averaged: time over which speeds are averaged to detect that something holds the robot, s.
         held_share: share of the commanded speed below which the robot is held, unless it is on a ramp.
         patience: time without progress after which the robot is stuck, s.
-        still_way, still_turn: displacement, m, and rotation, rad, up to which the robot makes no progress.
-        overdue: maximum duration of a turn, s, and of a leg in excess of ``overdue_ramp`` times its duration at the
-            speed on ramps. A robot that slides back and forth moves, but makes no progress.
-        overdue_ramp: see ``overdue``.
-        least_v, least_omega: speeds below which commands are not judged, m/s and rad/s.
-        reaction: time during which a robot may still follow its previous command, s, because of delays on the network
-            and at both ends. Longer intervals between two poses are not judged: a real robot gets no command while
-            its software computes.
+        overdue: maximum duration of a turn, s, and of a leg beyond what it takes at a low speed. A robot that slides
+            back and forth moves, but makes no progress.
     """
 
-    averaged: float = 0.5
     held_share: float = 0.35
     patience: float = 4.0
-    still_way: float = 0.02
-    still_turn: float = radians(2)
     overdue: float = 60.0
-    overdue_ramp: float = 4.0
-    least_v: float = 0.04
-    least_omega: float = 0.15
-    reaction: float = 0.3
+
+    def __post_init__(self) -> None:
+        """InputError if the robot would be stuck at once."""
+        require_positive("navigation.progress", self, "patience", "overdue")
+        require_at_least(0, "navigation.progress", self, "held_share")
 
 
 @dataclass(frozen=True)
@@ -139,22 +117,6 @@ class SpeedLimitConfig:
 
 
 @dataclass(frozen=True)
-class AttitudeConfig:
-    """How the robot estimates its tilt.
-
-    Attributes:
-        time_constant: time constant with which the estimated vertical follows the accelerometer, which bumps and
-            braking disturb, s.
-        most_disturbance: maximum difference from gravity at which an acceleration is used, m/s².
-        most_change: maximum predicted change of the tilt, rad; bumps turn the robot quickly, but no farther.
-    """
-
-    time_constant: float = 0.5
-    most_disturbance: float = 2.0
-    most_change: float = radians(8)
-
-
-@dataclass(frozen=True)
 class FaultConfig:
     """Which faults of its own sensors the robot reports.
 
@@ -176,5 +138,4 @@ class NavigationConfig:
     obstacle_check: ObstacleCheckConfig = ObstacleCheckConfig()
     speed_limit: SpeedLimitConfig = SpeedLimitConfig()
     arcs: ArcConfig = ArcConfig()
-    attitude: AttitudeConfig = AttitudeConfig()
     faults: FaultConfig = FaultConfig()

@@ -6,6 +6,7 @@ it if nothing forbids that, and answers with a verdict.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +17,55 @@ from pipeline.arrays import Place, Places, Pose, Values
 from pipeline.errors import required
 from pipeline.localisation.localisation import check_pose
 from pipeline.navigation.commands import STOP, Approach, Outcome, Send, Turn, Verdict
-from pipeline.navigation.config import AttitudeConfig, NavigationConfig, ProgressConfig
+from pipeline.navigation.config import NavigationConfig, ProgressConfig
 from pipeline.navigation.course import Course, SpeedAlong
 from pipeline.planning.stretches import Stretch
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
+
+RAMP_MARGIN = 0.2
+"""Distance from where the robot leaned within which it still drives as on a ramp, m: on a ridge's crest, it is
+level."""
+SHOWN = radians(10)
+"""Error of the heading that is acceptable when a viewpoint is passed, rad; the view is still the same."""
+LEAD = 0.2
+"""Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
+LEAST_PACE = 0.2
+"""Minimum share of its speed that the robot keeps, however far it is off its heading."""
+STILL = 0.02
+"""Speed below which the robot counts as standing and may turn in place, m/s."""
+LEAST_SPEED = 0.2
+"""A slower robot returns to its line as if at this speed, m/s, so that noise does not turn it."""
+WIDEST_RETURN = 0.5
+"""Maximum angle between the robot's heading and its line while it returns to the line, rad."""
+CARRIED_WAY = 0.3
+"""A robot that moves farther than this, m, in one control period, or starts farther than this from the start of its
+plan, was carried."""
+TILT_LEAD = 0.1
+"""The robot backs out if it would lean too far within this time, s."""
+LEAST_WAY, LEAST_TURN = 0.02, radians(2)
+"""The robot backs out at least this far, m, or turns back by at least this angle, rad."""
+ENOUGH = 0.5
+"""Share of that distance or angle after which the robot counts as free."""
+
+AVERAGED = 0.5
+"""Time over which speeds are averaged to detect that something holds the robot, s."""
+STILL_WAY, STILL_TURN = 0.02, radians(2)
+"""Displacement, m, and rotation, rad, up to which the robot makes no progress."""
+OVERDUE_RAMP = 4.0
+"""A leg may take ``overdue`` s more than this many times its duration at the speed on ramps."""
+LEAST_V, LEAST_OMEGA = 0.04, 0.15
+"""Speeds below which commands are not judged, m/s and rad/s."""
+REACTION = 0.3
+"""Time during which a robot may still follow its previous command, s, because of delays on the network and at both
+ends. Longer intervals between two poses are not judged: a real robot gets no command while its software computes."""
+
+TIME_CONSTANT = 0.5
+"""Time constant with which the estimated vertical follows the accelerometer, which bumps and braking disturb, s."""
+MOST_DISTURBANCE = 2.0
+"""Maximum difference from gravity at which an acceleration is used, m/s²."""
+MOST_CHANGE = radians(8)
+"""Maximum predicted change of the tilt, rad; bumps turn the robot quickly, but no farther."""
 
 
 class Progress:
@@ -30,7 +75,7 @@ class Progress:
         """Start at a pose and a time, s; ``length``: length of the leg, m."""
         self._limits = np.array([robot.acceleration, robot.turn_acceleration])
         self._config = config
-        self._deadline = time + config.overdue + config.overdue_ramp * length / robot.ramp_speed
+        self._deadline = time + config.overdue + OVERDUE_RAMP * length / robot.ramp_speed
         self._anchor = T
         self._since = time
         self._last = T
@@ -42,20 +87,20 @@ class Progress:
         self._due: NDArray[np.float64] | None = None
         self._wanted = np.zeros(2)
         self._felt = np.zeros(2)
-        self._judged_from = time + self._config.reaction
+        self._judged_from = time + REACTION
 
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest pose shows that the robot cannot follow the command; on ramps, the wheels may skid."""
         config = self._config
-        if (pause := time - self._time) > config.reaction:
+        if (pause := time - self._time) > REACTION:
             self._since += pause
             self._deadline += pause
             self._time = time
             self._restart(time)
         held = self._is_held(T, time, command) and not on_ramp
         # In a turn, wheels that spin on only one side seem to move the robot.
-        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > config.still_way and not isinstance(command, Turn)
-        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > config.still_turn
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STILL_WAY and not isinstance(command, Turn)
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STILL_TURN
         if moved or turned:
             self._anchor = T
             self._since = time
@@ -75,12 +120,12 @@ class Progress:
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
         due = speeds if self._due is None else self._due
         self._due = due + np.clip(asked - due, -limit, limit)
-        share = min(1.0, dt / config.averaged)
+        share = min(1.0, dt / AVERAGED)
         # A robot that brakes harder than it should is not held.
         wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
         self._wanted += share * (wanted - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
-        counts = self._wanted > (config.least_v, config.least_omega)
+        counts = self._wanted > (LEAST_V, LEAST_OMEGA)
         counts[1] &= asked[0] == 0
         return bool((counts & (self._felt < config.held_share * self._wanted)).any())
 
@@ -93,8 +138,7 @@ class Attitude:
         rate: (2,) rates of roll and pitch, rad/s.
     """
 
-    def __init__(self, config: AttitudeConfig = AttitudeConfig()) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self.up = np.array([0.0, 0.0, 1.0])
         self.rate = np.zeros(2)
 
@@ -103,8 +147,8 @@ class Attitude:
         self.rate = gyro[:2]
         up = self.up - np.cross(gyro, self.up) * dt
         size = float(np.linalg.norm(accelerometer))
-        if abs(size - g) < self._config.most_disturbance:
-            up = up + (accelerometer / size - up) * min(1.0, dt / self._config.time_constant)
+        if abs(size - g) < MOST_DISTURBANCE:
+            up = up + (accelerometer / size - up) * min(1.0, dt / TIME_CONSTANT)
         self.up = up / np.linalg.norm(up)
 
     @property
@@ -115,7 +159,7 @@ class Attitude:
 
     def tilt_in(self, seconds: float) -> float:
         """The larger of roll and pitch in ``seconds`` s, rad, if both keep changing as now, up to a limit."""
-        most = self._config.most_change
+        most = MOST_CHANGE
         return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())
 
 
@@ -197,7 +241,7 @@ class Navigator:
         self.track: list[Place] = []
         self.recovered = 0
         self.motion: Motion | None = None
-        self.attitude = Attitude(config.attitude)
+        self.attitude = Attitude()
         self._robot = robot
         self._period = control_period
         self._config = config
@@ -274,7 +318,7 @@ class Navigator:
     def _is_elsewhere(self, start: Place | None) -> bool:
         """Whether the robot was carried since its path was planned from ``start``, (2,) m."""
         here = self.T_map_base[:2, 3]
-        return start is not None and bool(np.linalg.norm(here - start) > self._config.follower.carried_way)
+        return start is not None and bool(np.linalg.norm(here - start) > CARRIED_WAY)
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
         """The path, preceded by the part along which the robot is still rolling."""
@@ -286,7 +330,7 @@ class Navigator:
         return [rest, *way]
 
     def _shows(self, heading: float, wanted: float) -> bool:
-        return abs(wrap_angle(heading - wanted)) < self._config.follower.shown
+        return abs(wrap_angle(heading - wanted)) < SHOWN
 
     def halt(self, send: Send) -> Outcome:
         """Come to rest at the end of the path along which the robot is rolling, if any."""
@@ -322,13 +366,13 @@ class Navigator:
 
     @property
     def _tips(self) -> bool:
-        return self.attitude.tilt_in(self._config.recovery.tilt_lead) > self._robot.tipping_tilt
+        return self.attitude.tilt_in(TILT_LEAD) > self._robot.tipping_tilt
 
     @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or leaned near here: on the crest of a ridge, it is level."""
         at = self._leaned_at
-        near = self._config.follower.ramp_margin
+        near = RAMP_MARGIN
         return at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - at) < near)
 
     @property
@@ -340,7 +384,7 @@ class Navigator:
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn in place to a heading, in the shorter direction."""
         config = self._config.follower
-        while self._speed > config.still:
+        while self._speed > STILL:
             yield STOP
         place = self.T_map_base[:2, 3].copy()
         tolerance = config.heading_tolerance
@@ -396,12 +440,12 @@ class Navigator:
         model = self._robot
         config = self._config.follower
         # With this gain, the robot returns to its line with a damping ratio of 0.7.
-        gain = config.turn_gain / (2 * max(speed, config.least_speed))
-        back = float(np.clip(gain * left, -config.widest_return, config.widest_return))
+        gain = config.turn_gain / (2 * max(speed, LEAST_SPEED))
+        back = float(np.clip(gain * left, -WIDEST_RETURN, WIDEST_RETURN))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
         # The farther off its heading, the more slowly the robot drives; otherwise it would leave the line.
-        speed *= max(config.least_pace, float(np.cos(2 * error)))
-        rate = config.turn_gain * error + speed * stretch.curvature_at(at, config.lead * speed)
+        speed *= max(LEAST_PACE, float(np.cos(2 * error)))
+        rate = config.turn_gain * error + speed * stretch.curvature_at(at, LEAD * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
@@ -458,7 +502,7 @@ class Navigator:
         before = (self._T_map_odom @ last.T_odom_base)[:3, 3]
         # On a real robot, time passes while a keyframe is mapped.
         missed = max(0.0, self._time - last.time - self._period)
-        most = self._config.follower.carried_way + missed * self._robot.speed
+        most = CARRIED_WAY + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
@@ -471,11 +515,11 @@ class Navigator:
         config = self._config.recovery
         T_odom_held = self._T_odom_base
         if isinstance(command, Turn):
-            least, most = config.least_turn, config.most_turn
+            least, most = LEAST_TURN, config.most_turn
             braking = abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            least, most = config.least_way, config.most_way
+            least, most = LEAST_WAY, config.most_way
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
         came = _way(T_odom_start, T_odom_held, undo)
@@ -494,7 +538,7 @@ class Navigator:
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
                 break
         send(STOP)
-        return bool(_way(self._T_odom_base, T_odom_held, undo) > way * config.enough)
+        return bool(_way(self._T_odom_base, T_odom_held, undo) > way * ENOUGH)
 
     @property
     def T_map_base(self) -> Pose:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pipeline.navigation.commands import Approach, Outcome, Verdict
 from pipeline.navigation.config import ProgressConfig, RecoveryConfig
 from pipeline.navigation.course import Course
-from pipeline.navigation.navigator import Halt
+from pipeline.navigation.navigator import OVERDUE_RAMP, Halt
 from pipeline.planning.stretches import stretches_of
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
@@ -438,7 +438,7 @@ def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     assert not navigator.drive(np.array([(0.6, 0.0)]))
     assert navigator.legs[-1].outcome is Outcome.STUCK
     slow = ProgressConfig()
-    limit = slow.overdue + slow.overdue_ramp * 0.6 / PIONEER.ramp_speed
+    limit = slow.overdue + OVERDUE_RAMP * 0.6 / PIONEER.ramp_speed
     assert limit < navigator.motion.time < limit + 10
 
 

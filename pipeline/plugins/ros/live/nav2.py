@@ -13,7 +13,7 @@ from pipeline.arrays import Place
 from pipeline.navigation.commands import STOP, Outcome, Send, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
-from pipeline.navigation.navigator import DrivenLeg, Navigator, of_leg
+from pipeline.navigation.navigator import STILL, DrivenLeg, Navigator, of_leg
 from pipeline.planning.path_plan import place_name
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.config import Nav2Config
@@ -116,7 +116,7 @@ class Nav2Navigator(Navigator):
         """End the drive, and wait until the robot has stopped."""
         send(STOP)
         end = self._time + self._nav2.braking
-        while self._speed > self._config.follower.still and self._time < end:
+        while self._speed > STILL and self._time < end:
             send(STOP)
         return Outcome.REACHED
 

@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 
 from filelock import lock_descriptor
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.files import atomic_write, uninterrupted
 from sarsim.startup import prepare_process
 
@@ -211,9 +211,7 @@ def _clean_up_and_end(*_: object) -> None:
 
 def _end_with_parent() -> None:
     """In a worker: end it when its parent has ended, since a killed parent cannot end it."""
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
+    required(parent_process()).join()
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(CLEANING)
     os._exit(1)

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pipeline.arrays import Pose
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.robot import Velocity
 from pipeline.sensor import XTION
 from pipeline.transforms import yaw_of
@@ -158,13 +158,13 @@ class Drive(gymnasium.Env[Any, Any]):
             raise InputError(CLOSED)
         if self.world is None or self._arena == "random":
             self._load()
-        assert self.world is not None
-        self.world.reset()
+        world = required(self.world)
+        world.reset()
         for _ in range(SETTLING_PERIODS):
-            self.world.drive(Velocity())
-        self._start = self.world.physics.time()
-        self._collisions = CollisionCounter(self.world.physics.model.ptr, self._body)
-        self._odometry = WheelOdometry(self.np_random, self.world.robot.drive.wheel_radius)
+            world.drive(Velocity())
+        self._start = world.physics.time()
+        self._collisions = CollisionCounter(world.physics.model.ptr, self._body)
+        self._odometry = WheelOdometry(self.np_random, world.robot.drive.wheel_radius)
         self._goal: NDArray[np.float64] = self._goals[int(self.np_random.integers(len(self._goals)))]
         self._steps, self._way, observation = 0, 0.0, self._observe()
         self._last = self._place
@@ -193,7 +193,9 @@ class Drive(gymnasium.Env[Any, Any]):
         reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
-        is_cut = not is_over and self.world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
+        is_cut = (
+            not is_over and required(self.world).physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
+        )
         return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
 
     def close(self) -> None:
@@ -218,8 +220,8 @@ class Drive(gymnasium.Env[Any, Any]):
         self.rays = DepthRays(model, data, self.camera, self._size) if self._size else None
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
-        assert self.world is not None
-        world, physics = self.world, self.world.physics
+        world = required(self.world)
+        physics = world.physics
         gyro, accelerometer = world.inertial()
         dt = PERIODS * CONTROL_TIMESTEP
         T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
@@ -238,10 +240,9 @@ class Drive(gymnasium.Env[Any, Any]):
 
     def _info(self) -> dict[str, Any]:
         """Figures of the episode so far, under the keys of report.json."""
-        assert self.world is not None
         return {
             "steps": self._steps,
-            "sim_time_s": self.world.physics.time() - self._start,
+            "sim_time_s": required(self.world).physics.time() - self._start,
             "navigation.distance_m": self._way,
             "navigation.collisions": self._collisions.collisions,
             "navigation.reached": int(self._distance < ARRIVED_WITHIN),

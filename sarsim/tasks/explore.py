@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
@@ -217,11 +217,10 @@ class Explore(gymnasium.Env[Any, Any]):
 
     def _drive(self, action: Action) -> bool:
         """Drive to a viewpoint and look there; True if the robot has tipped over, or the simulation has diverged."""
-        assert self.explorer is not None and self._robot is not None
-        viewpoint = self._chosen(action)
+        explorer, viewpoint = required(self.explorer), self._chosen(action)
         try:
             if viewpoint is not None:
-                self.explorer.drive(self.explorer.redirect(self._seen, viewpoint))
+                explorer.drive(explorer.redirect(self._seen, viewpoint))
             if self._achieved.is_tipped:
                 return True
             self._look()
@@ -233,15 +232,15 @@ class Explore(gymnasium.Env[Any, Any]):
 
     def _look(self) -> None:
         """Make a step of the explorer, and another if it finds no viewpoint and its maps are then corrected."""
-        assert self.explorer is not None
-        step = self.explorer.step()
-        if step.viewpoint is None and self.explorer.apply_corrections():
-            step = self.explorer.step()
+        explorer = required(self.explorer)
+        step = explorer.step()
+        if step.viewpoint is None and explorer.apply_corrections():
+            step = explorer.step()
         self._seen: Step = step
         offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
         self._offered = sorted(offered, key=lambda viewpoint: viewpoint.seconds)
         self._ended = step.ended or ""
-        self._maps = local_maps(self.explorer.mapper, step.keyframe.T_map_base)
+        self._maps = local_maps(explorer.mapper, step.keyframe.T_map_base)
 
     def _chosen(self, action: Action) -> Viewpoint | None:
         """The viewpoint to which an action sends the robot; None if there is none."""
@@ -258,8 +257,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return Viewpoint(place, turn * np.pi, turn=True, gain=0.0)
 
     def _observation(self) -> Maps:
-        assert self._robot is not None and self.explorer is not None and self.explorer.T_map_start is not None
-        T, robot = self._seen.keyframe.T_map_base, self._robot.model
+        T, robot = self._seen.keyframe.T_map_base, required(self._robot).model
         reach = self._seen.keyframe.frame.sensor.farthest
         left = sum(viewpoint.gain for viewpoint in self._offered)
         keyframe_time = self._strategy.config.keyframe_time
@@ -267,7 +265,7 @@ class Explore(gymnasium.Env[Any, Any]):
             (*(v.position - T[:2, 3]) / reach, (v.seconds - keyframe_time) * robot.speed / reach, v.gain / left)
             for v in self._offered
         ]
-        place = T[:2, 3] - self.explorer.T_map_start[:2, 3]
+        place = T[:2, 3] - required(required(self.explorer).T_map_start)[:2, 3]
         return observation(self._maps, place, yaw_of(T), rows, len(self._seen.frontiers))
 
     def _info(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import gymnasium
 import mujoco
 import numpy as np
 
+from pipeline.errors import required
 from sarsim.environment import CONTROL_TIMESTEP
 from sarsim.sensors.camera import optical_pose
 from sarsim.tasks.drive import PERIODS, Drive
@@ -47,8 +48,8 @@ def drive_rates(steps: int) -> dict[str, float]:
 
 def steps_alone(env: Drive) -> None:
     """Do the minimum work of a step: MuJoCo's own steps, and a ray cast if there is a camera."""
-    assert env.world is not None
-    model, data = env.world.physics.model.ptr, env.world.physics.data.ptr
+    physics = required(env.world).physics
+    model, data = physics.model.ptr, physics.data.ptr
     mujoco.mj_step(model, data, nstep=PERIODS * round(CONTROL_TIMESTEP / model.opt.timestep))
     if env.rays is not None:
         env.rays.depth(optical_pose(data, env.camera))

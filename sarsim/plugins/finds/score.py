@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.errors import required
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.sink import Sink
 from pipeline.tracks.find import FIND_KINDS, HEAT, Find
@@ -35,8 +36,7 @@ class FindScore(Sink):
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Mark the objects in the noise-free image of the newest keyframe."""
-        truth = self._robot.true_frame
-        assert truth is not None
+        truth = required(self._robot.true_frame)
         self._visibility.add(truth.image)
         self._has_thermal |= keyframe.frame.thermal is not None
 

@@ -11,6 +11,7 @@ from tyro.conf import Fixed
 
 from pipeline.arrays import Pose
 from pipeline.datasets.recorded_robot import Joints
+from pipeline.errors import required
 from pipeline.mapper import Mapper
 from pipeline.plugin import Plugin, RunContext
 from pipeline.plugins.ros.config import RosConfig
@@ -61,9 +62,9 @@ class BagOfEpisode(Plugin):
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
         """What writes the maps and closes the bag."""
-        assert self._bag is not None
-        self._bag.plugins = context.plugins
-        return [self._bag]
+        bag = required(self._bag)
+        bag.plugins = context.plugins
+        return [bag]
 
     def abandon(self) -> None:
         """Remove the bag."""

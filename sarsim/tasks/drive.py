@@ -193,9 +193,7 @@ class Drive(gymnasium.Env[Any, Any]):
         reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
-        is_cut = (
-            not is_over and required(self.world).physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
-        )
+        is_cut = not is_over and self.world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
         return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
 
     def close(self) -> None:

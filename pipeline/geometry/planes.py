@@ -55,7 +55,7 @@ def planes_through(triples: NDArray[np.float64]) -> Planes:
 def ransac_plane(
     points: NDArray[np.floating],
     triples: Indices,
-    tolerance: float | Values,
+    tolerance: float | NDArray[np.floating],
     is_allowed: Callable[[Planes, NDArray[np.floating]], Mask] | None = None,
 ) -> tuple[Planes, Mask] | None:
     """The plane (4,) with the most inliers, and its inliers (N,), by RANSAC (Fischler & Bolles 1981).

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Indices, Mask, Planes, Points, Values
+from pipeline.arrays import Indices, Mask, Planes, Points
 from pipeline.frame import Frame
 from pipeline.geometry.planes import Moments, distances, ransac_plane
 from pipeline.sensor import SensorModel
@@ -69,7 +69,7 @@ def near_plane(points: Points, plane: Planes, sensor: SensorModel, config: Backg
     return np.abs(distances(points, plane)) < _tolerance(points, sensor, config)
 
 
-def _tolerance(points: Points, sensor: SensorModel, config: BackgroundConfig) -> Values:
+def _tolerance(points: Points, sensor: SensorModel, config: BackgroundConfig) -> NDArray[np.floating]:
     return config.tolerance + config.sigmas * sensor.sigma(points[:, 2])
 
 

@@ -1,19 +1,20 @@
 """Read frames in a separate thread, while they are added to the maps and the robot drives on."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
 import cv2
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.tracks.config import ObjectConfig
-from pipeline.tracks.find import Reading, is_same
+from pipeline.tracks.find import HEAT, Reading, is_same
 from pipeline.victims.config import HeatConfig
 from pipeline.victims.detection import Detection, Detector, check_detections
-from pipeline.victims.heat import warm_regions
 
 
 class FindReader(Protocol):
@@ -103,6 +104,17 @@ def _read(
     if detector is not None and frame.thermal is not None:
         readings += warm_regions(frame.thermal, len(frame.rgb), heat)
     return ReadFrame(frame, keyframe, detections, readings)
+
+
+def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) -> Iterator[Reading]:
+    """The warm regions of a thermal image (h, w), °C, as readings in the colour image, ``height`` pixels high."""
+    warm = np.isfinite(thermal) & (thermal > np.nanmedian(thermal) + config.warmer)
+    scale = height / thermal.shape[0]
+    contours, _ = cv2.findContours(warm.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    for contour in contours:
+        if len(contour) >= config.least_outline:
+            middles = cv2.convexHull(contour)[:, 0] + np.float32(0.5)
+            yield Reading(HEAT, "", (middles * scale).astype(np.float32), 1.0)
 
 
 def _compute_alone() -> None:

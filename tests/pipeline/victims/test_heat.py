@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.victims.config import HeatConfig
-from pipeline.victims.heat import warm_regions
+from pipeline.victims.readers import warm_regions
 
 CONFIG = HeatConfig(warmer=5.0, least_outline=4)
 

@@ -12,6 +12,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+from pipeline.explorer import Explorer
 from pipeline.metric_map.io.npz import load_metric_map
 from sarsim.commands import run_episode
 from sarsim.episode import Episode
@@ -112,16 +113,16 @@ def test_a_robot_that_is_given_its_pose_makes_no_error_but_of_reading_tags_and_o
 
 def ended_in_step(number: int, ending: signal.Signals, monkeypatch) -> None:
     """Let a signal come while a step of the next episode is under way."""
-    step, steps = Episode.step, 0
+    step, steps = Explorer.step, 0
 
-    def interrupted_step(episode):
+    def interrupted_step(explorer):
         nonlocal steps
         steps += 1
         if steps == number:
             signal.raise_signal(ending)
-        return step(episode)
+        return step(explorer)
 
-    monkeypatch.setattr(Episode, "step", interrupted_step)
+    monkeypatch.setattr(Explorer, "step", interrupted_step)
 
 
 def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, small, monkeypatch, capsys):

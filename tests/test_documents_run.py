@@ -34,7 +34,7 @@ ENTRIES = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scrip
 WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 """Whether what takes over a minute runs too."""
 OWN = (
-    "FOLDER", "bags/office", "my.cfg", "my.weights", "my.safetensors", "my_images", "my_robot.xml", "office",
+    "FOLDER", "bags/office", "my.cfg", "my.onnx", "my.weights", "my.safetensors", "my_images", "my_robot.xml", "office",
     "hall.world", "hall.txt", "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
 )  # fmt: skip
 """What the pages name of the reader's own, empty here."""
@@ -110,7 +110,8 @@ def make(command: str, given: Mapping[str, Any]) -> None:
         save_settings(config, out / "config.yaml")
         if config.mission != "explore":
             (out / "handed_in").mkdir()
-        for extra in (config.bag, config.tum):
+        bag = config.plugins.get("bag")
+        for extra in (bag.path if bag else None, config.tum):
             if extra:
                 extra.mkdir(parents=True)
     elif out and out.suffix:

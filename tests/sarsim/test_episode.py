@@ -59,9 +59,11 @@ def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
     def no_score() -> dict:
         raise InputError("no score")
 
-    episode.recorder.close, episode.score.report = fail_to_close, no_score
-    with pytest.raises(RuntimeError, match="disk is full"):
+    episode.recorder.close, episode.score.figures = fail_to_close, no_score
+    with pytest.raises(ExceptionGroup) as failed:
         episode.run()
+    assert failed.group_contains(RuntimeError, match="disk is full")
+    assert failed.group_contains(InputError, match="no score")
     maps = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
     assert maps | {"trajectory_true.tum", "trajectory_estimated.tum"} <= {file.name for file in out.iterdir()}
     assert "metric_map" not in json.loads((out / "report.json").read_text())

@@ -60,7 +60,7 @@ def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():
     score = EpisodeScore(robot, Explorer(robot, Mapper(robot.model, TruthClassifier())))
     robot.sense()
     score.on_keyframe(None)
-    for read in (lambda: score.coverage, lambda: score.progress, score.report):
+    for read in (lambda: score.coverage, lambda: score.progress, score.figures):
         with pytest.raises(AttributeError, match="NoneType"):
             read()
     robot.close()

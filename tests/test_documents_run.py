@@ -34,8 +34,9 @@ ENTRIES = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scrip
 WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 """Whether what takes over a minute runs too."""
 OWN = (
-    "FOLDER", "bags/office", "my.cfg", "my.onnx", "my.weights", "my.safetensors", "my_images", "my_robot.xml", "office",
-    "hall.world", "hall.txt", "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
+    "FOLDER", "bags/office", "my.cfg", "my.onnx", "my.weights", "my.safetensors", "my_images", "my_robot.xml",
+    "office", "hall.world", "hall.txt", "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
+    "runs/detect/train/weights/best.onnx",
 )  # fmt: skip
 """What the pages name of the reader's own, empty here."""
 DATA = ("data/ramps", "data/arenas", "data/rooms")
@@ -129,7 +130,8 @@ def test_every_line_is_one_that_its_command_takes_and_names_what_is_there(
     for module, source in MODULES.items():
         (desk / f"{module}.py").write_text("\n".join(blocks(ROOT / "docs" / source, "python")))
     for name in OWN:
-        (desk / name).mkdir(parents=True) if not Path(name).suffix else (desk / name).touch()
+        (desk / name).parent.mkdir(parents=True, exist_ok=True)
+        (desk / name).touch() if Path(name).suffix else (desk / name).mkdir()
     (desk / "things.yaml").write_text(blocks(ROOT / "docs" / "arenas.md", "yaml")[0])
     mentioned = " ".join(" ".join(line) for line in lines(page))
     for name in DATA:

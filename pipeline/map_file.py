@@ -243,11 +243,11 @@ def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) 
         if not np.isfinite(array).all():
             raise ValueError(f"{kind}.{name} contains non-finite numbers")
         sized = zip(shape[varies(field) :], array.shape[1:], strict=True)
-        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(str(n), size)) for n, size in sized)
+        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(n, size)) for n, size in sized)
         if varies(field):
             lengths = arrays.get(f"{kind}.{name}.lengths", NOTHING)
             fits &= lengths.dtype == np.int64 and lengths.ndim == 1 and bool((lengths >= 0).all())
-            fits &= lengths.sum() == len(array) and np.array_equal(lengths, sizes.setdefault(str(shape[0]), lengths))
+            fits &= lengths.sum() == len(array) and np.array_equal(lengths, sizes.setdefault(shape[0], lengths))
         if not fits:
             raise ValueError(f"{kind}.{name} has a wrong shape or wrong lengths")
         if varies(field):

@@ -160,6 +160,7 @@ class Mapper:
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
         self._start_height = self.keyframes.start_height
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
+        self.revise_labels()
 
     def is_due(self, T_odom_base: Pose) -> bool:
         """Whether the robot has moved far enough since the last keyframe for another one."""
@@ -247,10 +248,15 @@ class Mapper:
             observer.on_keyframe(keyframe)
         return keyframe
 
-    def pass_by(self, localised: Localised) -> None:
-        """Continue from the newest frame without making it a keyframe."""
+    def add_if_new(
+        self, localised: Localised, labelled: bool | None = None, set_down: bool = False
+    ) -> Keyframe | None:
+        """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats one."""
+        if not localised.repeats:
+            return self.add_frame(localised, labelled, set_down)
         self._T_odom_keyframe = localised.frame.T_odom_base
         self.localisation.pass_by(localised)
+        return None
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
         """Class probabilities of points; classifiers get heights relative to where the robot was set down."""
@@ -300,7 +306,6 @@ class Mapper:
         if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.due:
             return None
         moves = self.correct(poses)
-        self.revise_labels()
         if not moves.are_noticeable.any():
             return None
         for observer in self.observers:
@@ -322,6 +327,7 @@ class Mapper:
         if moving.any():
             with self.stopwatch("correction"):
                 self._make_anew(moving, np.concatenate([before[moving], self.keyframes.boxes()[moving]]))
+        self.revise_labels()
         return moves
 
     def _make_anew(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
@@ -342,7 +348,6 @@ class Mapper:
             self.finds.place(poses)
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses, moving)
-        self.revise_labels()
 
     def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
@@ -432,7 +437,7 @@ Check = Callable[[Localised], Confirmed | None]
 def map_frame(
     mapper: Mapper,
     sense: Callable[[], Frame],
-    check: Check = lambda localised: Confirmed(localised, None),
+    check: Check | None = None,
     labelled: bool | None = None,
     may_repeat: bool = False,
 ) -> Keyframe | None:
@@ -442,6 +447,7 @@ def map_frame(
         mapper: holds all maps.
         sense: returns the newest frame.
         check: checks the pose; it may turn the robot for further frames, and tells whether the robot was set down.
+            Without it, every pose is trusted, and only the first frame shows where the robot was set down.
         labelled: whether to label the keyframe; by default the policy decides.
         may_repeat: whether to make a keyframe even if another one has seen the same from the same pose.
 
@@ -458,12 +464,10 @@ def map_frame(
     # Localise: register the frame with the surfaces that earlier keyframes have seen.
     localised = mapper.localise(frame)
     # Check whether the map agrees with that pose.
-    confirmed = check(localised)
+    was_set_down = mapper.knows_camera and not len(mapper.keyframes)
+    confirmed = Confirmed(localised, was_set_down) if check is None else check(localised)
     if confirmed is None:
         return None
-    localised, was_set_down = confirmed
     # Map: every map takes the frame in, unless it shows nothing new.
-    if localised.repeats and not may_repeat:
-        mapper.pass_by(localised)
-        return None
-    return mapper.add_frame(localised, labelled, bool(was_set_down))
+    add = mapper.add_frame if may_repeat else mapper.add_if_new
+    return add(confirmed.localised, labelled, set_down=bool(confirmed.was_carried))

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.arrays import Points, Pose
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.localisation import Localised, LostError
@@ -59,9 +59,7 @@ class Pilot:
         Raises:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
-        keyframe = map_frame(self._mapper, self.sense, self.confirm, labelled=True, may_repeat=True)
-        if keyframe is None:
-            raise LostError("the robot's pose remains in doubt")
+        keyframe = required(map_frame(self._mapper, self.sense, self.confirm, labelled=True, may_repeat=True))
         self.correct()
         return keyframe
 
@@ -158,10 +156,8 @@ class Pilot:
         def check(localised: Localised) -> Confirmed:
             return Confirmed(self._note(localised), None)
 
-        keyframe = map_frame(self._mapper, self.sense, check, labelled=False, may_repeat=True)
+        keyframe = required(map_frame(self._mapper, self.sense, check, labelled=False, may_repeat=True))
         self.correct()
-        if keyframe is None:
-            return np.zeros((0, 3), np.float32)
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
 
     def _note(self, localised: Localised) -> Localised:

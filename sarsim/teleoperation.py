@@ -18,7 +18,6 @@ import numpy as np
 
 from pipeline.errors import InputError, required
 from pipeline.files import run_all
-from pipeline.localisation.pose_check import Confirmed
 from pipeline.mapper import Keyframe, map_frame
 from pipeline.robot import Velocity
 from pipeline.run import MappingRun
@@ -242,10 +241,7 @@ class MappedDrive(MappingRun):
     def _take(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
         self.mapper.apply_corrections(waits=True)
-        was_set_down = not len(self.mapper.keyframes)
-        keyframe = map_frame(
-            self.mapper, self._robot.sense, lambda localised: Confirmed(localised, was_set_down), labelled=True
-        )
+        keyframe = map_frame(self.mapper, self._robot.sense, labelled=True)
         if keyframe is not None:
             self.mapper.connect(keyframe)
             self.show(keyframe)

@@ -16,7 +16,6 @@ from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.localisation.pose_check import Confirmed
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.localisation.vertical import T_lowest_camera, vertical
@@ -182,14 +181,7 @@ class Replay:
         if at_stop:
             self._add_track()
             self.mapper.apply_corrections(waits=True)
-        was_set_down = self._is_on_ground and not len(self.mapper.keyframes)
-        keyframe = map_frame(
-            self.mapper,
-            lambda: frame,
-            lambda localised: Confirmed(localised, was_set_down),
-            labelled=labelled,
-            may_repeat=recorded,
-        )
+        keyframe = map_frame(self.mapper, lambda: frame, labelled=labelled, may_repeat=recorded)
         if keyframe is not None and at_stop:
             self.mapper.connect(keyframe)
         return keyframe

@@ -102,7 +102,7 @@ def _read(
     check_detections(detections, detector)
     readings = [] if readers is None else readers.read(frame, detections)
     if detector is not None and frame.thermal is not None:
-        readings += warm_regions(frame.thermal, len(frame.rgb), heat)
+        readings = [*readings, *warm_regions(frame.thermal, len(frame.rgb), heat)]
     return ReadFrame(frame, keyframe, detections, readings)
 
 

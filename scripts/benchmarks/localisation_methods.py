@@ -71,10 +71,7 @@ class Ours(Method):
         timed = self._mapper.stopwatch.seconds["localisation"]
         before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
         localised = self._mapper.localise(frame)
-        if is_due and localised.repeats:
-            self._mapper.pass_by(localised)
-        elif is_due:
-            self._mapper.add_frame(localised, labelled=False)
+        if is_due and self._mapper.add_if_new(localised, labelled=False):
             if not is_blind(frame):
                 self._keyframe_s.append(sum(timed[before:]))
             self._keyframes.append(self._frames)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Localised, LostError
-from pipeline.localisation.pose_check import Confirmed, PoseCheck
+from pipeline.localisation.pose_check import PoseCheck
 from pipeline.mapper import Mapper, map_frame
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
@@ -18,7 +18,7 @@ from tests.pipeline.still_robot import StillRobot
 @pytest.fixture(scope="module")
 def mapper() -> Mapper:
     mapper = Mapper(PIONEER, TruthClassifier())
-    map_frame(mapper, StillRobot().sense, lambda localised: Confirmed(localised, True), labelled=False)
+    map_frame(mapper, StillRobot().sense, labelled=False)
     return mapper
 
 

@@ -202,11 +202,16 @@ class ExplorerRun(Run, ABC):
         self._relocalised = explorer.pilot.pose_check.relocalised
 
     @property
-    def explored(self) -> str:
+    def mapped(self) -> str:
         """The mapped area, as text."""
         elevation_map = self.mapper.elevation_map
         area = np.isfinite(elevation_map.measured).sum() * elevation_map.grid.cell**2
         return f"{area:.0f} m² mapped"
+
+    @property
+    def explored(self) -> str:
+        """How much has been explored so far, as text for the progress; it may lag behind the robot."""
+        return self.mapped
 
     def run(
         self, interrupted: Callable[[], bool] = lambda: False, on_progress: Callable[[Progress], object] = _ignore
@@ -317,17 +322,17 @@ class ExplorerRun(Run, ABC):
     def _outcome_of(self, step: Step) -> str:
         """The outcome of a step, as a line for the log."""
         if not step.can_drive:
-            return f"{self.explored}; the robot cannot leave its current position"
+            return f"{self.mapped}; the robot cannot leave its current position"
         if step.viewpoint is None or step.plan is None:
             finished = "exploration finished: no remaining viewpoint is worth the drive"
-            return f"{self.explored}; {finished if step.explores else 'there is no goal left to drive to'}"
+            return f"{self.mapped}; {finished if step.explores else 'there is no goal left to drive to'}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
         way = f"path of {step.plan.length:.1f} m via nodes {nodes}" if nodes else f"path of {step.plan.length:.1f} m"
         if not step.viewpoint.gain:
-            return f"{self.explored}; next viewpoint {place}; {way}"
+            return f"{self.mapped}; next viewpoint {place}; {way}"
         heading = np.degrees(step.viewpoint.heading)
         gain = f"{step.viewpoint.gain:.2f} m² of new ground"
-        return f"{self.explored}; next viewpoint {place}, heading {heading:.0f}°; {way}; expected to show {gain}"
+        return f"{self.mapped}; next viewpoint {place}, heading {heading:.0f}°; {way}; expected to show {gain}"
 
     def _finish(self, sim_time: float) -> None:
         """Write the results of a run that took ``sim_time`` s by the robot's clock."""

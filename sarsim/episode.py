@@ -112,7 +112,7 @@ class Episode(ExplorerRun):
 
     @property
     def explored(self) -> str:
-        """The true explored share, as text."""
+        """The true explored share so far, as text for the progress."""
         return f"{self._explored_share():.0%} of the drivable ground seen"
 
     def _explored_share(self) -> float:

@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+import time
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,6 +19,7 @@ from pipeline.progress import Progress
 from pipeline.transforms import from_yaw
 from sarsim import episode as episode_module
 from sarsim.episode import Episode
+from sarsim.scoring.coverage import Coverage
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 from tests.sarsim.rooms import HOUSE, box, movable, room
@@ -67,6 +69,18 @@ def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
     maps = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
     assert maps | {"trajectory_true.tum", "trajectory_estimated.tum"} <= {file.name for file in out.iterdir()}
     assert "metric_map" not in json.loads((out / "report.json").read_text())
+
+
+def test_the_log_does_not_depend_on_how_fast_the_scores_are(tmp_path, monkeypatch):
+    logs = []
+    for name, delay in (("quick", 0.0), ("slow", 1.0)):
+        see = Coverage.see
+        monkeypatch.setattr(Coverage, "see", lambda *args, see=see, delay=delay: (time.sleep(delay), see(*args)))
+        (tmp_path / name).mkdir()
+        logs.append(Diary(room((-1.0, 2.8), (-1.3, 1.3)), tmp_path / name, steps=2).lines)
+        monkeypatch.undo()
+    assert len(logs[0]) >= 2
+    assert logs[0] == logs[1]
 
 
 def test_a_terminal_shows_the_progress_and_the_phases_of_the_end(tmp_path, monkeypatch):

@@ -308,7 +308,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
             By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
-        depth_scale: depth units per metre in a folder's images. By default 5000.
+        depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
         mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.

@@ -1,6 +1,7 @@
 """Decodes the image messages of camera drivers."""
 
 import struct
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -29,6 +30,11 @@ CONFIG = struct.Struct("<iff")
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
 UNREADABLE = "is damaged, too large or not supported"
 LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
+LEAST_CLIPPED, CLIP_GAP = (
+    0.01,
+    0.1,
+)  # Share of an image with the depth written for no return; gap below it, as a share
+LARGEST = float(np.finfo(np.float16).max)  # From here on, a depth in m stands for "no return" (65504 in AirSim)
 
 
 def depth_of(message: Message) -> Depth:
@@ -36,10 +42,34 @@ def depth_of(message: Message) -> Depth:
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
-        return _pixels(message, np.dtype(np.uint16), 1) * np.float32(1e-3)
+        return metres(_pixels(message, np.dtype(np.uint16), 1), 1000.0)
     if message.encoding == "32FC1":
-        return np.nan_to_num(_pixels(message, np.dtype(np.float32), 1), nan=0.0, posinf=0.0, neginf=0.0)
+        return metres(_pixels(message, np.dtype(np.float32), 1))
     raise InputError(f"depth images in {message.encoding!r} are not supported; use {', '.join(MILLIMETRES)} or 32FC1")
+
+
+def metres(pixels: NDArray, units: float = 1.0) -> Depth:
+    """Depth, m, of an image with so many units per metre.
+
+    Depths that are not positive or not finite are no returns, and so are those that drivers write in their place: the
+    largest value of an integer type, and numbers from the largest of half precision on.
+    """
+    nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else LARGEST
+    is_return = (pixels > 0) & (pixels < nothing)
+    return np.where(is_return, pixels / np.float32(units), 0).astype(np.float32)
+
+
+def clip_of(depths: Sequence[Depth]) -> float | None:
+    """The depth, m, that a recorder writes where it has no return, such as the far end of its range; None without.
+
+    It is the largest depth in most of the images, a whole number of decimetres, frequent, and far from all others.
+    """
+    most = float(max((depth.max() for depth in depths), default=0.0))
+    equal = np.array([np.mean(depth == np.float32(most)) for depth in depths])
+    others = max((depth[depth < np.float32(most)].max(initial=0.0) for depth in depths), default=0.0)
+    is_round = most > 0 and abs(10 * most - round(10 * most)) < 1e-4
+    is_clip = is_round and np.median(equal) > LEAST_CLIPPED and 0 < others < (1 - CLIP_GAP) * most
+    return most if is_clip else None
 
 
 def colour_of(message: Message) -> Rgb:
@@ -101,12 +131,11 @@ def _compressed_depth(message: Message) -> Depth:
     except InputError as error:
         raise InputError(f"a depth image with format {message.format!r} {UNREADABLE}; use {LOSSLESS}") from error
     if pixels.ndim == 2 and pixels.dtype == np.float32:
-        return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
+        return metres(pixels)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
         kind = f"{pixels.dtype} pixels of shape {pixels.shape}"
         raise InputError(f"depth images in {message.format!r} with {kind} are not supported; use {LOSSLESS}")
     if not is_inverse:
-        return pixels * np.float32(1e-3)
+        return metres(pixels, 1000.0)
     with np.errstate(divide="ignore"):
-        depth = np.float32(a) / (pixels - np.float32(b))
-    return np.where((pixels > 0) & np.isfinite(depth), depth, 0).astype(np.float32)
+        return metres(np.float32(a) / np.where(metres(pixels) > 0, pixels - np.float32(b), np.inf))

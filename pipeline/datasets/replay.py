@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import dropwhile
+from itertools import chain, dropwhile, islice
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Direction, Pose
+from pipeline.datasets.images import clip_of
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
@@ -26,6 +27,7 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
 
 
+CLIP_FRAMES = 10  # Number of first frames that show whether a depth stands for no return
 POSELESS = "frames without a known pose"
 
 
@@ -92,7 +94,7 @@ class Replay:
             InputError: the recording is broken; the frames before that are mapped.
             LostError: the pose of a frame can no longer be found; the frames before that are mapped.
         """
-        for frame in self.recording.frames():
+        for frame in self._frames():
             if not self._has_begun and not self._begin(self.mapper.clean(frame)):
                 continue
             if self._T_base_camera is not None:
@@ -104,6 +106,24 @@ class Replay:
             frame = replace(frame, T_odom_base=T)
             truth = self._truth.at(frame.time, self._numbers.trajectory) if self._truth else None
             yield Replayed(frame, self._take(frame), truth)
+
+    def _frames(self) -> Iterator[Frame]:
+        """The recording's frames, in which the depth that stands for no return, if there is one, has become 0."""
+        frames, first, broken = self.recording.frames(), list[Frame](), None
+        try:
+            first.extend(islice(frames, CLIP_FRAMES))
+        except InputError as error:
+            broken = error
+        clip = clip_of([frame.depth for frame in first])
+        if clip is not None:
+            self.recording.note(f"a depth of exactly {clip:g} m, which many pixels have, is taken for no return")
+        for frame in chain(first, frames):
+            if clip is None:
+                yield frame
+            else:
+                yield replace(frame, depth=np.where(frame.depth < np.float32(clip), frame.depth, np.float32(0)))
+        if broken:
+            raise broken
 
     def _T_odom_base(self, frame: Frame) -> Pose | None:
         if self._odometry is not None:
@@ -156,7 +176,7 @@ class Replay:
             return T_lowest_camera(first, self.recording.up)
         odometry = DepthOdometry(np.eye(4), config=self._numbers)
         with suppress(LostError):
-            for frame in dropwhile(lambda frame: frame.time < first.time, self.recording.frames()):
+            for frame in dropwhile(lambda frame: frame.time < first.time, self._frames()):
                 T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
                     return T_lowest_camera(first, T_first_frame[:3, :3] @ up)

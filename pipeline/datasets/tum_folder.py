@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Depth, Direction
 from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.image_pairs import Pair, image_pairs
+from pipeline.datasets.images import metres
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, read_numbers
@@ -38,7 +39,7 @@ def read_tum_folder(
     Args:
         path: the folder.
         calibration: intrinsics of the camera; override those in ``calibration.txt``.
-        depth_scale: units of the depth images per metre; by default those of ``config``.
+        depth_scale: units of the depth images per metre; by default those of ``config``, or 1 for float images.
         fps: frames per second of images without times.
         config: how recordings are read.
 
@@ -53,7 +54,7 @@ def read_tum_folder(
         path,
         lambda: (
             replace(frame, T_base_camera=T_base_camera)
-            for frame in _frames(recording, pairs, calibration, depth_scale or config.depth_units)
+            for frame in _frames(recording, pairs, calibration, depth_scale, config.depth_units)
         ),
         has_camera_pose=place is not None,
     )
@@ -108,7 +109,9 @@ def _calibration(path: Path) -> Calibration:
     return Calibration(*rows[0].tolist())
 
 
-def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibration, scale: float) -> Iterator[Frame]:
+def _frames(
+    recording: Recording, pairs: Sequence[Pair], calibration: Calibration, scale: float | None, usual: float
+) -> Iterator[Frame]:
     size: tuple[int, ...] | None = None
     for time, file, colour in pairs:
         if colour is None:
@@ -117,24 +120,24 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
         if not (file.exists() and colour.exists()):
             recording.leave_out("listed frames with a missing depth or colour image")
             continue
-        metres = _depth(file, scale)
+        depth = _depth(file, scale, usual)
         rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])
-        size = size or metres.shape
-        if metres.shape != size or rgb.shape[:2] != size:
-            sizes = ", ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})
+        size = size or depth.shape
+        if depth.shape != size or rgb.shape[:2] != size:
+            sizes = ", ".join(f"{w} × {h}" for h, w in {size, depth.shape, rgb.shape[:2]})
             raise InputError(f"{file}: {ONE_SIZE}, but their sizes are {sizes}")
         fx, fy, cx, cy = calibration
         intrinsics = Intrinsics(size[1], size[0], fx, fy, cx + 0.5, cy + 0.5)
-        yield Frame(time, rgb, metres, intrinsics, np.eye(4), np.eye(4))
+        yield Frame(time, rgb, depth, intrinsics, np.eye(4), np.eye(4))
 
 
-def _depth(file: Path, scale: float) -> Depth:
+def _depth(file: Path, scale: float | None, usual: float) -> Depth:
     image = _image(file, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
         raise InputError(
             f"{file}: must be a one-channel uint16 or float32 depth image, not {image.dtype} with shape {image.shape}"
         )
-    return np.asarray(image / np.float32(scale), np.float32)
+    return metres(image, scale or (usual if image.dtype == np.uint16 else 1.0))
 
 
 def _image(file: Path, flags: int) -> NDArray:

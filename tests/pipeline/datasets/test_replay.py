@@ -69,6 +69,19 @@ def test_true_poses_of_the_camera_become_those_of_the_robot() -> None:
     np.testing.assert_allclose([r.T_world_base for r in found], WAY, atol=1e-12)
 
 
+@pytest.mark.parametrize("clip", [10.0, 4.5, np.float32(12.1)])
+def test_a_depth_that_stands_for_no_return_is_none(clip: float) -> None:
+    whole = recording(truth=Trajectory(TIMES, np.array(WAY)))
+    holes = [replace(f, depth=np.where(np.arange(320) < 80, 0, f.depth).astype(np.float32)) for f in whole.frames()]
+    clipped = [replace(f, depth=np.where(f.depth > 0, f.depth, clip).astype(np.float32)) for f in holes]
+    whole.frames = lambda: iter(clipped)
+    _, found = replayed(whole, "truth")
+    for r, true in zip(found, holes, strict=True):
+        np.testing.assert_array_equal(r.frame.depth, true.depth)
+    (note,) = whole.notes
+    assert f"{clip:g} m" in note
+
+
 ON_ITS_SIDE = from_rotation(
     Rotation.from_euler("xyz", [110, 20, 30], degrees=True).as_matrix(), np.array([3.0, 1, 2])
 )

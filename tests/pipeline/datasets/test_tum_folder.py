@@ -81,6 +81,20 @@ def test_a_depth_scale_and_intrinsics_can_be_given(folder: Path) -> None:
     np.testing.assert_allclose(frame.depth, 2 * frames()[0].depth, atol=3e-4)
 
 
+def test_float_images_are_in_metres(folder: Path) -> None:
+    for file, frame in zip(sorted((folder / "depth").glob("*.png")), frames()[:NUMBER], strict=True):
+        cv2.imwrite(str(file.with_suffix(".tiff")), frame.depth)
+    listed = (folder / "depth.txt").read_text()
+    (folder / "depth.txt").write_text(listed.replace(".png", ".tiff"))
+    for frame, true in zip(read_tum_folder(folder).frames(), frames(), strict=False):
+        np.testing.assert_array_equal(frame.depth, true.depth)
+
+
+def test_the_largest_number_is_no_return(folder: Path) -> None:
+    (folder / "depth" / "0.000.png").write_bytes(cv2.imencode(".png", np.full((240, 320), 65535, np.uint16))[1])
+    assert not next(read_tum_folder(folder).frames()).depth.any()
+
+
 def test_depth_without_colour_is_left_out(folder: Path) -> None:
     lines = (folder / "rgb.txt").read_text().splitlines()
     (folder / "rgb.txt").write_text("\n".join(lines[:-2]))

@@ -13,6 +13,7 @@ from pipeline.errors import InputError
 from pipeline.frame import decoded
 
 MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
+DEPTHS = (*MILLIMETRES, "32FC1")  # The last is in m
 TO_RGB = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
@@ -35,6 +36,19 @@ LEAST_CLIPPED, CLIP_GAP = (
     0.1,
 )  # Share of an image with the depth written for no return; gap below it, as a share
 LARGEST = float(np.finfo(np.float16).max)  # From here on, a depth in m stands for "no return" (65504 in AirSim)
+
+
+def is_depth(message: Message) -> bool:
+    """Whether an image holds depth, by its encoding or, if it is compressed, by its format or its content."""
+    if not hasattr(message, "format"):
+        return message.encoding in DEPTHS
+    if "compressedDepth" in message.format or message.format.startswith(DEPTHS):
+        return True
+    try:
+        pixels = decoded(message.data, cv2.IMREAD_UNCHANGED)
+    except InputError:
+        return False
+    return pixels.ndim == 2 and pixels.dtype in (np.uint16, np.float32)
 
 
 def depth_of(message: Message) -> Depth:

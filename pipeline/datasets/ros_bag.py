@@ -23,11 +23,11 @@ from pipeline.datasets.cameras import (
     stream_of,
 )
 from pipeline.datasets.config import DatasetsConfig
-from pipeline.datasets.images import colour_of, depth_of, label_of
+from pipeline.datasets.images import DEPTHS, colour_of, depth_of, is_depth, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
 from pipeline.datasets.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
@@ -106,10 +106,11 @@ class Topics:
 
     Attributes:
         kinds: the types of all topics with messages, by name.
+        first: the first message of each topic of images and of camera_info, by name.
         depth: topic of the depth images.
         colour, odometry, imu: topics of these data; None if there is none.
         transforms: topics of the robot's transforms.
-        notes: which topics are ignored although a user may want them, one line each.
+        notes: what is chosen or ignored although a user may want something else, one line each.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
@@ -120,18 +121,61 @@ class Topics:
             raise InputError(
                 f"{path}: no messages on {' or '.join(unknown)} (--topics); the bag's topics are {self._listed}"
             )
-        images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
-        depths = [name for name in images if "depth" in name.lower()]
-        depth = self._one("depth images", depths)
-        if depth is None:
-            needed = "no depth images, which must be on a topic with 'depth' in its name"
-            raise InputError(f"{path}: {needed}; its topics are {self._listed}")
-        self.depth = depth
-        others = [name for name in images if name not in depths and not INFRARED.search(name)]
-        self.colour = self._one("colour images", others)
+        self.first = {
+            name: _first(reader, name) for name, kind in self.kinds.items() if kind in (*IMAGE_TYPES, INFO_TYPE)
+        }
+        self.depth, self.colour = self._images()
         self.odometry = self._one("odometry", self._of("nav_msgs/msg/Odometry"))
         self.imu = self._imu()
         self.transforms = self._transforms()
+
+    def _images(self) -> tuple[str, str | None]:
+        """The topics of depth and colour; the encodings say what is depth."""
+        images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
+        depths = [name for name in images if is_depth(self.first[name])]
+        if not depths:
+            found = ", ".join(f"{name} ({self._encoding(name)})" for name in images)
+            found = f"its images are {found}" if found else f"its topics are {self._listed}"
+            raise InputError(f"{self._path}: no depth images ({', '.join(DEPTHS)} or compressedDepth); {found}")
+        depths = self._usable(depths, lambda name: not INFRARED.search(name))
+        colours = self._usable([name for name in images if name not in depths and not is_depth(self.first[name])])
+        colours = [name for name in colours if name in self._named or not INFRARED.search(name)]
+        if len(depths) > 1:
+            depths = self._preferred(depths, colours, lambda name: "depth" in name.lower())
+        if len(colours) > 1:
+            colours = self._preferred(colours, depths, lambda name: "depth" not in name.lower())
+        depth, colour = self._one("depth images", depths), self._one("colour images", colours)
+        if colour is None:
+            self.notes.append("no colour images; all surfaces are black, and people are not detected")
+        return required(depth), colour
+
+    def _usable(self, names: list[str], is_usual: Callable[[str], bool] = lambda name: True) -> list[str]:
+        """The named topics, or else the raw rather than compressed ones, and of these the usual ones if any."""
+        raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
+        return [n for n in names if n in self._named] or [n for n in raw if is_usual(n)] or raw
+
+    def _preferred(self, names: list[str], others: list[str], is_called: Callable[[str], bool]) -> list[str]:
+        """Of several topics that with the same camera_info as images of the other kind, or else that with a name."""
+        cameras = {camera for name in others if (camera := self._camera(name))}
+        same = [name for name in names if self._camera(name) in cameras]
+        called = [name for name in (same or names) if is_called(name)]
+        found = next((few for few in (same, called) if len(few) == 1), names)
+        if found != names:
+            self.notes.append(f"using {found[0]} of {', '.join(names)}; to use another, name it in --topics")
+        return found
+
+    def _camera(self, topic: str) -> tuple[float, ...] | None:
+        """What the camera_info of an image topic says of size and matrix; None without one."""
+        name = info_topic(topic, self.kinds)
+        if name is None:
+            return None
+        info = self.first[name]
+        K = info.k if hasattr(info, "k") else info.K
+        return (info.width, info.height, *np.round(K, 1).tolist())
+
+    def _encoding(self, name: str) -> str:
+        image = self.first[name]
+        return image.format if hasattr(image, "format") else image.encoding
 
     @property
     def _listed(self) -> str:
@@ -160,8 +204,7 @@ class Topics:
 
     def _one(self, what: str, names: list[str]) -> str | None:
         """The topic to use: the named one, or the raw one rather than compressed ones; None if there is none."""
-        raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
-        found = [n for n in names if n in self._named] or raw
+        found = self._usable(names)
         if len(found) > 1:
             listed = ", ".join(found)
             raise InputError(f"{self._path}: several topics have {what}: {listed}; choose one with --topics")
@@ -181,14 +224,13 @@ class _Beside:
         self.links = FrameTree()
         self._felt: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
-        self._first = {name: _first(reader, name) for name in (topics.depth, topics.colour) if name}
+        self._first = topics.first
         self._streams = [
             s for name, kind in topics.kinds.items() if kind == EXTRINSIC_TYPE and (s := stream_of(name))
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
             self.links.hang(*extrinsic(name, _first(reader, name)))
-        infos = [name for name, kind in topics.kinds.items() if kind == INFO_TYPE]
-        self._infos = {name: _first(reader, name) for name in infos}
+        self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
         takers: dict[str | None, Callable[[Any, float], None]] = {
             topics.odometry: self._take_odometry,

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.datasets.recording import Recording
 from pipeline.datasets.ros_bag import LABELS, read_ros_bag
 from pipeline.errors import InputError
-from pipeline.frame import Calibration
+from pipeline.frame import Calibration, Intrinsics
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.transforms import from_rotation, inverse, transform_points
@@ -140,7 +140,9 @@ def changed(topic: str, **values: Any) -> Change:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (without(DEPTH), r"depth images.* /camera/color/camera_info"),
+        (without(DEPTH), r"no depth images .*/camera/color/image_raw \(rgb8\)"),
+        (changed(DEPTH, encoding="8UC1"), r"no depth images .*16UC1.*/camera/depth/image_raw \(8UC1\)"),
+        (without(DEPTH, COLOUR), r"no depth images.* /camera/color/camera_info"),
         (without(INFO, COLOUR_INFO), r"camera_info.*--intrinsics"),
         (changed(INFO, k=np.zeros(9)), r"fx fy cx cy must be positive and finite, not 0 0 0 0"),
         (changed(INFO, d=np.ones(3)), r"distortion coefficients, not 3"),
@@ -171,7 +173,6 @@ def jpeg_depth(form: str) -> Change:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (changed(DEPTH, encoding="8UC1"), r"'8UC1'.* 16UC1, mono16 or 32FC1"),
         (changed(COLOUR, encoding="nv12"), r"'nv12'"),
         (jpeg_depth("16UC1; jpeg compressed "), r"'16UC1; jpeg compressed '.* PNG"),
         (jpeg_depth("16UC1; compressedDepth jpeg"), r"compressedDepth jpeg.* PNG"),
@@ -236,6 +237,66 @@ def renamed(topic: Callable[[str], str], frame: Callable[[str], str] = str, *lef
         return [] if name in left_out else [(topic(name), time, message)]
 
     return change
+
+
+def called(depth: str, colour: str) -> Change:
+    """Other names of the images, with the camera_info beside them."""
+    names = {DEPTH: depth, COLOUR: colour}
+    infos = {INFO: depth.rpartition("/")[0] + "/camera_info", COLOUR_INFO: colour.rpartition("/")[0] + "/camera_info"}
+    return renamed(lambda name: (names | infos).get(name, name))
+
+
+@pytest.mark.parametrize("topics", [[], ["depth"], ["colour"], ["depth", "colour"]])
+@pytest.mark.parametrize(
+    ("depth", "colour"),
+    [
+        ("/depth_camera/depth/image_raw", "/depth_camera/image_raw"),
+        ("/rgbd/points_of/image", "/rgbd_depth/colour/image"),
+        ("/oak/stereo/image_raw", "/oak/rgb/image_raw"),
+        ("/oak/stereo/image_raw", "/oak/depth_aligned_rgb/image_raw"),
+    ],
+)
+def test_the_encoding_says_what_is_depth(depth: str, colour: str, topics: list[str], tmp_path: Path) -> None:
+    names = {"depth": depth, "colour": colour}
+    recording = read_ros_bag(
+        write_bag(tmp_path / "room", change=called(depth, colour)), [names[kind] for kind in topics]
+    )
+    assert_whole(recording)
+    assert not recording.notes
+
+
+def thermal(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """An infrared camera of 16 bits, and a picture of the depth in false colours."""
+    yield name, time, message
+    if name == DEPTH:
+        yield "/thermal/image_raw", time, messages.image(time, "mono16", np.full((120, 160), 30000, np.uint16))
+        yield "/camera/depth/colored", time, messages.image(time, "rgb8", np.zeros((240, 320, 3), np.uint8))
+
+
+def two_depths(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """Depth of the infrared camera beside depth that is registered to colour."""
+    yield name, time, message
+    if name == DEPTH:
+        yield "/own_depth/image", time, messages.image(time, "32FC1", np.ones((100, 100), np.float32))
+    if name == INFO:
+        yield "/own_depth/camera_info", time, messages.camera_info(time, Intrinsics(100, 100, 80, 80, 50, 50))
+
+
+@pytest.mark.parametrize(("change", "notes"), [(thermal, 2), (two_depths, 1)])
+def test_of_several_images_the_cameras_or_the_names_decide_and_it_is_said(
+    change: Change, notes: int, tmp_path: Path
+) -> None:
+    path = write_bag(tmp_path / "room", change=change)
+    recording = read_ros_bag(path)
+    assert_whole(recording)
+    assert len(recording.notes) == notes and all("--topics" in note for note in recording.notes)
+    assert not read_ros_bag(path, [DEPTH, COLOUR]).notes
+
+
+def test_depth_without_any_colour_is_said(tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=without(COLOUR, COLOUR_INFO)))
+    (note,) = recording.notes
+    assert "no colour images" in note and not next(recording.frames()).rgb.any()
 
 
 def footprint(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:

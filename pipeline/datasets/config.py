@@ -11,10 +11,8 @@ class DatasetsConfig:
         at_rest: time at the start during which an accelerometer measures the vertical, s.
         buffered: number of depth images that are buffered: they may come out of order, and colour images may lag.
         depth_units: units of depth images per metre, by default.
-        most_step: maximum median time between a folder's images, s; if it is longer (hours), times cannot be in s.
     """
 
     at_rest: float = 0.5
     buffered: int = 15
     depth_units: float = 5000.0
-    most_step: float = 1e4

@@ -1,22 +1,32 @@
 """Which colour image belongs to which depth image of a folder, and when they were taken."""
 
 import re
-from math import gcd
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from pipeline.arrays import Values
 from pipeline.errors import InputError
-from pipeline.files import read_text
-from pipeline.frame import SAME_TIME
+from pipeline.files import MOST_MEMORY, read_bytes, read_text
+from pipeline.frame import SAME_TIME, decoded
 from pipeline.localisation.trajectory import LEAST_SINCE_1970, in_seconds
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 DEPTH, COLOUR = ("depth",), ("rgb", "color")  # Names of lists and of folders
-NUMBER = re.compile(r"\d{9,}\.\d+|\d+")  # In file names: s since 1970 have decimals, other numbers are whole
+NUMBER = re.compile(
+    r"(?<![\d.])\d+\.\d+(?!\.?\d)|\d+"
+)  # In names: a decimal, but not a part of 1.2.3, or a whole number
+ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
+TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
+MOST_STEP = 2.0  # Longest median interval between images for which times without a date can be in s
+MOST_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are no dates
+UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
+"""Units of time, by their number in a second."""
 Key = tuple[float, ...]
+Note = Callable[[str], None]
 
 
 class Pair(NamedTuple):
@@ -34,7 +44,7 @@ class _Images(NamedTuple):
     times: Values | None
 
 
-def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
+def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -> list[Pair]:
     """The depth images of a folder in chronological order, each with its colour image.
 
     If there is a file of associations (``assoc*.txt``: time and file of one kind, time and file of the other), it
@@ -43,22 +53,42 @@ def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
 
     Args:
         path: the folder.
-        fps: images per second, for images without times.
-        most_step: maximum median time between images, s; if it is longer, times cannot be in s.
+        fps: images per second, for images without times, or with frame numbers for times.
+        note: receives a line for each assumption.
 
     Raises:
-        InputError: there are no images, a list is malformed, or nothing says when the images were taken.
+        InputError: there are no images, a list is malformed, or nothing says when the images were taken, or in which
+            order.
     """
-    pairs = _associated(path)
+    pairs = _associated(path, fps, note)
     if pairs is None:
-        depth, colour = _images(path, DEPTH), _images(path, COLOUR)
+        depth, colour = _images(path, DEPTH, fps, note), _images(path, COLOUR, fps, note)
         pairs = _by_time(depth, colour) or _by_number(path, depth, colour, fps)
-    pairs = sorted(pairs, key=lambda pair: pair.time)
-    step = float(np.median(np.diff([pair.time for pair in pairs]))) if len(pairs) > 1 else 0.0
-    if step > most_step:
-        found = f"the median interval between images is {step:g} s, and the limit is {most_step:g} s"
-        raise InputError(f"{path}: {found}; give times in s, or in ms, µs or ns since 1970")
-    return pairs
+    return sorted(pairs, key=lambda pair: pair.time)
+
+
+def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values:
+    """The times of a list in s: dates by their size, others in the unit that gives plausible intervals."""
+    dates, step = _dates(times), float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
+    if dates is not None:
+        return dates
+    if step == 1 and not np.any(times % 1):
+        if fps is not None:
+            return times / fps
+        note(f"{file.name}: the times count by ones, and are taken for s; if they are frame numbers, give --fps")
+    unit = next((unit for unit in UNITS if step / unit <= MOST_STEP), None)
+    if unit is None:
+        raise InputError(f"{file}: the median interval between images is {step:g}; give times in s, ms, µs or ns")
+    if unit != 1:
+        note(f"{file.name}: the times are taken for {UNITS[unit]}, as {step:g} s between images are too long")
+    return times / unit
+
+
+def _dates(times: Values) -> Values | None:
+    """Times since 1970, in whichever unit, in s; None if they cannot be such."""
+    found = in_seconds(times)
+    step = np.median(np.diff(np.unique(found))) if np.ptp(found) else 0.0
+    return found if np.median(found) > LEAST_SINCE_1970 and step <= MOST_STEP_OF_DATES else None
 
 
 def holds_images(path: Path) -> bool:
@@ -68,40 +98,64 @@ def holds_images(path: Path) -> bool:
 
 
 def _files(folder: Path) -> list[Path]:
-    return [file for file in folder.glob("*") if file.suffix.lower() in IMAGE_ENDINGS]
+    files = (file for file in folder.glob("*") if not file.name.startswith("."))
+    return [file for file in files if file.suffix.lower() in IMAGE_ENDINGS]
 
 
-def _associated(path: Path) -> list[Pair] | None:
+def _associated(path: Path, fps: float | None, note: Note) -> list[Pair] | None:
     """The pairs in a file of associations; None if there is none."""
-    rows = _association_rows(path)
-    if rows is None:
+    found = _association_rows(path)
+    if found is None:
         return None
-    first = 0 if "depth" in rows[0][1].lower() else 2
-    times = in_seconds(np.array([float(row[first]) for row in rows]))
-    pairs = zip(times.tolist(), rows, strict=True)
-    return [Pair(time, path / row[first + 1], path / row[3 - first]) for time, row in pairs]
+    file, rows = found
+    times = _seconds(file, np.array([float(row[0]) for row in rows]), fps, note)
+    return [
+        Pair(time, path / depth, path / colour) for time, (_, depth, colour) in zip(times.tolist(), rows, strict=True)
+    ]
 
 
-def _association_rows(path: Path) -> list[list[str]] | None:
-    """The lines, as words, of the first file that associates depth with colour images; None if there is none.
+def _association_rows(path: Path) -> tuple[Path, list[tuple[str, str, str]]] | None:
+    """The first file that associates depth with colour images, and its lines: time, file of depth, file of colour.
+
+    None if there is no such file.
 
     Raises:
         InputError: a line does not have this format.
     """
     for file in sorted(path.glob("assoc*.txt")):
-        rows = [(n, words) for n, line in enumerate(read_text(file).splitlines(), 1) if (words := _words(line))]
-        if not rows or len(rows[0][1]) != 4 or sum("depth" in rows[0][1][k].lower() for k in (1, 3)) != 1:
+        lines = [
+            (number, TWO_ROWS.fullmatch(" ".join(line.replace(",", " ").split())), line)
+            for number, line in _lines(file)
+        ]
+        first = lines[0][1] if lines else None
+        kinds = first and [_is_depth(path, first[name]) for name in ("file", "other_file")]
+        if kinds is None or sum(kinds) != 1:
             continue  # It associates something else, such as images with poses
-        for number, row in rows:
-            if len(row) != 4 or not all(_is_number(row[k]) for k in (0, 2)):
-                found = " ".join(row)[:60]
-                raise InputError(f"{file}: line {number} must have the form TIME FILE TIME FILE, not {found!r}")
-        return [row for _, row in rows]
+        rows = []
+        for number, row, line in lines:
+            if row is None or not (_is_number(row["time"]) and _is_number(row["other_time"])):
+                raise InputError(f"{file}: line {number} must have the form TIME FILE TIME FILE, not {line[:60]!r}")
+            time, *names = row.groups() if kinds[0] else (row["other_time"], row["other_file"], "", row["file"])
+            rows.append((time, names[0], names[2]))
+        return file, rows
     return None
 
 
-def _words(line: str) -> list[str]:
-    return line.partition("#")[0].replace(",", " ").split()
+def _is_depth(path: Path, name: str) -> bool:
+    """Whether a listed image is of depth, by its name or else its content."""
+    if "depth" in name.lower() or not (path / name).is_file():
+        return "depth" in name.lower()
+    try:
+        image = decoded(read_bytes(path / name, MOST_MEMORY), cv2.IMREAD_UNCHANGED)
+    except InputError:
+        return False
+    return image.ndim == 2 and image.dtype != np.uint8
+
+
+def _lines(file: Path) -> list[tuple[int, str]]:
+    """The numbers and contents of the lines of a list that are neither empty nor comments."""
+    lines = ((number, line.strip()) for number, line in enumerate(read_text(file).splitlines(), 1))
+    return [(number, line) for number, line in lines if line and not line.startswith("#")]
 
 
 def _is_number(word: str) -> bool:
@@ -111,11 +165,11 @@ def _is_number(word: str) -> bool:
         return False
 
 
-def _images(path: Path, names: tuple[str, ...]) -> _Images:
+def _images(path: Path, names: tuple[str, ...], fps: float | None, note: Note) -> _Images:
     """The images of one kind, from a list or, without a list, a folder that has one of the names."""
     for name in names:
         if (path / f"{name}.txt").exists():
-            return _from_list(path / f"{name}.txt")
+            return _from_list(path / f"{name}.txt", fps, note)
     for name in names:
         if files := _files(path / name):
             return _from_names(files)
@@ -123,35 +177,52 @@ def _images(path: Path, names: tuple[str, ...]) -> _Images:
     raise InputError(f"{path}: not a recording: it must contain {lists} or images in {folders}")
 
 
-def _from_list(file: Path) -> _Images:
+def _from_list(file: Path, fps: float | None, note: Note) -> _Images:
     """The images in a list of times and files; without times if several images all have the same time."""
-    found = []
-    for number, line in enumerate(read_text(file).splitlines(), 1):
-        words = _words(line)
-        if not words:
-            continue
-        if len(words) < 2 or not _is_number(words[0]):
+    times, files = [], []
+    for number, line in _lines(file):
+        row = ROW.fullmatch(line)
+        if row is None or not _is_number(row["time"]):
             raise InputError(f"{file}: line {number} must contain a time and a file, not {line[:60]!r}")
-        found.append((float(words[0]), file.parent / words[1]))
-    if not found:
+        times.append(float(row["time"]))
+        files.append(_listed(file.parent, row["file"]))
+    if not files:
         raise InputError(f"{file}: lists no images; each line must contain a time and a file")
-    times = in_seconds(np.array([time for time, _ in found]))
-    return _Images([name for _, name in found], times if len(found) == 1 or np.ptp(times) else None)
+    is_timed = len(files) == 1 or np.ptp(times) > 0
+    return _Images(files, _seconds(file, np.array(times), fps, note) if is_timed else None)
+
+
+def _listed(folder: Path, rest: str) -> Path:
+    """The image that the rest of a line names: it may contain blanks, and comments or columns may follow it."""
+    names = rest, rest.strip("\"'"), rest.partition(" #")[0].strip(), re.split(r"[\s,]", rest)[0]
+    return next((folder / name for name in names if (folder / name).is_file()), folder / rest)
 
 
 def _from_names(files: list[Path]) -> _Images:
-    """Images sorted by the numbers in their names, which are taken for times if they are large enough."""
-    files = sorted(files, key=lambda file: ([*map(float, NUMBER.findall(file.stem))], file.name))
+    """Images sorted by the numbers in their names, which are taken for times if they are dates.
+
+    Raises:
+        InputError: the names differ in more than their numbers, so that these may not be in the order of time.
+    """
+    files = sorted(files, key=lambda file: (_numbers(file), file.name))
+    texts = {NUMBER.sub("0", file.stem.lower()): file.name for file in reversed(files)}
+    if len(texts) > 1 and any(map(_numbers, files)):
+        first, second, *_ = sorted(texts.values())
+        found = f"the names {first} and {second} differ in more than numbers, so the order of the images is unknown"
+        raise InputError(
+            f"{files[0].parent}: {found}; list the images with their times in {files[0].parent.name}.txt"
+        )
     keys = _keys(files)
-    if keys is None or len(keys[0]) != 1:
-        return _Images(files, None)
-    times = in_seconds(np.array(keys)[:, 0])
-    return _Images(files, times if np.median(times) > LEAST_SINCE_1970 else None)
+    return _Images(files, None if keys is None or len(keys[0]) != 1 else _dates(np.array(keys)[:, 0]))
+
+
+def _numbers(file: Path) -> Key:
+    return tuple(map(float, NUMBER.findall(file.stem)))
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
     """For each name, the numbers that differ between names, or else the last; None if these are not unique."""
-    numbers = [tuple(map(float, NUMBER.findall(file.stem))) for file in files]
+    numbers = [_numbers(file) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None
     columns = [k for k, column in enumerate(zip(*numbers, strict=True)) if len(set(column)) > 1] or [-1]
@@ -199,5 +270,5 @@ def _places(keys: list[Key], others: list[Key]) -> Values:
     if len(every[0]) > 1 or len(every[-1]) > 1:
         return np.array([every.index(key) for key in keys], float)
     first = every[0][0]
-    step = gcd(*(int(key[0] - first) for key in every)) or 1
+    step = np.median(np.diff([key[0] for key in every])) if len(every) > 1 else 1.0
     return np.array([(key[0] - first) / step for key in keys])

@@ -1,5 +1,6 @@
 """Read a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,15 +9,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Depth, Direction
+from pipeline.arrays import Depth, Direction, Values
 from pipeline.datasets.config import DatasetsConfig
-from pipeline.datasets.image_pairs import Pair, image_pairs
+from pipeline.datasets.image_pairs import UNITS, Pair, image_pairs
 from pipeline.datasets.images import metres
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, read_numbers
 from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
+
+POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In the names of files of poses
+READ = "groundtruth.txt", "odometry.txt"
+LEAST_STEP = 5e-4  # Shortest median interval between poses, s
 
 
 def read_tum_folder(
@@ -30,7 +35,7 @@ def read_tum_folder(
     """A recording in a folder with ``depth.txt`` and ``rgb.txt``, or images in ``depth`` and ``rgb`` or ``color``.
 
     Images are paired by ``associations.txt``, by their times, or by the numbers in their names. Times are in s, or in
-    ms, µs or ns since 1970.
+    ms, µs or ns if these are more plausible.
 
     ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy, and
     ``accelerometer.txt`` accelerations: in ``base_link`` if there is a ``camera.txt``, else in the axes of a Kinect
@@ -46,8 +51,6 @@ def read_tum_folder(
     Raises:
         InputError: a file is missing or broken.
     """
-    pairs = image_pairs(path, fps, config.most_step)
-    calibration = calibration or _calibration(path)
     place = _trajectory(path / "camera.txt")
     T_base_camera = np.eye(4) if place is None else place.poses[0]
     recording = Recording(
@@ -58,10 +61,16 @@ def read_tum_folder(
         ),
         has_camera_pose=place is not None,
     )
-    recording.truth = _trajectory(path / "groundtruth.txt", recording)
-    recording.odometry = _trajectory(path / "odometry.txt", recording)
+    pairs = image_pairs(path, fps, recording.note)
+    _note_missing(recording, pairs)
+    calibration = calibration or _calibration(path)
+    span = pairs[0].time, pairs[-1].time
+    recording.truth = _trajectory(path / "groundtruth.txt", recording, span, fps)
+    recording.odometry = _trajectory(path / "odometry.txt", recording, span, fps)
+    if unread := sorted(file.name for file in path.iterdir() if POSES.search(file.name) and file.name not in READ):
+        recording.note(f"not reading {', '.join(unread)}; poses are read from groundtruth.txt and odometry.txt")
     recording.up = _up(path / "accelerometer.txt", recording, config.at_rest)
-    recording.check_clocks(pairs[0].time, pairs[-1].time)
+    recording.check_clocks(*span)
     if (path / "keyframes.txt").exists():
         rows = read_numbers(path / "keyframes.txt", "time labelled stood")
         rows[:, 0] = in_seconds(rows[:, 0])
@@ -70,14 +79,46 @@ def read_tum_folder(
     return recording
 
 
-def _trajectory(path: Path, recording: Recording | None = None) -> Trajectory | None:
+def _note_missing(recording: Recording, pairs: Sequence[Pair]) -> None:
+    """Name the first listed image that does not exist; InputError if no pair of images exists."""
+    listed = [file for pair in pairs for file in (pair.depth, pair.colour) if file is not None]
+    missing = [file for file in listed if not file.exists()]
+    if not missing:
+        return
+    found = f"{len(missing)} of {len(listed)} listed images are missing; the first is {missing[0]}"
+    if not any(pair.depth.exists() and pair.colour and pair.colour.exists() for pair in pairs):
+        raise InputError(f"{recording.path}: {found}")
+    recording.note(found)
+
+
+def _trajectory(
+    path: Path, recording: Recording | None = None, span: tuple[float, float] = (0.0, 0.0), fps: float | None = None
+) -> Trajectory | None:
+    """The poses in a file, if it exists; their times are in the unit that fits the ``span`` of the images, s."""
     if not path.exists():
         return None
     found = read_trajectory(path, of_camera=True)
     if recording is not None and found.left_out:
         skipped = f"{found.left_out} of {found.left_out + len(found.times)} lines"
         recording.note(f"{path.name}: ignoring {skipped}, which have non-finite numbers or a zero quaternion")
+    if recording is not None and (unit := _unit(found.times, span, fps)) != 1:
+        taken = UNITS.get(unit, "frame numbers")
+        recording.note(f"{path.name}: the times are taken for {taken}, as they then fit those of the images")
+        found.times = found.times / unit
     return found
+
+
+def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
+    """The unit, per s, in which times at plausible intervals best cover a ``span``, s; 1 if none covers any of it."""
+    step = float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
+
+    def fit(unit: float) -> float:
+        first, last = times[0] / unit, times[-1] / unit
+        shared, whole = min(last, span[1]) - max(first, span[0]), max(last, span[1]) - min(first, span[0])
+        return shared / whole if whole > 0 and step / unit >= LEAST_STEP else 0.0
+
+    best = max([*UNITS, *([fps] if fps else [])], key=fit)
+    return best if fit(best) > max(fit(1.0), 0.0) else 1.0
 
 
 def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:

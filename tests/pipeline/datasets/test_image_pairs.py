@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from pipeline.datasets.image_pairs import image_pairs
 from pipeline.errors import InputError
 
-HOURS = 1e4
 Name = Callable[[int], str]
 
 
@@ -20,7 +20,7 @@ def images(folder: Path, numbers: Iterable[int], name: Name = "{}.png".format) -
 
 
 def paired(folder: Path, fps: float | None = 10.0) -> list[tuple[str, str | None]]:
-    pairs = image_pairs(folder, fps, HOURS)
+    pairs = image_pairs(folder, fps)
     assert [p.time for p in pairs] == sorted(p.time for p in pairs)
     return [(p.depth.stem, p.colour and p.colour.stem) for p in pairs]
 
@@ -39,7 +39,7 @@ def paired(folder: Path, fps: float | None = 10.0) -> list[tuple[str, str | None
 def test_numbers_pair_images_and_say_their_order(of_depth: str, of_colour: str, tmp_path: Path) -> None:
     images(tmp_path / "depth", range(13), of_depth.format)
     images(tmp_path / "rgb", (k for k in range(13) if k != 5), of_colour.format)
-    pairs = image_pairs(tmp_path, 10.0, HOURS)
+    pairs = image_pairs(tmp_path, 10.0)
     assert [p.depth.name for p in pairs] == [of_depth.format(k) for k in range(13)]
     names = [None if p.colour is None else p.colour.name for p in pairs]
     assert names == [None if k == 5 else of_colour.format(k) for k in range(13)]
@@ -50,9 +50,60 @@ def test_a_lost_image_leaves_its_time_empty(tmp_path: Path) -> None:
     numbers = [0, 5, 10, 20, 25]  # every fifth was kept, and that of 15 was lost
     images(tmp_path / "depth", numbers[1:])
     images(tmp_path / "color", numbers[:-1])
-    pairs = image_pairs(tmp_path, 2.0, HOURS)
+    pairs = image_pairs(tmp_path, 2.0)
     np.testing.assert_allclose([p.time for p in pairs], [0.5, 1, 2, 2.5])
     assert [p.colour is None for p in pairs] == [False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        lambda k: f"{round(0.05 * k, 3)}.png",
+        lambda k: f"{0.05 * k:.2f}.png",
+        lambda k: f"frame {0.05 * k:.2f} m.png",
+        lambda k: f"{round(33.3 * k)}.png",
+        lambda k: f"{round(81234567 + 33333.3 * k)}.png",
+        lambda k: f"1.2.{k}.png",
+    ],
+    ids=["str", "decimals", "blanks", "ms", "us", "version"],
+)
+def test_a_decimal_is_one_number(name: Name, tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(25), name)
+        (tmp_path / kind / "._0.png").touch()
+    pairs = image_pairs(tmp_path, 20.0)
+    assert [p.depth.name for p in pairs] == [name(k) for k in range(25)]
+    assert [p.colour and p.colour.name for p in pairs] == [name(k) for k in range(25)]
+    np.testing.assert_allclose([p.time for p in pairs], np.arange(25) / 20, atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["{:04x}.png", "{0}{1}.png"])
+def test_names_that_differ_in_more_than_numbers_have_no_order(name: str, tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(12), lambda k: name.format(k, "ab"[k // 6]))
+    with pytest.raises(InputError, match=r"depth: the names \w+.png and \w+.png .* depth.txt"):
+        paired(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a {}.png", "a,b {}.png", "a #{}.png", "{} 1.png"])
+def test_the_rest_of_a_line_is_the_name(name: str, tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(3), name.format)
+        lines = [f"{k / 10}, {kind}/{name.format(k)}" for k in range(3)]
+        (tmp_path / f"{kind}.txt").write_text("\n".join(["# time file", *lines]))
+    assert paired(tmp_path) == [(name.format(k)[:-4], name.format(k)[:-4]) for k in range(3)]
+
+
+def test_blanks_in_associations_and_content_instead_of_names(tmp_path: Path) -> None:
+    for kind, kept in (("d", np.uint16), ("c", np.uint8)):
+        (tmp_path / kind).mkdir()
+        for k in range(3):
+            cv2.imwrite(str(tmp_path / kind / f"no {k}.png"), np.ones((4, 5), kept))
+    lines = [f"{k / 10} c/no {k}.png {k / 10} d/no {k}.png\n" for k in range(3)]
+    (tmp_path / "associations.txt").write_text("".join(lines))
+    assert [(p.depth, p.colour) for p in image_pairs(tmp_path, None)] == [
+        (tmp_path / "d" / f"no {k}.png", tmp_path / "c" / f"no {k}.png") for k in range(3)
+    ]
 
 
 def test_names_without_numbers_pair_by_their_order_if_they_can(tmp_path: Path) -> None:
@@ -85,7 +136,7 @@ def test_associations_pair_images_as_they_say(name: str, depth_first: bool, tmp_
     (tmp_path / "assoc_gt.txt").write_text("1.0 rgb/10.png 1.0 0 0 0 0 0 0 1\n")
     (tmp_path / name).write_text("# made by associate.py\n" + "\n".join(lines) + "\n")
     assert paired(tmp_path, None) == [("0", "11"), ("1", "12")]
-    assert [p.time for p in image_pairs(tmp_path, None, HOURS)] == [1.0, 2.0]
+    assert [p.time for p in image_pairs(tmp_path, None)] == [1.0, 2.0]
     (tmp_path / name).write_text(f"{lines[0]}\n1.0 depth/0.png\n")
     with pytest.raises(InputError, match=f"{name}: line 2"):
         paired(tmp_path)
@@ -104,17 +155,42 @@ def test_times_since_1970_may_be_in_any_unit(unit: str, in_names: bool, tmp_path
         images(tmp_path / kind, range(12), [f"{word}.png" for word in words].__getitem__)
         if not in_names:
             (tmp_path / f"{kind}.txt").write_text("".join(f"{word} {kind}/{word}.png\n" for word in words))
-    pairs = image_pairs(tmp_path, None, HOURS)
+    pairs = image_pairs(tmp_path, None)
     np.testing.assert_allclose([p.time - SINCE for p in pairs], 0.1 * np.arange(12), atol=1e-3)
     assert all(p.colour is not None and p.colour.stem[:9] == p.depth.stem[:9] for p in pairs)
 
 
-def test_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
-    for kind in ("depth", "rgb"):  # ns since the camera was switched on
-        images(tmp_path / kind, range(3))
-        lines = [f"{33_333_333 * k} {kind}/{k}.png\n" for k in range(3)]
+@pytest.mark.parametrize(("unit", "said"), [(1.0, None), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")])
+@pytest.mark.parametrize("since", [0.0, 181.2])
+def test_times_since_the_camera_was_switched_on_may_be_in_any_unit(
+    unit: float, said: str | None, since: float, tmp_path: Path
+) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(9))
+        lines = [f"{(since + k / 30) * unit:.6f} {kind}/{k}.png\n" for k in range(9)]
         (tmp_path / f"{kind}.txt").write_text("".join(lines))
-    with pytest.raises(InputError, match=r"interval .* is 3.33333e.07 s, and the limit is 10000 s"):
+    notes: list[str] = []
+    pairs = image_pairs(tmp_path, None, notes.append)
+    np.testing.assert_allclose(np.diff([p.time for p in pairs]), 1 / 30, atol=1e-5)
+    assert all(p.colour is not None and p.colour.stem == p.depth.stem for p in pairs)
+    assert [f" {said}," in note for note in notes] == [True, True] * (said is not None)
+
+
+def test_frame_numbers_in_lists_are_said_and_take_their_times_from_the_rate(tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(9))
+    (tmp_path / "associations.txt").write_text("".join(f"{k} depth/{k}.png {k} rgb/{k}.png\n" for k in range(9)))
+    notes: list[str] = []
+    assert [p.time for p in image_pairs(tmp_path, None, notes.append)] == [*range(9)]
+    assert len(notes) == 1 and "--fps" in notes[0]
+    np.testing.assert_allclose([p.time for p in image_pairs(tmp_path, 30.0)], np.arange(9) / 30)
+
+
+def test_times_that_no_unit_makes_plausible_are_refused(tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(3))
+        (tmp_path / f"{kind}.txt").write_text("".join(f"{1e20 * k} {kind}/{k}.png\n" for k in range(3)))
+    with pytest.raises(InputError, match=r"depth.txt: .* interval .* is 1e.20"):
         paired(tmp_path)
 
 
@@ -124,7 +200,7 @@ def test_lists_whose_times_are_all_the_same_take_them_from_the_rate(tmp_path: Pa
         (tmp_path / f"{kind}.txt").write_text("".join(f"0 {kind}/{k}.png\n" for k in range(11)))
     with pytest.raises(InputError, match="--fps"):
         paired(tmp_path, None)
-    np.testing.assert_allclose([p.time for p in image_pairs(tmp_path, 5.0, HOURS)], np.arange(11) / 5)
+    np.testing.assert_allclose([p.time for p in image_pairs(tmp_path, 5.0)], np.arange(11) / 5)
     assert paired(tmp_path) == [(str(k), str(k)) for k in range(11)]
 
 

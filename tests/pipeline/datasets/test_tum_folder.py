@@ -109,6 +109,34 @@ def test_a_listed_image_that_is_missing_costs_its_frame(kind: str, folder: Path)
     recording = read_tum_folder(folder)
     assert len(list(recording.frames())) == NUMBER - 1
     assert [count for reason, count in recording.left_out.items() if "missing" in reason] == [1]
+    (note,) = recording.notes
+    assert f"1 of {2 * NUMBER} " in note and f"{kind}/0.300.png" in note
+
+
+def test_if_all_images_are_missing_the_first_is_named(folder: Path) -> None:
+    (folder / "depth").rename(folder / "Depth")
+    with pytest.raises(InputError, match=r"6 of 12 .*depth/0.000.png"):
+        read_tum_folder(folder)
+
+
+def test_poses_that_are_not_read_are_said(folder: Path) -> None:
+    (folder / "odometry.txt").rename(folder / "pose.txt")
+    (note,) = read_tum_folder(folder).notes
+    assert "pose.txt" in note and "odometry.txt" in note
+
+
+@pytest.mark.parametrize("of_images", [1, 1000])
+@pytest.mark.parametrize("of_poses", [1, 1000])
+def test_poses_take_the_unit_of_time_that_fits_the_images(folder: Path, of_images: int, of_poses: int) -> None:
+    for name, unit in (("rgb", of_images), ("depth", of_images), ("groundtruth", of_poses), ("odometry", of_poses)):
+        rows = [line.split() for line in (folder / f"{name}.txt").read_text().splitlines()[1:]]
+        lines = [" ".join([str(round(float(time) * unit, 3)), *rest]) for time, *rest in rows]
+        (folder / f"{name}.txt").write_text("\n".join(lines))
+    recording = read_tum_folder(folder)
+    assert [frame.time for frame in recording.frames()] == [frame.time for frame in frames()[:NUMBER]]
+    for poses in (recording.truth, recording.odometry):
+        assert poses is not None
+        np.testing.assert_allclose(poses.times, [frame.time for frame in frames()[:NUMBER]])
 
 
 @pytest.mark.parametrize("lost", ["{} nan nan nan nan nan nan nan", "{} 0 0 0 0 0 0 0", "{} inf 0 0 0 0 0 1"])

@@ -7,9 +7,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from dm_control import mjcf
-from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.transforms import from_rotation, from_yaw
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.map_2d import build_map
@@ -19,7 +19,7 @@ from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
-from sarsim.arenas.start import find_start, start_at
+from sarsim.arenas.start import find_start, on_ground, start_at
 from sarsim.assets import asset
 from sarsim.vetting.resolved import resolved_root
 from sarsim.vetting.trial import check_model, read_mjcf
@@ -80,7 +80,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
     model, root = resolved_root(arena.mjcf_model, name)
     with naming(name):
         check_model(model)
-        _set_start(root, model, start)
+        _set_start(root, model, start, name)
         return RescueArena(root, name)
 
 
@@ -103,30 +103,28 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = read_mjcf(path)
     with naming(str(path)):
-        _set_start(root, model, wish)
+        _set_start(root, model, wish, str(path))
         return RescueArena(root, str(path))
 
 
-def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None) -> None:
+def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None, name: str) -> None:
     """Add the requested start, or else the arena's own, to the world body; ``model`` is the compiled ``root``."""
     world, site = _at_rest(model), root.find("site", "start")
-    if site is not None or wish is not None:
-        position, quat = _start_pose(*world, wish)
-        if site is not None:
-            site.remove()
-        root.worldbody.add("site", name="start", pos=position, quat=quat)
-
-
-def _start_pose(
-    model: mujoco.MjModel, data: mujoco.MjData, wish: StartPose | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Position (3,) m and quaternion (4,) of the requested start, or else of the site, which may be in a body."""
     if wish is not None:
-        start = start_at(model, data, *wish)
-        return np.array(start.position), np.array([np.cos(start.yaw / 2), 0.0, 0.0, np.sin(start.yaw / 2)])
-    site, quat = data.site("start"), np.zeros(4)
-    mujoco.mju_mat2Quat(quat, site.xmat)
-    return site.xpos.copy(), quat
+        start = start_at(*world, *wish)
+        T_world_start = from_yaw(*start.position, start.yaw)
+    elif site is not None:
+        marked = world[1].site("start")
+        T_world_start, changed = on_ground(*world, from_rotation(marked.xmat.reshape(3, 3), marked.xpos))
+        if changed:
+            _log.warning("%s: %s", name, changed)
+    else:
+        return
+    if site is not None:
+        site.remove()
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T_world_start[:3, :3]).ravel())
+    root.worldbody.add("site", name="start", pos=T_world_start[:3, 3], quat=quat)
 
 
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Layer, MaskLayer, Values
+from pipeline.arrays import Layer, MaskLayer, Pose, Values
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
+from pipeline.transforms import from_yaw, yaw_of
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
@@ -24,6 +25,9 @@ ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belong
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MOST_PLACES = 2000  # Maximum number of positions that are compared
 MOST_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
+ABOVE = 0.3  # m above a start from which the ground below it is looked for
+ON_GROUND = 0.005  # m; a start at most this far from the ground is on it
+UPRIGHT = np.radians(0.5)  # Largest tilt of a start that counts as upright, rad
 START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
 
 
@@ -49,6 +53,29 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:
         raise InputError(f"the robot cannot stand at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
     return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
+
+
+def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -> tuple[Pose, str]:
+    """A marked start, upright on the ground nearest to it, and a line that says what was changed, empty if nothing.
+
+    Raises:
+        InputError: there is no ground with headroom below or above the start.
+    """
+    x, y, z = T_world_start[:3, 3]
+    tilt = float(np.arccos(np.clip(T_world_start[2, 2], -1, 1)))
+    down = np.array([0.0, 0.0, -1.0])
+    over = mujoco.mj_ray(model, data, np.array([x, y, z + ABOVE]), down, None, 1, -1, np.zeros(1, np.int32)) - ABOVE
+    if abs(over) > ON_GROUND:
+        height = Survey(model, data).place(T_world_start[:3, 3], reach=np.inf)
+        if height is None:
+            raise InputError(f"there is no ground at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
+        over = float(z - height)
+    if abs(over) <= ON_GROUND and tilt <= UPRIGHT:
+        return T_world_start, ""
+    above = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} the ground" if abs(over) > ON_GROUND else ""
+    tilted = f"tilted by {np.degrees(tilt):.0f}°" if tilt > UPRIGHT else ""
+    said = f"the start is {' and '.join(filter(None, (above, tilted)))}; the robot starts upright on the ground"
+    return from_yaw(x, y, z - over, yaw_of(T_world_start)), said
 
 
 def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:

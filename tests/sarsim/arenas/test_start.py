@@ -118,3 +118,32 @@ def test_the_start_may_turn_in_any_way_and_lie_in_a_body(tmp_path, turn):
     np.testing.assert_allclose(load_arena(str(path)).T_world_start, from_yaw(1.5, 0.5, 0, yaw), atol=1e-9)
     wished = load_arena(str(path), (-1.0, 0.0, 45.0)).T_world_start
     np.testing.assert_allclose(wished, from_yaw(-1, 0, 0, np.pi / 4), atol=1e-3)
+
+
+FLAT = '<mujoco><worldbody>{}<geom type="plane" size="3 3 1" user="2"/>{}</worldbody></mujoco>'
+STEP = '<geom type="box" pos="1 0 0.2" size="1 1 0.2" user="2"/>'
+
+
+@pytest.mark.parametrize(
+    ("site", "more", "expected", "said"),
+    [
+        ('pos="0 0 0.03"', "", from_yaw(0, 0, 0, 0), "0.03 m above the ground"),
+        ('pos="0 0 -0.1"', "", from_yaw(0, 0, 0, 0), "0.10 m below the ground"),
+        ('pos="1 0 0.5" euler="0 0 90"', STEP, from_yaw(1, 0, 0.4, np.pi / 2), "0.10 m above the ground"),
+        ('pos="1 0 0" euler="0 30 0"', "", from_yaw(1, 0, 0, 0), "tilted by 30°"),
+        ('pos="1 0 1.5" euler="0 20 90"', "", from_yaw(1, 0, 0, np.pi / 2), "1.50 m above the ground and tilted"),
+        ('pos="0 0 0.001"', "", from_yaw(0, 0, 0.001, 0), ""),
+    ],
+)
+def test_a_marked_start_is_upright_on_the_ground(site, more, expected, said, tmp_path, caplog):
+    path = tmp_path / "arena.xml"
+    path.write_text(FLAT.format(f'<site name="start" {site}/>', more))
+    np.testing.assert_allclose(load_arena(str(path)).T_world_start, expected, atol=1e-6)
+    assert [said in line for line in caplog.messages] == [True] * bool(said)
+
+
+def test_a_start_without_ground_is_refused(tmp_path):
+    path = tmp_path / "arena.xml"
+    path.write_text(f'<mujoco><worldbody><site name="start" pos="5 0 0"/>{STEP}</worldbody></mujoco>')
+    with pytest.raises(InputError, match=r"arena.xml: there is no ground at the start \(5, 0\) m"):
+        load_arena(str(path))

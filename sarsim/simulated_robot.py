@@ -28,6 +28,7 @@ from sarsim.sensors.odometry import WheelOdometry
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.thermal import ThermalCamera
 from sarsim.sensors.xtion import Xtion
+from sarsim.trial_drive import warn_of_symptoms
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5
@@ -94,6 +95,7 @@ class SimulatedRobot:
         self.arena, self.config = arena, config
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
+        warn_of_symptoms(config.robot)
         self._environment = RescueEnvironment(arena, config.robot)
         self.robot = self._environment.robot
         self.model = paced_model(config.robot, config.speed)

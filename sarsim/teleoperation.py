@@ -33,6 +33,7 @@ from sarsim.scoring.navigation import NavigationScore
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import PerceptionConfig, TeleopConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.trial_drive import warn_of_symptoms
 
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
@@ -130,6 +131,7 @@ class FreeDrive:
     control_period = CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
+        warn_of_symptoms(robot)
         self._environment = RescueEnvironment(arena, robot)
         self.physics = self._environment.physics
         self.base_body = self.physics.bind(self._environment.robot.base).element_id

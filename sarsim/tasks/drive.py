@@ -26,6 +26,7 @@ from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import camera_intrinsics, optical_pose
 from sarsim.sensors.odometry import WheelOdometry
+from sarsim.trial_drive import warn_of_symptoms
 
 PERIODS = 5
 """Control periods of the drive's firmware per step."""
@@ -207,6 +208,7 @@ class Drive(gymnasium.Env[Any, Any]):
             self.world.close()
         name = f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena
         arena = load_arena(name)
+        warn_of_symptoms(self._robot)
         self.world = RescueEnvironment(arena, self._robot)
         model, data = self.world.physics.model.ptr, self.world.physics.data.ptr
         self.camera = int(model.camera(self.world.robot.camera.full_identifier).id)

@@ -1,0 +1,195 @@
+"""A short drive with a robot from a file of the user's own, to find out whether it is what its file says."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import closing
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from dm_control.rl.control import PhysicsError
+from numpy.typing import NDArray
+
+from pipeline.robot import Velocity
+from pipeline.transforms import wrap_angle, yaw_of
+from sarsim.arenas.arena import RescueArena
+from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
+from sarsim.robots.names import ROBOTS, robot_file
+from sarsim.sensors.camera import RgbdCamera
+from sarsim.sensors.rendering import Renderer
+
+HALL = """<mujoco><size nuser_geom="1"/><statistic extent="5"/><visual><map znear="0.002"/></visual><worldbody>
+<light pos="0 0 4" dir="0 0 -1" directional="true"/><site name="start"/>
+<geom type="plane" size="30 30 1" user="2"/><geom type="box" pos="8 0 1" size="0.1 8 1" user="1"/>
+</worldbody></mujoco>"""
+REST = 0.6  # s at rest before the drive
+MEASURED = 0.8  # s of each drive that are measured, after the robot has reached its speed
+SLOWEST = 3.0  # s within which it must reach it
+SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
+OFF_GROUND = 0.02  # m by which ``base_link`` may be off the ground
+AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
+UPRIGHT = np.radians(5)  # Largest tilt at rest
+TURNED = 10.0  # Largest angle between the axes of an inertial sensor and of base_link, degrees
+DOWN, ROLLED = np.radians(60), np.radians(20)  # Steepest view of a camera, and largest roll of its image
+HIDDEN = 0.25  # Largest share of the image that the robot itself may cover
+ALIKE = 0.05  # m by which shapes may be larger than the numbers for planning
+_log = logging.getLogger(__name__)
+
+
+def warn_of_symptoms(robot: str) -> None:
+    """Log a line for each symptom of a robot that sarsim does not ship."""
+    if robot not in ROBOTS:
+        file = robot_file(robot)
+        for line in _symptoms(robot, file.stat().st_mtime_ns):
+            _log.warning("--robot %s: %s", robot, line)
+
+
+@lru_cache(maxsize=16)
+def _symptoms(robot: str, changed: int) -> tuple[str, ...]:
+    """The symptoms of a robot whose file was ``changed`` at a time, ns."""
+    return tuple(symptoms(robot))
+
+
+def symptoms(robot: str) -> list[str]:
+    """What a robot does in a few seconds that contradicts its file, one line each; empty if nothing does.
+
+    It stands, drives ahead, turns left and takes an image on a level floor in front of a wall.
+
+    Raises:
+        InputError: the robot does not exist, or its file is invalid.
+    """
+    with closing(RescueEnvironment(RescueArena(mjcf.from_xml_string(HALL), "trial"), robot)) as world:
+        trial = _Trial(world)
+        found = [*trial.shapes()]
+        try:
+            found += trial.rest()
+            found += trial.image()
+            found += trial.drives()
+        except PhysicsError as error:
+            found.append(f"{error}; check masses, inertias, the timestep, and shapes that overlap")
+    return found
+
+
+class _Trial:
+    """The parts of the drive; each returns or yields its symptoms."""
+
+    def __init__(self, world: RescueEnvironment):
+        self._world, self._robot, self._physics = world, world.robot, world.physics
+        self._model, self._data = world.physics.model.ptr, world.physics.data.ptr
+        root = self._model.body_rootid[world.physics.bind(world.robot.base).element_id]
+        self._geoms = np.flatnonzero(self._model.body_rootid[self._model.geom_bodyid] == root)
+
+    def shapes(self) -> Iterator[str]:
+        """What the model says of motors and shapes before it moves."""
+        model, known = self._model, self._robot.model
+        for actuator in self._physics.bind(self._robot.actuators).element_id:
+            is_servo = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+            if not (is_servo and model.actuator_biasprm[actuator, 2] < 0):
+                name = model.actuator(actuator).name.rpartition("/")[2]
+                yield f"the actuator {name!r} does not control a speed; use <velocity>, whose input is in rad/s"
+        for kind in ("gyro", "accelerometer"):
+            sensor = self._physics.bind(self._robot.mjcf_model.find("sensor", kind)).element_id
+            turned = self._data.site_xmat[model.sensor_objid[sensor]].reshape(3, 3)
+            angle = float(np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1))))
+            if angle > TURNED:
+                yield f"the site of the {kind} is turned by {angle:.0f}°; it must have the axes of base_link"
+        wheels = self._physics.bind(self._robot.wheels).bodyid
+        solid = self._geoms[(model.geom_contype[self._geoms] | model.geom_conaffinity[self._geoms]) > 0]
+        is_wheel = np.isin(model.geom_bodyid[solid], wheels)
+        if not set(wheels) <= set(model.geom_bodyid[solid]):
+            yield "a wheel has no shape that collides; give each wheel's body a geom with contype and conaffinity"
+        if is_wheel.all():
+            yield 'no shape of the body collides, so it drives through obstacles; add geoms without contype="0"'
+            return
+        low, high = self._bounds(solid)
+        for name, size, most in zip(
+            ("length", "width", "headroom"),
+            (*(high - low)[:2], high[2]),
+            (known.length, known.width, known.headroom),
+            strict=True,
+        ):
+            if size > most + ALIKE:
+                yield f"{name} is {most:g} m, but the shapes that collide need {size:.2f} m"
+
+    def _bounds(self, geoms: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(3,) lowest and highest coordinates of geoms, m."""
+        mujoco.mj_forward(self._model, self._data)
+        R = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
+        boxes = self._model.geom_aabb[geoms]
+        middle = self._data.geom_xpos[geoms] + np.einsum("nij,nj->ni", R, boxes[:, :3])
+        half = np.einsum("nij,nj->ni", np.abs(R), boxes[:, 3:])
+        return (middle - half).min(axis=0), (middle + half).max(axis=0)
+
+    def rest(self) -> Iterator[str]:
+        """What a robot that stands does."""
+        self._drive(Velocity(), REST / 2)
+        before = self._pose
+        self._drive(Velocity(), REST / 2)
+        T = self._pose
+        height, tilt = T[2, 3], np.arccos(np.clip(T[2, 2], -1, 1))
+        if abs(height) > OFF_GROUND:
+            place = f"{abs(height):.3f} m {'above' if height > 0 else 'below'} the ground"
+            yield f"base_link is {place} when the robot stands; its origin must be on the ground between the wheels"
+        if tilt > UPRIGHT:
+            yield f"the robot stands tilted by {np.degrees(tilt):.0f}°; check its wheels and its centre of mass"
+        if np.linalg.norm((T - before)[:2, 3]) > OFF_GROUND:
+            yield "the robot moves although it is to stand; check its motors and the friction of its wheels"
+
+    def image(self) -> Iterator[str]:
+        """What the camera sees."""
+        renderer = Renderer(self._model)
+        try:
+            camera = RgbdCamera(renderer, self._robot.camera.full_identifier)
+            image = camera.capture(self._data)
+            geom, _ = renderer.segmentation_and_depth(self._data, camera.camera_id)
+        finally:
+            renderer.close()
+        R = image.T_base_camera[:3, :3]
+        pitch, yaw = np.arcsin(np.clip(-R[2, 2], -1, 1)), np.arctan2(R[1, 2], R[0, 2])
+        roll = np.arctan2(-R[2, 0], -R[2, 1])
+        remedy = "check the orientation of the camera, which looks along its -z with y up"
+        if abs(pitch) > DOWN:
+            yield f"the camera looks {'down' if pitch > 0 else 'up'} by {abs(np.degrees(pitch)):.0f}°; {remedy}"
+        elif abs(yaw) > np.pi / 2:
+            yield f"the camera looks backwards; {remedy}"
+        elif abs(roll) > ROLLED:
+            yield f"the camera's image is turned by {np.degrees(roll):.0f}°; {remedy}"
+        elif (own := float(np.isin(geom, self._geoms).mean())) > HIDDEN:
+            yield f"the robot covers {own:.0%} of its camera's image; move the camera out of its shapes"
+
+    def drives(self) -> Iterator[str]:
+        """How the robot follows a drive ahead and a turn to the left."""
+        drive, known = self._robot.drive, self._robot.model
+        v = min(SPEED, drive.top_speed, known.speed)
+        omega = min(TURN_RATE, drive.top_turn_rate, known.turn_rate)
+        before, after = self._measure(Velocity(v, 0.0), v / drive.acceleration)
+        ahead = float((after - before)[:2, 3] @ before[:2, 0]) / (v * MEASURED)
+        before, after = self._measure(Velocity(0.0, omega), omega / drive.turn_acceleration)
+        left = wrap_angle(yaw_of(after) - yaw_of(before)) / (omega * MEASURED)
+        least, most = AS_COMMANDED
+        if ahead < -least / 2:
+            yield "the robot drives backwards; the axes of the wheels' joints must point to the left"
+        elif not least <= ahead <= most:
+            yield f"the robot drives {ahead:.2f} times as far as commanded; check wheel_radius, motors and tyres"
+        if left < -least / 2:
+            yield "the robot turns right when it is to turn left; the actuator left must drive the wheels with y > 0"
+        elif not least <= left <= most:
+            yield f"the robot turns {left:.2f} times as far as commanded; check effective_track, motors and tyres"
+
+    def _measure(self, command: Velocity, reached: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Poses at both ends of a drive at a constant speed that is reached after so many s."""
+        self._drive(command, min(reached, SLOWEST) + 0.2)
+        before = self._pose
+        self._drive(command, MEASURED)
+        after = self._pose
+        self._drive(Velocity(), min(reached, SLOWEST))
+        return before, after
+
+    def _drive(self, command: Velocity, seconds: float) -> None:
+        for _ in range(round(seconds / CONTROL_TIMESTEP)):
+            self._world.drive(command)
+
+    @property
+    def _pose(self) -> NDArray[np.float64]:
+        return self._robot.T_world_base(self._physics)

@@ -26,6 +26,7 @@ from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import camera_intrinsics, optical_pose
 from sarsim.sensors.odometry import WheelOdometry
+from sarsim.tasks.checks import CLOSED, NOT_RESET, USED, check_choice, check_options, numbers_of, weights_of
 from sarsim.trial_drive import warn_of_symptoms
 
 PERIODS = 5
@@ -38,8 +39,6 @@ TIPPED = np.cos(np.deg2rad(60))
 """A robot has tipped over if the z component of its vertical axis is less than this."""
 MOST_SEEDS = 1_000_000
 """Number of seeds, and of random arenas, from which episodes are drawn."""
-CLOSED = "the task is closed; create a new one with gymnasium.make"
-NOT_RESET = "the task has not been reset; call reset() before step()"
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
 """The slice of each measurement in the array of all measurements."""
 MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [3, 3, 4, 2])
@@ -132,12 +131,13 @@ class Drive(gymnasium.Env[Any, Any]):
             weights: weights of the reward.
             render_mode: None, because there is nothing to render.
         """
-        if not 0 < seconds < np.inf:
-            raise InputError(f"seconds = {seconds:g}: must be positive and finite")
-        if depth is not None and min(depth) < 1:
+        check_choice("render_mode", render_mode, (None,))
+        if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
+            raise InputError(f"seconds = {seconds}: must be positive and finite")
+        if depth is not None and (len(depth) != 2 or not all(isinstance(n, int) and n >= 1 for n in depth)):
             raise InputError(f"depth = {depth}: width and height must be at least 1 pixel each")
         self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
-        self._weights = weights if isinstance(weights, DriveWeights) else DriveWeights(**weights)
+        self._weights = weights_of(DriveWeights, weights)
         self.render_mode, self._is_closed = render_mode, False
         self.world: RescueEnvironment | None = None
         self.rays: DepthRays | None = None
@@ -153,7 +153,8 @@ class Drive(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Place the robot at the start, and draw a goal; InputError if the task is closed."""
+        """Place the robot at the start, and draw a goal; InputError if the task is closed, or given options."""
+        check_options(options)
         super().reset(seed=seed)
         if self._is_closed:
             raise InputError(CLOSED)
@@ -172,12 +173,16 @@ class Drive(gymnasium.Env[Any, Any]):
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Apply the command, which the firmware clips to the drive's limits, for 0.1 s."""
+        """Apply the command, which the firmware clips to the drive's limits, for 0.1 s.
+
+        Raises:
+            InputError: the command is not two finite numbers, or the task is closed or has not been reset.
+        """
         if self._is_closed:
             raise InputError(CLOSED)
         if self.world is None:
             raise InputError(NOT_RESET)
-        command = Velocity(*(np.asarray(action, np.float64) * self.world.robot.drive.limits).tolist())
+        command = Velocity(*(numbers_of(action, 2) * self.world.robot.drive.limits).tolist())
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:
             for _ in range(PERIODS):
@@ -196,6 +201,12 @@ class Drive(gymnasium.Env[Any, Any]):
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
         is_cut = not is_over and self.world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
         return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The task for a copy; InputError if it has been reset, because the physics cannot be copied."""
+        if self.world is not None:
+            raise InputError(USED)
+        return self.__dict__.copy()
 
     def close(self) -> None:
         """Free the physics."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import gymnasium
 import numpy as np
@@ -28,7 +28,17 @@ from sarsim.methods.plugins import make_plugins
 from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig, SinkConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
-from sarsim.tasks.drive import CLOSED, MOST_SEEDS, NOT_RESET
+from sarsim.tasks.checks import (
+    CLOSED,
+    NOT_RESET,
+    USED,
+    check_choice,
+    check_options,
+    choice_of,
+    numbers_of,
+    weights_of,
+)
+from sarsim.tasks.drive import MOST_SEEDS
 from sarsim.tasks.observations import (
     LOCAL_CELL,
     LOCAL_SIDE,
@@ -125,10 +135,11 @@ class Explore(gymnasium.Env[Any, Any]):
         Raises:
             InputError: a setting is wrong.
         """
-        if action not in ("viewpoint", "pose"):
-            raise InputError(f"action = {action!r}: must be 'viewpoint' or 'pose'")
-        if steps < 1:
-            raise InputError(f"steps = {steps}: must be at least 1")
+        check_choice("action", action, ("viewpoint", "pose"))
+        check_choice("odometry", odometry, get_args(Odometry))
+        check_choice("render_mode", render_mode, (None, "rgb_array"))
+        if not isinstance(steps, int) or steps < 1:
+            raise InputError(f"steps = {steps}: must be a whole number of at least 1")
         self._by_pose = action == "pose"
         self.render_mode = render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self._by_pose else spaces.Discrete(VIEWPOINTS)
@@ -137,7 +148,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._arena, self._most_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
         self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
-        self._weights = weights if isinstance(weights, ExploreWeights) else ExploreWeights(**weights)
+        self._weights = weights_of(ExploreWeights, weights)
         self.explorer: Explorer | None = None
         self._robot: SimulatedRobot | None = None
         self._begun: dict[str, Any] = {}
@@ -146,10 +157,13 @@ class Explore(gymnasium.Env[Any, Any]):
         """Place the robot at the start of a new episode, and take the first keyframe.
 
         ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default they are the task's arena
-        and a random seed. InputError if the task was closed.
+        and a random seed. InputError if there are other options, or the task was closed.
         """
-        super().reset(seed=seed)
         self._check_open()
+        check_options(options, ("arena", "seed"))
+        if not isinstance((options or {}).get("seed", 0), int | np.integer) or (options or {}).get("seed", 0) < 0:
+            raise InputError(f"reset: seed = {(options or {})['seed']!r}: must be a whole number from 0 on")
+        super().reset(seed=seed)
         drawn: dict[str, Any] = {
             "arena": f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena,
             "seed": int(self.np_random.integers(MOST_SEEDS)),
@@ -180,10 +194,14 @@ class Explore(gymnasium.Env[Any, Any]):
         return make_mapper(self._perception, model, self._begun["seed"], localisation, plugins=readers)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
-        """Drive to a viewpoint and take a keyframe; see the class."""
+        """Drive to a viewpoint and take a keyframe; see the class. InputError if the action is not of its kind."""
         self._check_open()
         if self.explorer is None:
             raise InputError(NOT_RESET)
+        if self._by_pose:
+            numbers_of(action, 3)
+        else:
+            choice_of(action)
         before = self._achieved.totals
         self._steps += 1
         is_tipped = self._drive(action)
@@ -200,6 +218,12 @@ class Explore(gymnasium.Env[Any, Any]):
         if self.render_mode is None or self.explorer is None:
             return None
         return picture(self._seen.keyframe.frame.rgb, self._maps)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The task for a copy; InputError if it has been reset, because the physics cannot be copied."""
+        if self.explorer is not None:
+            raise InputError(USED)
+        return self.__dict__.copy()
 
     def close(self) -> None:
         """Free the physics; the task cannot be used any more."""
@@ -245,9 +269,9 @@ class Explore(gymnasium.Env[Any, Any]):
     def _chosen(self, action: Action) -> Viewpoint | None:
         """The viewpoint to which an action sends the robot; None if there is none."""
         if not self._by_pose:
-            return self._offered[int(action) % len(self._offered)] if self._offered else None
+            return self._offered[choice_of(action) % len(self._offered)] if self._offered else None
         context = self._seen.context
-        x, y, turn = np.clip(np.asarray(action, np.float64), -1, 1).tolist()
+        x, y, turn = np.clip(numbers_of(action, 3), -1, 1).tolist()
         ground = context.traversability
         places = ground.grid.centre_of(np.argwhere(ground.turnable & context.paths.reachable))
         if not len(places):

@@ -1,4 +1,5 @@
 import warnings
+from copy import deepcopy
 
 import gymnasium
 import numpy as np
@@ -71,7 +72,29 @@ def test_ray_cast_depth_is_the_rendered_depth() -> None:
     world.close()
 
 
-@pytest.mark.parametrize("options", [{"seconds": 0.0}, {"depth": (0, 84)}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"seconds": 0.0}, {"seconds": float("nan")}, {"depth": (0, 84)}, {"depth": (84.5, 84)}, {"depth": (84,)},
+        {"weights": {"progres": 1.0}}, {"weights": {"progress": float("nan")}}, {"render_mode": "human"},
+    ],
+)  # fmt: skip
 def test_wrong_settings_are_said_in_one_line(options: dict[str, object]) -> None:
     with pytest.raises(InputError):
         Drive(**options)
+
+
+@pytest.mark.parametrize("action", [np.full(2, np.nan), [np.inf, 0], np.zeros(3), 0.5, "ahead", None])
+def test_an_action_that_is_none_is_refused_and_changes_nothing(action: object) -> None:
+    env = Drive()
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=r"action = .*: must be 2 finite numbers"):
+        env.step(action)
+    assert env.step(np.zeros(2))[-1]["sim_time_s"] == pytest.approx(0.1)
+    for refused, said in (
+        (lambda: env.reset(options={"maps": 3}), "no option maps"),
+        (lambda: deepcopy(env), "copied"),
+    ):
+        with pytest.raises(InputError, match=said):
+            refused()
+    env.close()

@@ -1,3 +1,4 @@
+from copy import deepcopy
 from pathlib import Path
 
 import gymnasium
@@ -82,11 +83,26 @@ def test_a_pose_is_the_place_to_go_to_and_finds_pay_and_time_costs(arena: str) -
 
 
 def test_wrong_settings_and_steps_before_the_start_are_said_in_one_line() -> None:
-    for options in ({"steps": 0}, {"action": "x"}):
+    for options in ({"steps": 0}, {"steps": 1.5}, {"action": "x"}, {"odometry": "x"}, {"weights": {"x": 1.0}}):
         with pytest.raises(InputError):
             Explore(**options)
     with pytest.raises(InputError, match="reset"):
         Explore().step(0)
+    for wrong in ({"maps": 3}, {"seed": "x"}, {"seed": -1}):
+        with pytest.raises(InputError, match="reset: "):
+            Explore().reset(options=wrong)
+
+
+@pytest.mark.parametrize("action", ["viewpoint", "pose"])
+def test_an_action_that_is_none_is_refused(action: str, arena: str) -> None:
+    env = Explore(arena, action=action)
+    env.reset(seed=0)
+    for wrong in (np.nan, np.full(3, np.nan), "x", None, -1):
+        with pytest.raises(InputError, match="action = "):
+            env.step(wrong)
+    with pytest.raises(InputError, match="copied"):
+        deepcopy(env)
+    env.close()
 
 
 def test_with_the_networks_counts_what_is_found_and_not_what_is_in_view(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ attributes. Tiles are 1.2 m wide; offsets are in tiles along the world's axes. A
 (``victim_*``, ``start_check*``, ``hazmat*``) is shifted to a mount point of the wall with the same tile and rotation.
 """
 
-import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +28,6 @@ MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
 MAX_TILES = 60  # along x or y; 72 m
 MAX_GEOMS = 15_000
-MAX_NAMED = 20  # Maximum number of types that a message names
 FLOOR_MARGIN = 0.5  # m that the floor extends beyond the outermost tiles
 
 TYPES = frozenset(
@@ -50,8 +49,7 @@ FAMILIES = {
 }
 """Prefixes of further types, each with the library element that gives these types their shape."""
 _HANGING = ("victim_", "start_check", "hazmat")
-
-_log = logging.getLogger(__name__)
+ATTRIBUTES = "type", "x", "y", "rotation", "mount-point", "offset-x", "offset-y"
 
 
 @dataclass(frozen=True)
@@ -74,23 +72,29 @@ class RafElement:
     tile: tuple[float, float, float]
 
     @property
-    def kind(self) -> str | None:
-        """Name in the element library; None if the type is unknown."""
-        if self.type in TYPES:
-            return self.type
-        return next((kind for prefix, kind in FAMILIES.items() if self.type.startswith(prefix)), None)
+    def kind(self) -> str:
+        """Name in the element library."""
+        return _kind(self.type) or self.type
+
+
+def _kind(type_: str) -> str | None:
+    """Name in the element library of a type of element; None if the type is unknown."""
+    return type_ if type_ in TYPES else next((k for prefix, k in FAMILIES.items() if type_.startswith(prefix)), None)
 
 
 def read_raf(path: Path) -> list[RafElement]:
     """The elements of a file.
 
     Raises:
-        InputError: the file is missing or too large, is not XML of this format, or contains numbers out of range.
+        InputError: the file is missing or too large, is not XML of this format, or contains numbers out of range or
+            elements of unknown types.
     """
     root = parse_xml(path, MAX_BYTES)
     if root.tag != "elements":
         raise InputError(f"{path}: the root element of a .raf file must be <elements>, not <{root.tag[:40]}>")
-    lines = root.findall("element")
+    lines = list(root)
+    if other := next((line.tag for line in lines if line.tag != "element"), None):
+        raise InputError(f"{path}: <elements> may contain only <element>, not <{other[:40]}>")
     if not lines:
         raise InputError(f"{path}: contains no <element>; an arena needs at least one")
     if len(lines) > MAX_ELEMENTS:
@@ -101,26 +105,16 @@ def read_raf(path: Path) -> list[RafElement]:
 
 
 def build_raf(path: Path) -> ArenaBuilder:
-    """The arena of a file, not yet with a start. Elements of unknown types are left out, with a warning.
-
-    Raises:
-        InputError: the file is invalid or too large, or has no element of a known type.
-    """
+    """The arena of a file, not yet with a start; InputError if the file is invalid or too large."""
     elements = read_raf(path)
-    unknown = sorted({e.type for e in elements if e.kind is None})
-    known = [e for e in elements if e.kind is not None]
-    if not known:
-        raise InputError(f"{path}: contains only elements of unknown types: {_listed(unknown)}")
-    if unknown:
-        _log.warning("%s: skipped elements of unknown types: %s", path, _listed(unknown))
-    _check_geoms(path, known)
+    _check_geoms(path, elements)
     builder = ArenaBuilder(path.stem)
-    for element, position in _positions(known):
-        builder.add_element(str(element.kind), position, -element.rotation)
+    for element, position in _positions(elements):
+        builder.add_element(element.kind, position, -element.rotation)
         add_things(builder, element.type, position, -element.rotation)
     builder.drop_covered_panels()
     low, high = builder.bounds
-    tiles = TILE_SIZE * np.array([(e.x, e.y) for e in known])
+    tiles = TILE_SIZE * np.array([(e.x, e.y) for e in elements])
     low = np.minimum(low, tiles.min(axis=0) - TILE_SIZE / 2) - FLOOR_MARGIN
     high = np.maximum(high, tiles.max(axis=0) + TILE_SIZE / 2) + FLOOR_MARGIN
     builder.add_floor(low, high)
@@ -128,27 +122,30 @@ def build_raf(path: Path) -> ArenaBuilder:
     return builder
 
 
-def _listed(types: list[str]) -> str:
-    """The names of at most ``MAX_NAMED`` types, on one line."""
-    names = [" ".join(t[:40].split()) for t in types[:MAX_NAMED]]
-    more = len(types) - len(names)
-    return ", ".join(names) + (f" and {more} more" if more else "")
-
-
 def _element(where: str, line: "Element") -> RafElement:
     """Parse an ``<element>``; ``where`` locates it in error messages."""
+    for name in sorted(set(line.attrib) - set(ATTRIBUTES)):
+        raise InputError(f"{where}: unknown attribute {name[:40]!r}{_meant(name, ATTRIBUTES)}")
+    type_ = _text(where, line, "type")
+    if _kind(type_) is None:
+        raise InputError(f"{where}: unknown type {type_[:40]!r}{_meant(type_, [*TYPES, *FAMILIES])}")
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
         raise InputError(f"{where}: mount-point must be a non-negative integer, not {line.get('mount-point')!r}")
     return RafElement(
-        type=_text(where, line, "type"),
+        type=type_,
         x=x + _number(where, line, "offset-x", "0"),
         y=y + _number(where, line, "offset-y", "0"),
         rotation=rotation,
         mount_point=int(mount_point),
         tile=(x, y, rotation % 360),
     )
+
+
+def _meant(word: str, words: Iterable[str]) -> str:
+    """What a word was probably meant to be, for a message; empty if it is like none of the ``words``."""
+    return "".join(f"; perhaps you meant {near}" for near in get_close_matches(word, words, n=1))
 
 
 def _text(where: str, line: "Element", name: str, default: str | None = None) -> str:
@@ -181,7 +178,7 @@ def _check_extent(path: Path, elements: list[RafElement]) -> None:
 
 def _check_geoms(path: Path, elements: list[RafElement]) -> None:
     library = element_library()
-    geoms = sum(len(library.geoms(str(e.kind))) for e in set(elements))
+    geoms = sum(len(library.geoms(e.kind)) for e in set(elements))
     if geoms > MAX_GEOMS:
         raise InputError(f"{path}: the elements consist of {geoms} geoms; the limit is {MAX_GEOMS}")
 
@@ -191,7 +188,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
     library = element_library()
     walls: dict[tuple[float, float, float], NDArray[np.float64]] = {}
     for element in elements:
-        mounts = library.mount_points(str(element.kind))
+        mounts = library.mount_points(element.kind)
         if len(mounts):
             walls.setdefault(element.tile, mounts)
     for element in dict.fromkeys(elements):

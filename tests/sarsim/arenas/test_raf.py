@@ -297,7 +297,7 @@ SMALL_WALL = '<element type="small_wall" x="0" y="0" rotation="0"/>'
             "2: unknown type 'ramp_17'",
         ),
         (
-            WALL.join(("<elements>", "</elements>")).replace("/>", ' mountpoint="1"/>'),
+            SMALL_WALL.join(("<elements>", "</elements>")).replace("/>", ' mountpoint="1"/>'),
             "'mountpoint'; .* mount-point$",
         ),
         (

@@ -1,7 +1,7 @@
 """Arenas from SDF files, Gazebo's worlds and models, made with the same builder as all arenas."""
 
 import logging
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,7 @@ from sarsim.arenas.sdf.labels import (
     outline_of,
     outline_of_ground,
 )
-from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided
+from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided, with_volume
 from sarsim.arenas.sdf.resources import PLACES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
@@ -89,7 +89,8 @@ def build_sdf(path: Path) -> ArenaBuilder:
     hulls = _as_hulls(solids)
     facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
     plain = hulls if facets > MOST_FACETS else set()
-    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain)])
+    flat = Counter[str]()
+    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain, flat)])
     thrown += [_far_out(victim.name, victim.T_world[:2, 3]) for victim in far]
     builder = _built(path, bodies, _places_of(victims), world.is_model)
     add_victims(builder, path, world, victims)
@@ -97,6 +98,8 @@ def build_sdf(path: Path) -> ArenaBuilder:
         _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor remains")
     if world.left_out:
         _log.warning("%s: loaded without unsupported elements: %s", path, _counted(world.left_out))
+    if flat:
+        _log.warning("%s: %s", path, ", ".join(f"{kind}: {count}" for kind, count in sorted(flat.items())))
     if hulls:
         _log.warning("%s: collisions use the convex hulls of %s", path, _counted({"detailed mesh piece": len(hulls)}))
     return builder
@@ -188,8 +191,11 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
     return hulls
 
 
-def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
-    """The bodies of a solid; a piece in ``hulls`` collides as one body, and one in ``plain`` is also drawn as one."""
+def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) -> Iterator[_Body]:
+    """The bodies of a solid; a piece in ``hulls`` collides as one body, and one in ``plain`` is also drawn as one.
+
+    ``flat`` counts the parts without volume.
+    """
     piece, T = solid.piece, solid.T_world
     facets = [] if piece is None or id(piece) in plain else piece.seen
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
@@ -198,14 +204,21 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
     elif solid.tile is not None:
         corners = transform_places(T, solid.corners)
         yield _Body(solid, None, None, True, corners, outline_of_ground(corners, solid.tile.slope))
-    elif piece is None or id(piece) in hulls:
-        slab = piece.slab if piece is not None and piece.is_flat else None
-        corners = transform_places(T, solid.corners if slab is None else slab)
-        yield _Body(solid, slab, None, not facets, corners, outline_of(corners))
+    elif piece is None:
+        corners = transform_places(T, solid.corners)
+        yield _Body(solid, None, None, True, corners, outline_of(corners))
     else:
-        for part in piece.parts:
-            corners = transform_places(T, part)
-            yield _Body(solid, part, None, not facets, corners, outline_of(corners, surface))
+        is_hull = id(piece) in hulls
+        for part in [piece.vertices] if is_hull else piece.parts:
+            thick = with_volume(part)
+            if thick is None:  # A line is at most seen
+                flat["parts without area, which do not collide"] += 1
+                continue
+            if thick is not part:
+                flat["flat parts, which collide as thin plates"] += 1
+            corners = transform_places(T, thick)
+            outline = outline_of(corners) if is_hull else outline_of(corners, surface)
+            yield _Body(solid, None if is_hull and thick is part else thick, None, not facets, corners, outline)
     for number, triangles in enumerate(facets):
         corners = transform_places(T, triangles.reshape(-1, 3))
         yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))

@@ -23,6 +23,9 @@ from sarsim.arenas.sdf.meshes import MeshSurface
 
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
+THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
+"""m, of plates on flat parts; far from the origin, single precision does not resolve the thinnest."""
+FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; a plate has half its thickness
 MOST_PIECES = 2_000  # Maximum number of pieces of a mesh, convex parts of a world, facets of a piece; 2 ms per geom
 
 
@@ -58,25 +61,30 @@ class MeshPiece:
         """Number of parts divided by the piece's extent, 1/m."""
         return len(self.parts) / max(float(np.linalg.norm(np.ptp(self.vertices, axis=0))), SLIVER)
 
-    @property
-    def is_flat(self) -> bool:
-        """Whether the piece has no volume, so that it has no hull."""
-        try:
-            hull = ConvexHull(self.vertices)
-        except QhullError:
-            return True
-        return bool(hull.volume <= SLIVER * hull.area)
-
-    @property
-    def slab(self) -> NDArray[np.float64]:
-        """(2 N, 3) m, corners of a thin plate on a flat piece."""
-        normal = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), full_matrices=False)[2][2]
-        return np.concatenate([self.vertices, self.vertices - THICKNESS * normal])
-
     def area_up(self, R: Rotation3) -> float:
         """Projection on the ground, m², of the triangles that face up, if the piece is rotated by ``R`` (3, 3)."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)
         return float(np.maximum(np.cross(b - a, c - a) @ R[2] / 2, 0.0).sum())
+
+
+def with_volume(corners: Places) -> Places | None:
+    """Corners (N, 3) m of a part, or else of a thin plate on it if it is flat; None if it is no more than a line.
+
+    MuJoCo, which stores them in single precision, finds no hull of a part without volume.
+    """
+    if _has_volume(corners):
+        return corners
+    normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][-1]
+    plates = (np.concatenate([corners, corners - thickness * normal]) for thickness in THICKNESSES)
+    return next(filter(_has_volume, plates), None)
+
+
+def _has_volume(corners: Places) -> bool:
+    try:
+        hull = ConvexHull(corners.astype(np.float32))
+    except (QhullError, ValueError):
+        return False
+    return bool(hull.volume > FLATTEST * hull.area)
 
 
 def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:

@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.placements import WorldPose, add_person, is_victim, state_of
+from sarsim.arenas.sdf.pieces import with_volume
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.world import SdfModel, SdfWorld
 from sarsim.vetting.model_files import MOST_GEOMS
@@ -80,6 +81,6 @@ def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes
     pose, piece = solid.placed | {"pos": solid.T_world[:3, 3] - origin}, solid.piece
     if piece is None:
         return pose | {"size": solid.size}
-    if piece.is_flat:
-        return pose | {"mesh": builder.add_mesh(piece.slab)}
+    if (plate := with_volume(piece.vertices)) is not piece.vertices:
+        return pose | {"mesh": builder.add_mesh(piece.vertices if plate is None else plate)}
     return pose | {"mesh": builder.add_mesh(piece.vertices, piece.triangles if len(piece.triangles) else None)}

@@ -12,10 +12,11 @@ from scipy.spatial import ConvexHull, QhullError
 from pipeline.arrays import Places
 from pipeline.transforms import transform_places
 from sarsim.arenas.sdf.meshes import MeshSurface
-from sarsim.arenas.sdf.pieces import pieces_of
+from sarsim.arenas.sdf.pieces import pieces_of, with_volume
 from sarsim.arenas.sdf.solids import Solid
 
 AROUND = 4.0  # m by which an arena is longer and wider than its contents
+SPARE = 0.98  # Share of the maximum area that is used: cutting and rounding add to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
     ``boxes``: (N, 2, 2) m, lowest and highest x, y of each object; ``area``: maximum area of the arena, m².
     """
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    area *= SPARE
     room, extent = np.sqrt(area) - AROUND, high - low
     side = np.minimum(extent, room)
     if (extent > room).sum() == 1:  # long and narrow
@@ -56,7 +58,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
 
 
 def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
-    """Limit solids to a window: boxes and meshes are cut at its edges; others are kept if their centre is inside."""
+    """Limit solids to a window: they are cut at its edges, except ground, which is kept if its centre is inside."""
     for solid in solids:
         corners = transform_places(solid.T_world, solid.corners)[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -64,7 +66,7 @@ def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
             yield solid
         elif (high <= window.low).any() or (low >= window.high).any():
             continue
-        elif solid.kind in ("box", "mesh"):
+        elif solid.tile is None:
             yield from _cut(solid, window)
         elif ((window.low <= (low + high) / 2) & ((low + high) / 2 <= window.high)).all():
             yield solid
@@ -81,7 +83,7 @@ def _cut(solid: Solid, window: Window) -> Iterator[Solid]:
             )
     if len(triangles) == 0:
         return
-    if solid.piece is None or (len(solid.piece.parts) == 1 and not solid.piece.is_flat):
+    if solid.piece is None or (len(solid.piece.parts) == 1 and with_volume(vertices) is vertices):
         with suppress(QhullError):  # raised for a sliver
             vertices, triangles = _hull(vertices)  # a cut convex solid is convex
     for piece in pieces_of(MeshSurface("", vertices, triangles, solid.colour)):

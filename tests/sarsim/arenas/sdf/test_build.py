@@ -2,6 +2,7 @@
 
 import logging
 from math import cos, pi, radians, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import trimesh
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf.build import build_sdf
+from sarsim.ground_truth.true_surface import MOST_AREA, Survey
 from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, box, mesh, model, write
 
 MM = 1e-3
@@ -275,3 +277,21 @@ def test_the_underside_of_a_slab_is_no_ground(tmp_path):
     shell.export(tmp_path / "slab.stl")
     (tmp_path / "model.sdf").write_text(f"<sdf version='1.6'>{model('s', mesh('slab.stl'))}</sdf>")
     assert load_arena(str(tmp_path / "model.sdf")).T_world_start[2, 3] == pytest.approx(0.075, abs=MM)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_world_that_is_too_large_is_cut_so_that_it_fits(seed: int, tmp_path: Path) -> None:
+    """Also where a round object lies across the edge, or rounding adds to the length of a wall."""
+    rng = np.random.default_rng(seed)
+    cylinder = "<geometry><cylinder><radius>3</radius><length>2</length></cylinder></geometry>"
+    shapes = [box(*rng.uniform(0.1, 60, 2), 1) for _ in range(12)] + [
+        f"<collision name='c'>{cylinder}</collision>"
+    ] * 60
+    poses = [f"{x} {y} 0 0 0 {yaw}" for x, y, yaw in rng.uniform(-80, 80, (len(shapes), 3))]
+    world = Compiled(
+        write(
+            tmp_path, PLANE, *(model(f"m{n}", s, pose=p) for n, (s, p) in enumerate(zip(shapes, poses, strict=True)))
+        )
+    )
+    bodies = Survey(world.model, world.data).bodies  # refuses what is too large
+    assert np.prod(np.ptp(np.stack([bodies.low, bodies.high]), axis=(0, 1))[:2]) <= MOST_AREA

@@ -1,16 +1,18 @@
 """Few convex parts that are as solid as a surface."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay
 
 from sarsim.arenas.sdf.meshes import MeshSurface
-from sarsim.arenas.sdf.pieces import pieces_of
-from tests.sarsim.arenas.sdf.worlds import room
+from sarsim.arenas.sdf.pieces import pieces_of, with_volume
+from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, mesh, model, room, write
 
 CELLS = st.lists(st.booleans(), min_size=16, max_size=16).map(lambda cells: np.reshape(cells, (4, 4)))
 
@@ -106,3 +108,23 @@ def test_coplanar_triangles_become_few_plates():
     triangles = np.concatenate([[(c, c + 1, c + 7), (c, c + 7, c + 6)] for c in corner])
     (plate,) = parts_of(trimesh.Trimesh(vertices, triangles))
     assert np.ptp(plate, axis=0)[:2].tolist() == [5, 5]
+
+
+@pytest.mark.parametrize("far", [0.0, 3000.0, 8000.0])
+def test_flat_parts_far_from_the_origin_of_their_mesh_still_have_volume(far: float, tmp_path: Path) -> None:
+    """MuJoCo stores corners in single precision, which far from the origin is coarser than a thin plate."""
+    corners = np.array([(0, 0, 0), (2, 0, 0), (2, 0, 1), (0, 0, 1), (2, 2, 0), (2, 2, 1.7)])
+    corners[:, :2] += far
+    sheet = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3), (1, 4, 5), (1, 5, 2), (0, 1, 4)], process=False)
+    sheet.export(tmp_path / "sheet.stl")
+    world = Compiled(write(tmp_path, PLANE, model("m", mesh("sheet.stl"), pose=f"{-far} {-far} 0 0 0 0")))
+    assert world.ray(1, -1, 0.5, along=(0, 1, 0)) == pytest.approx(1, abs=2e-3)
+
+
+@pytest.mark.parametrize("corners", [np.eye(3), np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])])
+def test_a_flat_part_becomes_a_thin_plate(corners: np.ndarray) -> None:
+    plate = with_volume(corners)
+    assert plate is not None
+    assert 0 < ConvexHull(plate).volume < 1e-3
+    assert with_volume(plate) is plate
+    assert with_volume(np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0)])) is None

@@ -1,7 +1,6 @@
 """Replay a recording through the mapper: find the poses of its frames, and choose keyframes."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, dropwhile, islice
 from typing import Literal, NamedTuple
@@ -9,13 +8,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pipeline.arrays import Direction, Pose
+from pipeline.datasets.camera_pose import T_above_floor
 from pipeline.datasets.images import clip_of
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.depth_odometry import DepthOdometry
-from pipeline.localisation.localisation import Localisation, LostError
+from pipeline.localisation.localisation import Localisation
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
@@ -174,12 +174,16 @@ class Replay:
         """
         if self.recording.up is not None:
             return T_lowest_camera(first, self.recording.up)
-        odometry = DepthOdometry(np.eye(4), config=self._numbers)
-        with suppress(LostError):
-            for frame in dropwhile(lambda frame: frame.time < first.time, self._frames()):
-                T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
-                if up is not None:
-                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up)
+        left_out = dict(self.recording.left_out)
+        mounted = T_above_floor(
+            (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames())), self._numbers
+        )
+        self.recording.left_out = left_out  # The frames are yet to be counted
+        if mounted is not None:
+            if mounted.other is not None:
+                doubt = "two surfaces in view may be the floor; if it is the other, the camera is"
+                self.recording.note(f"{doubt} {_described(mounted.other)}; to set it, use --camera")
+            return mounted.T
         unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
 
@@ -225,6 +229,10 @@ class Replay:
 
 def _measured(T_base_camera: Pose) -> str:
     """The note that the camera's pose on the robot was estimated."""
-    height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
-    pose = f"{height:.2f} m high, tilted {'down' if down >= 0 else 'up'} by {abs(down):.0f}°"
+    pose = _described(T_base_camera)
     return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera"
+
+
+def _described(T_base_camera: Pose) -> str:
+    height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
+    return f"{height:.2f} m high, tilted {'down' if down >= 0 else 'up'} by {abs(down):.0f}°"

@@ -14,9 +14,10 @@ from pipeline.errors import InputError
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import from_rotation, inverse
+from pipeline.transforms import from_rotation, from_yaw, inverse
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames
-from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.localisation.driving_robot import ROOM, T_BASE_CAMERA, seen
+from tests.pipeline.polygon_scene import wedge
 from tests.pipeline.robot_model import PIONEER
 
 TIMES = np.array([frame.time for frame in frames()])
@@ -172,3 +173,23 @@ def test_poses_that_are_not_there_are_refused() -> None:
 def test_angles_of_a_camera_are_those_of_rep_103() -> None:
     T = CameraPose(0.1, 0.0, 0.6, 0.0, np.degrees(0.25), 0.0).T_base_camera
     np.testing.assert_allclose(T, T_BASE_CAMERA, atol=1e-12)
+
+
+RAMP = [*ROOM, *wedge(1.9, 1.5, 1.2, 1.5, 0.45)]
+"""A room with a ramp of 21° ahead, which takes up more of the view than the floor."""
+
+
+@pytest.mark.parametrize("start", [0.6, 1.0])
+def test_the_walls_and_later_frames_tell_a_ramp_from_the_floor(start: float) -> None:
+    way = [from_yaw(start + 0.05 * k, 1.5, 0, 0.0) for k in range(4)] + [
+        from_yaw(start + 0.2, 1.5, 0, 0.1 * k) for k in range(1, 12)
+    ]
+    held = [
+        replace(seen(T, T, time=k, faces=RAMP), T_base_camera=np.eye(4), T_odom_base=np.eye(4))
+        for k, T in enumerate(way)
+    ]
+    source = Recording(Path("ramp"), lambda: iter(held))
+    _, (found, *_) = replayed(source, "registration")
+    T = found.frame.T_base_camera
+    assert T[2, 3] == pytest.approx(T_BASE_CAMERA[2, 3], abs=0.03)
+    assert np.degrees(np.arccos(np.clip(T[2, :3] @ T_BASE_CAMERA[2, :3], -1, 1))) < 2

@@ -1,0 +1,127 @@
+"""The pose of a recording's camera above the floor, from its first frames, for recordings that do not provide it."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Direction, Directions, Pose, Values
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.depth_odometry import DepthOdometry
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.registration import front_normals
+from pipeline.localisation.slam import cloud_of_frame
+from pipeline.localisation.vertical import T_level_camera, vertical
+
+MOST_FRAMES, MOST_VIEWS = 30, 8  # Number of first frames that are looked at, and of those that count
+APART, TURNED = 0.1, 0.1  # A frame counts if the camera has moved by m or rad since the last that counted
+STEEPEST = np.cos(np.radians(45))  # Smallest cosine between the vertical and the image's upward direction
+ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Level and upright surfaces are within 4° of that
+CANDIDATES = 200  # Number of level surfaces' points that are tried
+OTHER = np.cos(np.radians(6))  # Directions that are this far apart are not one vertical
+DISAGREE = 0.7  # Support of another direction, as a share of the best, with which it may be the vertical
+LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
+LEAST_LEVEL = 0.25  # Support of the floor, as a share of that of the largest level surface
+
+
+class Mounted(NamedTuple):
+    """An estimate.
+
+    Attributes:
+        T: pose of ``camera_optical`` above the floor, see :func:`~pipeline.localisation.vertical.T_level_camera`.
+        other: the same for another surface that may be the floor; None if there is no doubt.
+    """
+
+    T: Pose
+    other: Pose | None
+
+
+class _Surfaces(NamedTuple):
+    """Points (N, 3) m and normals (N, 3) of the surfaces in view, in the first frame's camera."""
+
+    points: NDArray[np.float64]
+    normals: Directions
+
+
+def T_above_floor(frames: Iterator[Frame], config: LocalisationConfig) -> Mounted | None:
+    """The pose of the first frame's camera above the largest level surface; None if none shows the vertical.
+
+    A direction is supported by the surfaces that are level or upright if it is the vertical. So in front of a ramp,
+    the walls decide between the ramp and the floor, and what is seen later may.
+
+    Args:
+        frames: a recording's frames, the first of which shows something.
+        config: parameters of the localisation.
+    """
+    seen, candidates = _seen(frames, config)
+    if seen is None or not candidates:
+        return None
+    level = seen.normals[-seen.normals[:, 1] > STEEPEST]
+    drawn = level[np.random.default_rng(0).permutation(len(level))[:CANDIDATES]]
+    ups = np.concatenate([np.array(candidates), drawn])
+    support = np.array([_support(seen.normals, up) for up in ups])
+    up = _refined(seen.normals, ups[support.argmax()])
+    apart = ups @ up < OTHER
+    second = np.where(apart, support, 0)
+    T = T_level_camera(up, _floor(seen, up))
+    if second.max(initial=0) < DISAGREE * support.max():
+        return Mounted(T, None)
+    other = _refined(seen.normals, ups[second.argmax()])
+    return Mounted(T, T_level_camera(other, _floor(seen, other)))
+
+
+def _seen(frames: Iterator[Frame], config: LocalisationConfig) -> tuple[_Surfaces | None, list[Direction]]:
+    """What the first frames show, and the verticals of those that show one, in the first frame's camera."""
+    odometry, last = DepthOdometry(np.eye(4), config=config), None
+    points, normals, ups = list[NDArray[np.float64]](), list[Directions](), list[Direction]()
+    with suppress(LostError, InputError):  # What breaks the recording is said when its frames are mapped
+        for number, frame in enumerate(frames):
+            T = odometry.pose(frame)
+            if ups and (number >= MOST_FRAMES or len(points) >= MOST_VIEWS):
+                break
+            if last is not None and _is_near(T, last):
+                continue
+            cloud, up = cloud_of_frame(frame, config.registration), vertical(frame, config)
+            if cloud is None:
+                continue
+            last = T
+            points.append(cloud.points()[:, :3] @ T[:3, :3].T + T[:3, 3])
+            normals.append(front_normals(cloud, frame.T_base_camera[:3, 3]) @ T[:3, :3].T)
+            ups += [] if up is None else [T[:3, :3] @ up]
+    return (_Surfaces(np.concatenate(points), np.concatenate(normals)) if points else None), ups
+
+
+def _is_near(T: Pose, other: Pose) -> bool:
+    turned = np.arccos(np.clip((np.trace(T[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1))
+    return bool(np.linalg.norm(T[:3, 3] - other[:3, 3]) < APART and turned < TURNED)
+
+
+def _support(normals: Directions, up: Direction) -> int:
+    """Number of points on surfaces that are level or upright if ``up`` is the vertical."""
+    along = normals @ up
+    return int(np.count_nonzero(along > ALONG) + np.count_nonzero(np.abs(along) < ACROSS))
+
+
+def _refined(normals: Directions, up: Direction) -> Direction:
+    """The vertical to which the surfaces that support ``up`` are closest to level or upright."""
+    along = normals @ up
+    level, upright = normals[along > ALONG], normals[np.abs(along) < ACROSS]
+    _, directions = np.linalg.eigh(upright.T @ upright - level.T @ level)
+    return directions[:, 0] * np.sign(directions[:, 0] @ up)
+
+
+def _floor(seen: _Surfaces, up: Direction) -> float:
+    """Coordinate along ``up``, m, of the lowest large level surface; of the lowest points if none is level."""
+    heights: Values = seen.points @ up
+    level = np.sort(heights[seen.normals @ up > ALONG])
+    if not len(level):
+        return float(np.quantile(heights, 0.02))
+    layer = np.searchsorted(level, level + LAYER) - np.arange(len(level))  # points above each, within a layer
+    lowest = int(np.argmax(layer >= LEAST_LEVEL * layer.max()))
+    first = level[lowest : lowest + layer[lowest]]
+    around = level[np.abs(level - np.median(first)) < LAYER]
+    return float(np.median(around))

@@ -105,8 +105,8 @@ def test_z_is_up_whatever_the_true_poses_call_so(felt: np.ndarray | None) -> Non
     poses = ON_ITS_SIDE @ np.array(camera_poses(WAY))
     mapper, found = replayed(hand_held(truth=Trajectory(TIMES, poses, of_camera=True), up=felt), "truth")
     T_map_base = np.array([r.frame.T_odom_base for r in found])
-    assert tilt(T_map_base[0]) < 1e-6
-    assert max(map(tilt, T_map_base)) < (1 if felt is None else 1e-6)
+    assert tilt(T_map_base[0]) < 1e-5  # rounding
+    assert max(map(tilt, T_map_base)) < (1 if felt is None else 1e-5)
     np.testing.assert_allclose(
         np.linalg.norm(np.diff(T_map_base[:, :3, 3], axis=0), axis=1),
         np.linalg.norm(np.diff(np.array(WAY)[:, :3, 3], axis=0), axis=1),

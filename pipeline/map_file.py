@@ -33,7 +33,7 @@ from pipeline.transforms import POSE, are_poses
 from pipeline.victims.people import middle
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
-FORMAT, VERSION = "sarsim keyframes", 7
+FORMAT, VERSION = "sarsim keyframes", 8
 
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]
@@ -83,7 +83,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "points": POINTS,
     },
     "victim": {
-        "missed": ("i8",),
+        "missed": ("i8", "m"),  # Keyframes
         "photo_shows": ("f8",),  # Number of the person's voxels times the confidence
         "photo": ("u1", "p"),
         "photo_shape": ("i8", 3),
@@ -100,7 +100,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
     },
     "find": {
         "kind": ("u1", "k"),  # UTF-8
-        "missed": ("i8",),
+        "missed": ("i8", "m"),  # Keyframes
         "tried_from": ("i8", "t"),
         "tried": ("f8", "t", 3),
         "sightings": ("i8",),  # As in ``victim``, of the ``find_sighting`` rows
@@ -270,7 +270,8 @@ def _check(rows: dict[str, list[Row]]) -> None:
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
         raise ValueError("it must have exactly one odometry covariance, which must be positive definite")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
-    of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
+    for name in "missed", "tried_from":
+        of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row[name].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):
         raise ValueError("an entry refers to a keyframe that does not exist")
     if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
@@ -347,7 +348,7 @@ def _track_row(track: Track) -> Row:
     tried, photo = Places.joined(track.tried), track.photo
     return {
         "kind": _data_of(track.policy.kind),
-        "missed": track.missed,
+        "missed": sorted(track.missed),
         "photo_shows": track.policy.shows(track.seen[track.best]),
         "photo": photo.ravel(),
         "photo_shape": photo.shape,
@@ -376,7 +377,7 @@ def _tracks(rows: list[Row], sightings: list[Row], policy_of: Callable[[str], Tr
         if len(seen) != row["sightings"]:
             raise ValueError("a victim or find lacks sightings")
         tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
-        track = Track(policy_of(kind), seen, list(seen), missed=row["missed"], tried=tried)
+        track = Track(policy_of(kind), seen, list(seen), missed=set(row["missed"].tolist()), tried=tried)
         if kind == VICTIM:  # Of a person, only the best photo is saved
             best = track.best
             track.seen[best] = replace(seen[best], photo=row["photo"].reshape(row["photo_shape"]))

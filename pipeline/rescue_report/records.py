@@ -39,7 +39,7 @@ def _person(person: Person, confirmed: bool) -> Row:
         "posture": posture.name or None,
         "confidence": round(victim.confidence, 4),
         "keyframes": len(victim.cameras),
-        "missed": victim.missed,
+        "missed": len(victim.missed),
         "times": _plain(victim.times),
         "photo": _photo_name(person),
         "way": _way(person.route) if person.route else None,

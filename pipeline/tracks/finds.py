@@ -78,7 +78,7 @@ class Finds(Tracks):
             policy = self.policy_of(reading.kind)
             seen = sight(frame, reading, keyframe, T_map_base, policy)
             new.append(Track(policy, [seen.moved(T_base_map)], [seen], float(T_map_base[2, 3])))
-        self.add(new, frame, T_map_base @ frame.T_base_camera)
+        self.add(new, frame, T_map_base @ frame.T_base_camera, keyframe)
 
 
 def one_per_person(

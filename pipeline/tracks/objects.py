@@ -76,7 +76,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
-        return (is_unread or not track.is_placed) and track.missed < len(track.seen)
+        return (is_unread or not track.is_placed) and len(track.missed) < len(track.seen)
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum distance, m, at which it is in range and, if it was too small, near enough to read."""

@@ -135,7 +135,7 @@ class Track:
         seen: its observations, in the ``base_link`` of their keyframes.
         placed: the same observations in ``map``.
         ground: height of the lowest ground from which it was seen, m in ``map``.
-        missed: number of keyframes that should have shown it and did not.
+        missed: indices of the keyframes that should have shown it and did not.
         tried: places on the ground from which the robot tried to see it again, one per try.
         tried_at: the same places in ``map``.
         where: its location according to all observations.
@@ -145,7 +145,7 @@ class Track:
     seen: list[Observation]
     placed: list[Observation]
     ground: float = 0.0
-    missed: int = 0
+    missed: set[int] = field(default_factory=set)
     tried: list[Places] = field(default_factory=list)
     tried_at: list[Place] = field(default_factory=list)
 
@@ -165,7 +165,7 @@ class Track:
         self.seen += other.seen
         self.placed += other.placed
         self.ground = min(self.ground, other.ground)
-        self.missed = min(self.missed, other.missed)
+        self.missed = (self.missed | other.missed) - self.keyframes  # one that shows a part of it shows it
         self.tried += other.tried
         self.tried_at += other.tried_at
         best = self.best
@@ -228,7 +228,7 @@ class Track:
     @property
     def confidence(self) -> float:
         """1 if it was decoded; else the mean confidence over the detections and the misses, which count as 0."""
-        return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + self.missed)
+        return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + len(self.missed))
 
     @property
     def baseline(self) -> float:
@@ -254,7 +254,7 @@ class Track:
     @property
     def is_given_up(self) -> bool:
         """Whether it was missed too often; decoded objects are never given up."""
-        return self.missed > self.policy.misses * len(self.seen) and not self.is_decoded
+        return len(self.missed) > self.policy.misses * len(self.seen) and not self.is_decoded
 
     @property
     def is_confirmed(self) -> bool:
@@ -262,7 +262,7 @@ class Track:
         least = self.policy.confirmation
         if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
             return False
-        if least.misses is not None and self.missed >= least.misses * len(self.seen):
+        if least.misses is not None and len(self.missed) >= least.misses * len(self.seen):
             return False
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False

@@ -44,19 +44,20 @@ class Tracks:
             track.place(poses)
         self._merge()
 
-    def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose) -> None:
+    def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose, keyframe: int) -> None:
         """Add what a keyframe shows, count misses of what it should have shown, and give up tracks missed too often.
 
         Args:
             new: one track per observation.
             frame: the keyframe's frame, with its depth.
             T_map_camera: pose of ``camera_optical``.
+            keyframe: its index.
         """
         before, T_camera_map = list(self.all), inverse(T_map_camera)
         seen = self._join(self.all, new)
         for track in before:
-            if track not in seen:
-                track.missed += track.policy.should_show(track, frame, T_camera_map)
+            if track not in seen and track.policy.should_show(track, frame, T_camera_map):
+                track.missed.add(keyframe)
         self._merge()
         self.all = [track for track in self.all if not track.is_given_up]
 

@@ -35,7 +35,7 @@ class Victims(Tracks):
         self._background = background
         self.refusals: list[Refusal] = []
 
-    def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int = 0) -> None:
+    def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:
         """Add the observations of a keyframe's detections, and count misses of people whom it should have shown.
 
         Args:
@@ -50,7 +50,8 @@ class Victims(Tracks):
         ]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
-        self.add([self._track(o, T_map_base) for o in seen if isinstance(o, Observation)], frame, T_map_camera)
+        new = [self._track(o, T_map_base) for o in seen if isinstance(o, Observation)]
+        self.add(new, frame, T_map_camera, keyframe)
 
     def _track(self, observation: Observation, T_map_base: Pose) -> Track:
         """A track of a single observation in ``map``."""

@@ -62,10 +62,10 @@ def mapper() -> Mapper:
         for k, sure in ((0, 0.7), (2, 0.8))
     ]
     tried = [Places.anchored(np.ones((1, 3)), poses)]
-    mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed=1, tried=tried)]
+    mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed={1, 3}, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)
-    mapper.finds.all = [Track(mapper.finds.policy_of("qr_code"), [code], [code], missed=1, tried=list(tried))]
+    mapper.finds.all = [Track(mapper.finds.policy_of("qr_code"), [code], [code], missed={3}, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)
@@ -100,9 +100,9 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     np.testing.assert_allclose(victim.covariance, before.covariance)
     np.testing.assert_array_equal(victim.photo, before.photo)
     assert victim.photo.size
-    assert ([seen.reading.confidence for seen in victim.seen], victim.missed) == ([0.7, 0.8], 1)
+    assert ([seen.reading.confidence for seen in victim.seen], victim.missed) == ([0.7, 0.8], {1, 3})
     (code,), (find,) = mapper.finds.all, loaded.finds.all
-    assert (find.policy.kind, find.text, find.missed, len(find.tried)) == ("qr_code", code.text, 1, 1)
+    assert (find.policy.kind, find.text, find.missed, len(find.tried)) == ("qr_code", code.text, {3}, 1)
     np.testing.assert_allclose(find.position, code.position, atol=1e-3)
     np.testing.assert_allclose(find.covariance, np.eye(3) / 9, atol=1e-9)
     np.testing.assert_array_equal(find.find().photo, code.find().photo)
@@ -158,10 +158,11 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "changed.npz"),
-        ("version", 3, "version 7"),
+        ("version", 3, "version 8"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
         ("victim.tried_from", 4, "keyframe"),
+        ("find.missed", 4, "keyframe"),
         ("keyframe.T_map_base", 2.0, "pose"),
         ("keyframe.points.lengths", -2, "keyframe.points"),
         ("keyframe.camera", 0.0, "focal length"),

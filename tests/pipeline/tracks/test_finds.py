@@ -155,7 +155,7 @@ def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
     assert finds.reported == []
     frame, T = seen_from(-1.0)  # farther away than it was seen from: no reason for a miss
     finds.update(frame, [], T, 2)
-    assert finds.all[0].missed == 1
+    assert finds.all[0].missed == {1}
 
 
 def test_warm_parts_of_one_body_are_one() -> None:

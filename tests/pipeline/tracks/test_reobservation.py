@@ -38,7 +38,7 @@ def seen_once(
 ) -> tuple[Victims, Reobservation]:
     victims, T = Victims(), camera_at(0, 0)
     frame = step(T, [PERSON])
-    victims.update(frame, [detection_of(T, PERSON)], T)
+    victims.update(frame, [detection_of(T, PERSON)], T, 0)
     result = Reobservation([victims], metric_map, one_keyframe() if keyframes is None else keyframes, config)
     result.count(frame)
     return victims, result
@@ -141,7 +141,7 @@ def test_after_some_tries_in_vain_it_is_given_up():
 def test_the_confirmed_are_left_alone():
     victims, reobservation = seen_once(mapped_room())
     T = camera_at(0.1, 0.5)
-    victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], T)
+    victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, 0)
     assert victims.confirmed
     assert reobservation.wanted == []
 

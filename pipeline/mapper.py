@@ -121,7 +121,7 @@ class Mapper:
         self.semantic_map = SemanticMap(config=config.semantic_map)
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
-        self.victims = Victims(config.tracks.victim, config.tracks.likelihood, config.victims.background)
+        self.victims = Victims(config.tracks.victim)
         self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
         self.stopwatch = Stopwatch()
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell

@@ -30,12 +30,12 @@ class Finds(Tracks):
 
         Args:
             people: the people on the map, who give off heat.
-            config: how heat, and kinds that are not among ``kinds``, are tracked.
-            kinds: how the kinds of the readers are tracked.
+            config: how heat is tracked.
+            kinds: how the kinds of the readers are tracked; by default as in :class:`ObjectConfig`.
         """
         super().__init__(join_one_to_one)
-        self._likelihood, self._other = config.likelihood, config.other
-        self._kinds, self._policies = {HEAT: config.heat, **(kinds or {})}, dict[str, ObjectPolicy]()
+        self._kinds = {HEAT: config.heat, **(kinds or {})}
+        self._policies: dict[str, ObjectPolicy] = {}
         self.readings: list[Reading] = []
         self._people = people
 
@@ -59,8 +59,7 @@ class Finds(Tracks):
     def policy_of(self, kind: str) -> ObjectPolicy:
         """How a kind is tracked, including kinds of a user's own readers."""
         if kind not in self._policies:
-            numbers = self._kinds.get(kind, self._other)
-            self._policies[kind] = ObjectPolicy(kind=kind, likelihood=self._likelihood, **vars(numbers))
+            self._policies[kind] = ObjectPolicy(kind=kind, **vars(self._kinds.get(kind) or ObjectConfig()))
         return self._policies[kind]
 
     def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:

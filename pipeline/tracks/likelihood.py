@@ -15,7 +15,14 @@ from scipy.special import log_ndtr
 
 from pipeline.arrays import Mask, Place, Points, Values
 from pipeline.geometry.parts import parts
-from pipeline.tracks.config import Extents, LikelihoodConfig
+from pipeline.tracks.config import Extents
+
+THINNEST = 0.02
+"""Noise of a depth camera at its usual range, m; nothing seems thinner."""
+SPREAD = log(1.5) / 2
+"""Standard deviation of the logarithm of an extent of a kind: 95 % lie within a factor of 1.5 of the median."""
+HIGHEST = 2.0
+"""Maximum height above the ground of people and signs, m; background is up to twice as high and long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +42,6 @@ def weigh(
     extents: Sequence[Extents],
     points: Points,
     ground: float,
-    config: LikelihoodConfig,
     background: Mask | None = None,
     camera: Place | None = None,
 ) -> Weighed:
@@ -45,7 +51,6 @@ def weigh(
         extents: median extents of the kind in the forms that it takes, m.
         points: points of the detection or the find.
         ground: height of the ground, m in ``map``.
-        config: how sizes of objects and of background are distributed.
         background: which points are returns of something else, such as a wall.
         camera: position of the camera, if all points are returns in a box of its image.
     """
@@ -54,7 +59,7 @@ def weigh(
     in_box = None if camera is None or not free.any() else _in_box(points, camera)
     for form in extents:
         for part in _parts(points, free, form[1] / 2):
-            ratio = _of_shape(points[part], form, ground, config) - log(len(extents))
+            ratio = _of_shape(points[part], form, ground) - log(len(extents))
             if in_box is not None:
                 # For background, the shares of the box's returns and of its area are uniform. For an object, that of
                 # the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits on
@@ -66,14 +71,14 @@ def weigh(
     return best
 
 
-def _of_shape(points: Points, extents: Extents, ground: float, config: LikelihoodConfig) -> float:
+def _of_shape(points: Points, extents: Extents, ground: float) -> float:
     """Log Bayes factor from the extents and the height of a part's points, for an object with these extents."""
-    seen, spread = np.maximum(extents_of(points), config.thinnest), config.spread
+    seen = np.maximum(extents_of(points), THINNEST)
     # E[1/F; F > e] for a log-normal full extent F and a visible one e, over 1 / (e · log range) of the background.
-    sizes = np.log(seen / extents) + spread**2 / 2 + log(log(2 * config.highest / config.thinnest))
-    sizes += log_ndtr((np.log(extents / seen) - spread**2) / spread)
+    sizes = np.log(seen / extents) + SPREAD**2 / 2 + log(log(2 * HIGHEST / THINNEST))
+    sizes += log_ndtr((np.log(extents / seen) - SPREAD**2) / SPREAD)
     above = float(np.median(points[:, 2])) - ground
-    return float(sizes.sum() + log(2) + log_ndtr((config.highest - above) / spread))
+    return float(sizes.sum() + log(2) + log_ndtr((HIGHEST - above) / SPREAD))
 
 
 def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import radians
 
 import cv2
 import numpy as np
@@ -15,8 +16,23 @@ from pipeline.tracks.config import ObjectConfig
 from pipeline.tracks.find import Reading
 from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.pictures import photo_of
-from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
+
+NEARER = 0.5
+"""Minimum distance of another look, as a share of the nearest so far."""
+SAME_SIDE = radians(40)
+"""Maximum angle to an earlier line of sight, rad; from farther to the side, a sign looks narrower or is hidden."""
+SIGMAS = 3.0
+"""A return is of the object, not in front of it, within this many standard deviations of its position."""
+GAP = 0.3
+"""Difference in depth between an object and others in front of or behind it, m."""
+POSE_SIGMA = 0.03
+"""Standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas."""
+KEPT_VOXEL = 0.025
+"""Edge length of voxels, m, in each of which one point of an observation is kept."""
+PHOTO_MARGIN = 0.5
+"""Margin of a photo around the object's box, as a share of the box's longer side."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +62,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         if self.is_flat and one.keyframes & other.keyframes:
             return np.inf
         distance = self.distance(one, other)
-        return distance if distance <= self.gate else np.inf
+        return distance if distance <= GATE else np.inf
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the object is in the image, as near as in some earlier view, from a similar side and not hidden."""
@@ -58,7 +74,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         if np.linalg.norm(here - position) > np.linalg.norm(ways, axis=1).max():
             return False
         bearing = (here - position) @ ways.T / np.linalg.norm(here - position) / np.linalg.norm(ways, axis=1)
-        if bearing.max() < np.cos(self.same_side):
+        if bearing.max() < np.cos(SAME_SIDE):
             return False
         point = transform_points(T_camera_map, position[None])
         pixels, inside = frame.intrinsics.project(point)
@@ -66,7 +82,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
             return False
         row, column = pixels[inside][0]
         measured = float(frame.depth[row, column])
-        return measured > 0 and abs(measured - point[0, 2]) < self.sigmas * np.sqrt(track.covariance.trace())
+        return measured > 0 and abs(measured - point[0, 2]) < SIGMAS * np.sqrt(track.covariance.trace())
 
     def is_worth_a_look(self, track: Track) -> bool:
         """Whether it never had depth, could not be read or was always small, and was missed less often than seen.
@@ -82,7 +98,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         """Minimum and maximum distance, m, at which it is in range and, if it was too small, near enough to read."""
         nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
         way = float(np.linalg.norm(nearest.position - nearest.camera))
-        share = max(nearest.reading.side / self.readable, self.nearer)
+        share = max(nearest.reading.side / self.readable, NEARER)
         readable = way * share if track.is_placed else sensor.farthest
         return sensor.nearest, min(sensor.farthest - sensor.margin, max(readable, sensor.nearest + sensor.margin))
 
@@ -114,7 +130,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     # The uncertainty along the ray is that of the depth, or the whole range; across the ray, it is a pixel.
     along = frame.sensor.sigma(z) if depth.size else z
     ray = in_camera / np.linalg.norm(in_camera)
-    covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + policy.pose_sigma**2)
+    covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + POSE_SIGMA**2)
     T_map_camera = T_map_base @ frame.T_base_camera
     points = k.rays[inside] * depth[:, None]
     if depth.size:
@@ -122,7 +138,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
             reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy
         )
         if not policy.is_flat:
-            points = points[belongs if belongs.any() else np.abs(depth - z) < policy.gap]
+            points = points[belongs if belongs.any() else np.abs(depth - z) < GAP]
             own = points.astype(np.float64)
             in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
             covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
@@ -135,8 +151,8 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
         camera=np.zeros(3),
         has_depth=depth.size > 0,
         time=frame.time,
-        photo=photo_of(frame.rgb, reading.box, policy.photo_margin),
-        points=points[first_in_voxels(points, 1 / policy.kept_voxel)],
+        photo=photo_of(frame.rgb, reading.box, PHOTO_MARGIN),
+        points=points[first_in_voxels(points, 1 / KEPT_VOXEL)],
     )
     return seen.moved(T_map_camera)
 
@@ -147,7 +163,7 @@ def _weighed(
     """A reading with its confidence updated from its points, and which of these belong to the object."""
     if not policy.extents:
         return reading, np.zeros(len(points), np.bool_)
-    weighed = weigh(policy.extents, points, ground, policy.likelihood, camera=T_map_camera[:3, 3])
+    weighed = weigh(policy.extents, points, ground, camera=T_map_camera[:3, 3])
     return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
 
 

@@ -1,6 +1,7 @@
 """Re-observation: rewards for viewpoints that would show unconfirmed or unread objects again."""
 
 from collections.abc import Sequence
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,18 @@ from pipeline.tracks.config import ReobservationConfig
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.transforms import wrap_angle
+
+NEW_SIDE = radians(40)
+"""Minimum angle between a viewpoint and earlier ones, as seen from the object, for the full reward, rad.
+
+Within this angle of one that showed nothing, there is no reward: a person in a box is seen only from its open side.
+"""
+SPACING = 0.3
+"""Viewpoints closer together than this show the same, m."""
+MARGIN = 0.3
+"""Distance before the object at which the line of sight to it may end, m."""
+BESIDE_CAMERA = 0.3
+"""Length at the start of a line of sight that counts as free, m, since the robot will be there."""
 
 
 class Reobservation:
@@ -67,19 +80,19 @@ class Reobservation:
 
     def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) rewards, m², for one object."""
-        config, frame = self._config, required(self.camera)
+        frame = required(self.camera)
         sensor, height = frame.sensor, float(frame.T_base_camera[2, 3])
         target = np.median(track.points, axis=0).astype(np.float64)
         least, most = track.policy.distances(track, sensor)
         way = target[:2] - places[:, :2]
         distance = np.linalg.norm(way, axis=1)
-        reward = np.where((distance >= least) & (distance <= most), config.reward, 0.0)
-        reward *= _newness(track, places, target, config)
+        reward = np.where((distance >= least) & (distance <= most), self._config.reward, 0.0)
+        reward *= _newness(track, places, target)
         # Where the object itself is, the line of sight need not be free.
         body = cKDTree(track.points)
         for n in np.flatnonzero(reward):
             camera = places[n] + (0, 0, height)
-            reward[n] *= self._map.is_free_along(camera, target, body, config.margin, config.beside_camera)
+            reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
         return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track))
 
@@ -90,18 +103,18 @@ def half_view(frame: Frame, track: Track) -> float:
     return float(frame.intrinsics.half_view - np.arctan2(track.policy.across / 2, most))
 
 
-def _newness(track: Track, places: NDArray[np.float64], target: Place, config: ReobservationConfig) -> Values:
+def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values:
     """Share of the reward: 0 near earlier viewpoints, and on the side of viewpoints that showed nothing.
 
     A flat object shows nothing new from another side.
     """
     found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (track.cameras, track.tried_at))
     if track.policy.is_flat:
-        return np.where(_distances(places, np.vstack([found, tried])).min(axis=1) > config.spacing, 1.0, 0.0)
-    useless = tried[_distances(tried, found).min(axis=1) > config.spacing]
-    share = np.clip(_angles(places, found, target).min(axis=1) / config.new_side, 0.0, 1.0)
-    is_new = _distances(places, np.vstack([found, tried])).min(axis=1) > config.spacing
-    is_new &= _angles(places, useless, target).min(axis=1, initial=np.inf) >= config.new_side
+        return np.where(_distances(places, np.vstack([found, tried])).min(axis=1) > SPACING, 1.0, 0.0)
+    useless = tried[_distances(tried, found).min(axis=1) > SPACING]
+    share = np.clip(_angles(places, found, target).min(axis=1) / NEW_SIDE, 0.0, 1.0)
+    is_new = _distances(places, np.vstack([found, tried])).min(axis=1) > SPACING
+    is_new &= _angles(places, useless, target).min(axis=1, initial=np.inf) >= NEW_SIDE
     return np.where(is_new, share, 0.0)
 
 

@@ -13,10 +13,15 @@ from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
 from pipeline.sensor import SensorModel
-from pipeline.tracks.config import LikelihoodConfig, TrackConfig
+from pipeline.tracks.config import Confirmation, Extents
 from pipeline.tracks.find import Find, Reading
 from pipeline.tracks.likelihood import extents_of
 from pipeline.transforms import transform_places
+
+GATE = chi2_gate(3, 0.99)
+"""Squared Mahalanobis distance up to which two measured positions are taken for one object's: 99 % of them are."""
+MOST_MISSES = 2.0
+"""A track with more misses than this per detection is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +74,25 @@ class Location:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackPolicy(TrackConfig, ABC):
-    """How one kind of object is tracked: its parameters, and what differs from kind to kind.
+class TrackPolicy(ABC):
+    """How one kind of object is tracked: what differs from kind to kind.
 
     Attributes:
         kind: one of :data:`pipeline.tracks.find.KINDS`, or a kind of a user's own reader.
+        confirmation: when a track is reported.
+        across: width of the object that must be in the image when it is looked at again, m.
+        extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
+            background.
         is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
         has_checksum: whether it is decoded correctly or not at all; what was not decoded is not reported.
-        likelihood: used to weigh what was seen against background.
     """
 
     kind: str
+    confirmation: Confirmation
+    across: float
+    extents: tuple[Extents, ...] = ()
     is_flat: bool = False
     has_checksum: bool = False
-    likelihood: LikelihoodConfig = LikelihoodConfig()
-
-    @property
-    def gate(self) -> float:
-        """Maximum squared Mahalanobis distance between two positions that are taken for one object's."""
-        return chi2_gate(3, self.accepted)
 
     @abstractmethod
     def locate(self, placed: Sequence[Observation]) -> Location:
@@ -254,7 +259,7 @@ class Track:
     @property
     def is_given_up(self) -> bool:
         """Whether it was missed too often; decoded objects are never given up."""
-        return len(self.missed) > self.policy.misses * len(self.seen) and not self.is_decoded
+        return len(self.missed) > MOST_MISSES * len(self.seen) and not self.is_decoded
 
     @property
     def is_confirmed(self) -> bool:

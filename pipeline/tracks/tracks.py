@@ -7,11 +7,9 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.arrays import Pose, Poses
 from pipeline.frame import Frame
-from pipeline.tracks.track import Track
+from pipeline.tracks.track import GATE, Track
 from pipeline.transforms import inverse
 
-LARGEST = 1e12
-"""Upper bound of gates, so that even an infinite one rejects the infinite distances of other objects."""
 Join = Callable[[list[Track], Sequence[Track]], list[Track]]
 """Adds new tracks to a list, each to a track of the same object or as a new entry; returns the tracks that grew."""
 
@@ -92,9 +90,8 @@ def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
     before = list(tracks)
     cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))
-    gates = np.minimum([one.policy.gate for one in new], LARGEST)
-    rows, columns = linear_sum_assignment(np.minimum(cost, 2 * gates[:, None]))
-    same = {row: before[column] for row, column in zip(rows, columns, strict=True) if cost[row, column] <= gates[row]}
+    rows, columns = linear_sum_assignment(np.minimum(cost, 2 * GATE))
+    same = {row: before[column] for row, column in zip(rows, columns, strict=True) if cost[row, column] <= GATE}
     for row, one in enumerate(new):
         if row in same:
             same[row].take(one)

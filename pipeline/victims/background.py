@@ -9,7 +9,28 @@ from pipeline.arrays import Indices, Mask, Planes, Points
 from pipeline.frame import Frame
 from pipeline.geometry.planes import Moments, distances, ransac_plane
 from pipeline.sensor import SensorModel
-from pipeline.victims.config import BackgroundConfig
+
+SAMPLES = 3000
+"""Approximate number of pixels sampled from the box and its margin."""
+TRIALS = 200
+"""Number of point triples that RANSAC draws for each plane."""
+CANDIDATES = 12
+"""Random samples from which each further point of a triple is chosen, as the nearest to its first point in the image:
+planes are small and far apart."""
+LEAST_SHARE = 0.02
+"""Minimum share of all samples that must lie on a plane."""
+BEYOND = 0.25
+"""Minimum ratio of a plane's samples outside the box to those inside for it to be background."""
+TOLERANCE = 0.012
+"""Maximum distance of a point from its plane, in addition to the sensor's noise, m."""
+SIGMAS = 2.0
+"""Number of standard deviations of the sensor's noise that is added."""
+FLAT = 0.6
+"""Minimum share of a plane's samples within ``FLAT_TOLERANCE`` for it to be flatter than any person."""
+FLAT_TOLERANCE = 0.002
+"""Maximum distance of these samples, in addition to one standard deviation of the noise, m."""
+FLAT_AREA = 0.04
+"""Minimum area of the plane's samples across the line of sight, m²."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,53 +55,51 @@ class _Samples:
         return replace(self, points=self.points[chosen], pixels=self.pixels[chosen], inside=self.inside[chosen])
 
 
-def background_planes(
-    frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator, config: BackgroundConfig
-) -> list[Planes]:
+def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> list[Planes]:
     """The background's planes in and around a box, pixels; the planes are in ``camera_optical``.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
-    samples, planes = _samples(frame, box, config.samples), []
-    enough = max(3, config.least_share * len(samples.points))
+    samples, planes = _samples(frame, box), []
+    enough = max(3, LEAST_SHARE * len(samples.points))
     while len(samples.points) >= enough:
-        plane = _plane(samples, rng, config)
-        near = near_plane(samples.points, plane, samples.sensor, config)
+        plane = _plane(samples, rng)
+        near = near_plane(samples.points, plane, samples.sensor)
         if np.count_nonzero(near) < enough:
             break
         outside = np.count_nonzero(near & ~samples.inside)
-        is_beyond = outside >= config.beyond * np.count_nonzero(near & samples.inside)
-        if is_beyond or _is_flat(samples[near], plane, config):
+        is_beyond = outside >= BEYOND * np.count_nonzero(near & samples.inside)
+        if is_beyond or _is_flat(samples[near], plane):
             planes.append(plane)
         samples = samples[~near]
     return planes
 
 
-def _is_flat(samples: _Samples, plane: Planes, config: BackgroundConfig) -> bool:
+def _is_flat(samples: _Samples, plane: Planes) -> bool:
     """Whether the samples of a plane are too flat, over too large an area, to be of a round body."""
     points = samples.points
-    near = np.abs(distances(points, plane)) < config.flat_tolerance + samples.sensor.sigma(points[:, 2])
+    near = np.abs(distances(points, plane)) < FLAT_TOLERANCE + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
-    return bool(near.mean() >= config.flat and area >= config.flat_area)
+    return bool(near.mean() >= FLAT and area >= FLAT_AREA)
 
 
-def near_plane(points: Points, plane: Planes, sensor: SensorModel, config: BackgroundConfig) -> Mask:
+def near_plane(points: Points, plane: Planes, sensor: SensorModel) -> Mask:
     """Which points in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(distances(points, plane)) < _tolerance(points, sensor, config)
+    return np.abs(distances(points, plane)) < _tolerance(points, sensor)
 
 
-def _tolerance(points: Points, sensor: SensorModel, config: BackgroundConfig) -> NDArray[np.floating]:
-    return config.tolerance + config.sigmas * sensor.sigma(points[:, 2])
+def _tolerance(points: Points, sensor: SensorModel) -> NDArray[np.floating]:
+    return TOLERANCE + SIGMAS * sensor.sigma(points[:, 2])
 
 
-def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -> _Samples:
-    """The pixels with depth on a grid of about ``count``, over the box and a margin as wide as its longer side."""
+def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
+    """The pixels with depth on a grid of about ``SAMPLES``, over the box and a margin as wide as its longer side."""
     low, high = np.array(box[:2]), np.array(box[2:])
     margin = (high - low).max()
     size = (frame.intrinsics.width, frame.intrinsics.height)
     first = np.clip(low - margin, 0, size).astype(int)
     last = np.clip(high + margin, 0, size).astype(int)
-    stride = max(1, int(np.sqrt(np.prod(last - first) / count)))
+    stride = max(1, int(np.sqrt(np.prod(last - first) / SAMPLES)))
     v, u = (axis.ravel() for axis in np.mgrid[first[1] : last[1] : stride, first[0] : last[0] : stride])
     seen = frame.returns[v, u]
     v, u = v[seen], u[seen]
@@ -91,24 +110,24 @@ def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -
     return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy), frame.sensor)
 
 
-def _plane(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> Planes:
+def _plane(samples: _Samples, rng: np.random.Generator) -> Planes:
     """The plane with the most samples according to RANSAC, refitted to these samples."""
     points, sensor = samples.points, samples.sensor
-    found = ransac_plane(points, _triples(samples, rng, config), _tolerance(points, sensor, config))
+    found = ransac_plane(points, _triples(samples, rng), _tolerance(points, sensor))
     if found is None:
         return np.full(4, np.nan)  # all samples lie on one line
     best, _ = found
-    members = points[near_plane(points, best, sensor, config)]
+    members = points[near_plane(points, best, sensor)]
     if len(members) < 3:
         return best
     plane, _ = Moments.of(members).fit(best[:3])
     return np.append(plane.normal, plane.offset)
 
 
-def _triples(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> Indices:
+def _triples(samples: _Samples, rng: np.random.Generator) -> Indices:
     """(trials, 3) indices of a random sample and of two samples near it in the image."""
-    first = rng.integers(len(samples.points), size=config.trials)
-    others = rng.integers(len(samples.points), size=(config.trials, 2, config.candidates))
+    first = rng.integers(len(samples.points), size=TRIALS)
+    others = rng.integers(len(samples.points), size=(TRIALS, 2, CANDIDATES))
     apart = np.abs(samples.pixels[others] - samples.pixels[first, None, None]).max(axis=-1)
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]

@@ -25,8 +25,12 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
     return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
 
 
+MOST_BOXES = 3000
+"""Maximum number of boxes that are compared: a network that sees a person in every cell would take minutes."""
+
+
 def best_boxes(
-    boxes: NDArray[np.float32], scores: NDArray[np.float32], least: float, overlap: float, most: int
+    boxes: NDArray[np.float32], scores: NDArray[np.float32], least: float, overlap: float, most: int = MOST_BOXES
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
 

@@ -35,9 +35,7 @@ class VictimDetector:
     """Finds people, and other objects for which its network has classes, with a network of the YOLO family."""
 
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
-        """Detect with a network; InputError for a minimum confidence that is not between 0 and 1."""
-        if not 0 < config.confidence < 1:
-            raise InputError(f"detector: confidence = {config.confidence:g}: must be greater than 0 and less than 1")
+        """Detect with a network."""
         self._network, self._config = network, config
 
     @classmethod
@@ -78,11 +76,11 @@ class VictimDetector:
         """
         check_image(rgb)
         config = self._config
-        boxes, scores = self._network.find(evenly_exposed(rgb, config.exposure), config.confidence)
+        boxes, scores = self._network.find(evenly_exposed(rgb), config.confidence)
         found: list[Detection] = []
         for kind, classes in self._network.kinds.items():
             of_kind = scores[:, list(classes)].max(axis=1)
-            best = best_boxes(boxes, of_kind, config.confidence, config.suppressing_iou, config.most_boxes)
+            best = best_boxes(boxes, of_kind, config.confidence, config.suppressing_iou)
             found += [Detection(tuple(box.tolist()), float(sure), kind) for box, sure in zip(*best, strict=True)]
         return sorted(found, key=lambda detection: -detection.confidence)
 

@@ -13,17 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
-from pipeline.victims.config import ExposureConfig
 
 GREY = 128  # Brightness of the bars next to a fitted image, as in Darknet's letterbox_image
+CELLS = 16, 12
+"""Columns and rows of the coarse grid that holds the brightness of the surroundings."""
+BLUR = 2.0
+"""Standard deviation of the Gaussian that smooths the grid, cells: dark objects stay dark, dark regions do not."""
+BRIGHTNESS = 130.0
+"""Value, of 255, to which the brightest channel of the surroundings is raised if it is lower."""
+DARKEST = 12.0
+"""Brightness, of 255, below which the gain no longer increases, because there is only noise."""
 
 
-def evenly_exposed(rgb: Rgb, config: ExposureConfig) -> Rgb:
+def evenly_exposed(rgb: Rgb) -> Rgb:
     """An image with uneven lighting compensated; a well-lit image is not changed."""
-    cells = config.columns, config.rows
-    light = cv2.resize(rgb, cells, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
-    light = cv2.GaussianBlur(light, (0, 0), config.blur, borderType=cv2.BORDER_REPLICATE)
-    gain = np.maximum(config.brightness / np.maximum(light, config.darkest), 1)
+    light = cv2.resize(rgb, CELLS, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
+    light = cv2.GaussianBlur(light, (0, 0), BLUR, borderType=cv2.BORDER_REPLICATE)
+    gain = np.maximum(BRIGHTNESS / np.maximum(light, DARKEST), 1)
     gain = cv2.resize(gain, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     bright = cv2.multiply(rgb, cv2.merge([gain] * 3), dtype=cv2.CV_8U)
     return np.asarray(bright, np.uint8)

@@ -12,9 +12,11 @@ from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.background import background_planes, near_plane
-from pipeline.victims.config import BackgroundConfig
 from pipeline.victims.detection import Detection
-from pipeline.victims.people import PeoplePolicy, middle
+from pipeline.victims.people import SKIN_TO_MIDDLE, PeoplePolicy, middle
+
+PHOTO_MARGIN = 0.2
+"""Margin of a photo around a person's box, as a share of the box's longer side: surroundings help to recognise it."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,7 @@ class Refusal:
 
 
 def observe(
-    frame: Frame,
-    detection: Detection,
-    T_map_camera: Pose,
-    keyframe: int = 0,
-    policy: PeoplePolicy = PeoplePolicy(),
-    background: BackgroundConfig = BackgroundConfig(),
+    frame: Frame, detection: Detection, T_map_camera: Pose, keyframe: int = 0, policy: PeoplePolicy = PeoplePolicy()
 ) -> Observation | Refusal:
     """Locate a detected person in ``map`` with the frame's depth, or reject the detection.
 
@@ -41,24 +38,23 @@ def observe(
         T_map_camera: pose of ``camera_optical``.
         keyframe: index of the keyframe.
         policy: how people are tracked.
-        background: which planes belong to the background.
     """
     returns = frame.returns & _window(frame, detection)
     if not returns.any():
         return Refusal(detection, "no depth in the box")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
-    is_background = ~_stands_out(frame, detection, in_camera, background)
+    is_background = ~_stands_out(frame, detection, in_camera)
     if is_background.all():
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
-    weighed = weigh(policy.extents, points, ground, policy.likelihood, is_background, camera)
+    weighed = weigh(policy.extents, points, ground, is_background, camera)
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
         return Refusal(detection, f"{extents} m: more like background than a person")
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
-    spread = np.cov(person.T.astype(np.float64)) / 4 + np.eye(3) * policy.skin_to_middle**2
+    spread = np.cov(person.T.astype(np.float64)) / 4 + np.eye(3) * SKIN_TO_MIDDLE**2
     return Observation(
         reading=Reading(VICTIM, "", box_corners(detection.box), detection.confidence),
         keyframe=keyframe,
@@ -66,7 +62,7 @@ def observe(
         information=np.linalg.inv(spread).astype(np.float64),
         camera=camera,
         points=person,
-        photo=photo_of(frame.rgb, detection.box, policy.photo_margin),
+        photo=photo_of(frame.rgb, detection.box, PHOTO_MARGIN),
         time=frame.time,
     )
 
@@ -78,9 +74,9 @@ def _window(frame: Frame, detection: Detection) -> PixelMask:
     return ((v >= y0) & (v <= y1))[:, None] & (u >= x0) & (u <= x1)
 
 
-def _stands_out(frame: Frame, detection: Detection, points: Points, config: BackgroundConfig) -> Mask:
+def _stands_out(frame: Frame, detection: Detection, points: Points) -> Mask:
     """Which of the box's points, in ``camera_optical``, lie on none of the background's planes."""
     result = np.ones(len(points), np.bool_)
-    for plane in background_planes(frame, detection.box, np.random.default_rng(0), config):
-        result &= ~near_plane(points, plane, frame.sensor, config)
+    for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
+        result &= ~near_plane(points, plane, frame.sensor)
     return result

@@ -13,11 +13,31 @@ from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.geometry.voxel_hash import first_of, voxels_of
 from pipeline.sensor import SensorModel
-from pipeline.tracks.config import PeopleConfig
+from pipeline.tracks.config import Extents, PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.likelihood import weigh
-from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import transform_points
+
+ACROSS = 0.85
+"""Width of a person that must be in the image when the person is looked at again, m."""
+EXTENTS = (1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14)
+"""Median extents, the longest first, m.
+
+Of standing or lying people, stature, shoulder breadth and chest depth; of sitting people, sitting height, depth
+including the thighs, and shoulder breadth (NASA-STD-3000, section 3.3); of dolls, as in the RoboCup Rescue arena
+designer.
+"""
+TOUCH = 0.15
+"""Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
+OPEN_SHARE = 0.7
+"""A person is in view if, at more than this share of the points, no return is nearer by ``TOUCH`` or more."""
+VOXEL = 0.03
+"""Edge length of a person's voxels, m."""
+AGREED = 0.2
+"""Minimum share of the keyframes showing a person that must show a voxel for it to count."""
+SKIN_TO_MIDDLE = 0.08
+"""Standard deviation due to the distance from the visible skin to the middle of the body, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +79,12 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     """How people are tracked: several observations in a frame may show touching parts of one person."""
 
     kind: str = VICTIM
+    across: float = ACROSS
+    extents: tuple[Extents, ...] = EXTENTS
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
         """Where a person is, from the voxels and the information of all observations."""
-        voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, self.voxel) for seen in placed])
+        voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, VOXEL) for seen in placed])
         information = reduce(self.informed, [seen.information for seen in placed])
         return self.body(voxels, information, frozenset(seen.keyframe for seen in placed))
 
@@ -74,12 +96,12 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
         """A person whom the keyframes show in these voxels; what only a few of them show is something else."""
-        points = voxels.agreed(self.agreed * len(keyframes))
+        points = voxels.agreed(AGREED * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
     def informed(self, one: Information, other: Information) -> Information:
         """The information of both; errors from one viewpoint are correlated, so the covariance has a lower bound."""
-        return _inverse(_inverse(one + other) + np.eye(3) * (self.skin_to_middle / 2) ** 2)
+        return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
         """Number of the person's voxels, times the confidence."""
@@ -88,7 +110,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     def distance(self, track: Track, new: Track) -> float:
         """Squared Mahalanobis distance; infinite if neither near nor touching, or if a frame shows both apart."""
         distance = mahalanobis(track, new)
-        is_near = distance <= self.gate or self._touch(track.points, new.points)
+        is_near = distance <= GATE or self._touch(track.points, new.points)
         return distance if is_near and not self._are_seen_apart(track, new) else np.inf
 
     def separation(self, one: Track, other: Track) -> float:
@@ -98,7 +120,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     def _touch(self, one: Points, other: Points) -> bool:
         """Whether the nearest points of both are at most ``touch`` apart."""
         small, large = sorted((one, other), key=len)
-        return bool(cKDTree(small).query(large, distance_upper_bound=self.touch)[0].min() <= self.touch)
+        return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
         """Whether a frame shows both without contact: they are then two people, however near."""
@@ -115,8 +137,8 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         pixels, inside = frame.intrinsics.project(points)
         depth, (row, column) = depth[inside], pixels[inside].T
         measured = frame.depth[row, column]
-        is_open = (measured > 0) & (measured > depth - self.touch)
-        return bool(is_open.sum() > self.open_share * len(points))
+        is_open = (measured > 0) & (measured > depth - TOUCH)
+        return bool(is_open.sum() > OPEN_SHARE * len(points))
 
     def is_worth_a_look(self, track: Track) -> bool:
         """Whether there is evidence of the person, but not enough to confirm it."""
@@ -128,7 +150,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def has_shape(self, track: Track) -> bool:
         """Whether all points seen, taken together, are more like a person than like background."""
-        return weigh(self.extents, track.points, track.ground, self.likelihood).log_ratio > 0
+        return weigh(self.extents, track.points, track.ground).log_ratio > 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,20 @@ from pipeline.victims.boxes import Boxes, best_boxes, joined, overlaps
 from pipeline.victims.config import DetectorConfig
 from pipeline.victims.yolo import Yolo, load_shipped
 
+NEAR_SIZE = 224, 160
+"""Size of a second, smaller input, pixels, for people so near that they are too large in the first one."""
+LARGE_BOX = 0.15
+"""Minimum longer side of a box found in the second input, relative to the image's longer side."""
+HINT = 0.02
+"""Minimum confidence of a box that counts as a hint of a person."""
+WITNESS_IOU = 0.3
+"""The intersection over union of a suspect's box and of the one that corroborates it is greater."""
+VIEW = 128, 128
+"""Size of the COCO network's input for a suspect, pixels, multiples of 32."""
+CONTEXT = 1.25
+"""Side of the square that it shows, relative to the suspect's longer side."""
+LYING = 0.8
+"""Minimum width of a suspect, relative to its height, for the square to be rotated: photos show few people lying."""
 NOTHING: Boxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
@@ -47,31 +61,30 @@ class TwoStages:
     def _suspects(self, image: Rgb, least: float) -> tuple[Boxes, int]:
         """Where the arena network sees people, the most confident first, and the number of hints of people."""
         config = self._config
-        far = self._arena.boxes(image, config.size, min(config.hint, least))
-        hints = len(self._best(far, config.hint)[0])
+        far = self._arena.boxes(image, config.size, min(HINT, least))
+        hints = len(self._best(far, HINT)[0])
         parts = [far, self._near(self._arena, image, least)] if hints else [NOTHING]
         return self._best(joined(parts), least), hints
 
     def _near(self, network: Yolo, image: Rgb, least: float) -> Boxes:
         """Boxes of people so near that they are too large for a network at the usual size of the input."""
-        boxes, scores = network.boxes(image, self._config.near_size, least)
+        boxes, scores = network.boxes(image, NEAR_SIZE, least)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
-        is_near = extent >= self._config.large_box * max(image.shape)
+        is_near = extent >= LARGE_BOX * max(image.shape)
         return boxes[is_near], scores[is_near]
 
     def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
         """Which (N, 4) suspects are corroborated in a square around them, and all that is seen in the squares."""
-        size, seen, witnessed = (self._config.view, self._config.view), NOTHING, np.zeros(len(suspects), bool)
+        seen, witnessed = NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
             witnessed[number] = self._are_witnessed(suspect, seen)
             if not witnessed[number]:
-                corner, square = surroundings(image, suspect[0], self._config.context)
+                corner, square = surroundings(image, suspect[0])
                 # A suspect nearly fills its square; people this large are found on the coarsest grid.
-                view = moved(self._coco.boxes(square, size, self._config.witness, heads=1), corner)
+                view = moved(self._coco.boxes(square, VIEW, self._config.witness, heads=1), corner)
                 seen = joined([seen, view])
                 witnessed[number] = self._are_witnessed(suspect, view) or (
-                    _is_wide(suspect[0], self._config.lying)
-                    and self._are_witnessed(suspect, moved(self._lying(square, size, heads=1), corner))
+                    _is_wide(suspect[0]) and self._are_witnessed(suspect, moved(self._lying(square), corner))
                 )
         return witnessed, seen
 
@@ -81,30 +94,29 @@ class TwoStages:
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
 
-    def _lying(self, image: Rgb, size: tuple[int, int], heads: int | None = None) -> Boxes:
+    def _lying(self, image: Rgb) -> Boxes:
         """Boxes that the COCO network sees in an image rotated by 90° either way: few photos show people lying."""
         sides = ((turns, np.rot90(image, turns)) for turns in (1, -1))
         return joined(
             (turned_back(boxes, turns, image.shape), scores)
             for turns, side in sides
-            for boxes, scores in [self._coco.boxes(side, size, self._config.witness, heads)]
+            for boxes, scores in [self._coco.boxes(side, VIEW, self._config.witness, heads=1)]
         )
 
     def _are_witnessed(self, suspects: NDArray[np.float32], seen: Boxes) -> Mask:
         """(N,) whether each of (N, 4) suspects overlaps something that was seen."""
         boxes, _ = self._best(seen, self._config.witness)
-        return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > self._config.witness_iou)
+        return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
 
     def _best(self, found: Boxes, least: float) -> Boxes:
         """One box per object, the most confident first."""
-        config = self._config
-        boxes, scores = best_boxes(found[0], found[1][:, 0], least, config.suppressing_iou, config.most_boxes)
+        boxes, scores = best_boxes(found[0], found[1][:, 0], least, self._config.suppressing_iou)
         return boxes, scores[:, None]
 
 
-def surroundings(image: Rgb, box: NDArray[np.float32], context: float) -> tuple[NDArray[np.float32], Rgb]:
-    """The upper left corner, pixels, and the image in a square around a box, ``context`` times its longer side."""
-    middle, half = (box[:2] + box[2:]) / 2, context * np.max(box[2:] - box[:2]) / 2
+def surroundings(image: Rgb, box: NDArray[np.float32]) -> tuple[NDArray[np.float32], Rgb]:
+    """The upper left corner, pixels, and the image in a square around a box, ``CONTEXT`` times its longer side."""
+    middle, half = (box[:2] + box[2:]) / 2, CONTEXT * np.max(box[2:] - box[:2]) / 2
     size = image.shape[1::-1]
     x0, y0 = np.clip(np.floor(middle - half), 0, size).astype(int)
     x1, y1 = np.clip(np.ceil(middle + half), 0, size).astype(int)
@@ -123,6 +135,6 @@ def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) ->
     return np.stack([width - y1, x0, width - y0, x1] if turns > 0 else [y0, height - x1, y1, height - x0], axis=1)
 
 
-def _is_wide(box: NDArray[np.float32], least: float) -> bool:
+def _is_wide(box: NDArray[np.float32]) -> bool:
     width, height = box[2:] - box[:2]
-    return bool(width >= least * height)
+    return bool(width >= LYING * height)

@@ -5,15 +5,14 @@ from dataclasses import replace
 
 from pipeline.arrays import Pose
 from pipeline.frame import Frame
-from pipeline.tracks.config import LikelihoodConfig, PeopleConfig
+from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.track import Observation, Track
 from pipeline.tracks.tracks import Tracks, join_nearest
 from pipeline.transforms import inverse
-from pipeline.victims.config import BackgroundConfig
 from pipeline.victims.detection import Detection
 from pipeline.victims.observation import Refusal, observe
-from pipeline.victims.people import PeoplePolicy, PersonVoxels
+from pipeline.victims.people import VOXEL, PeoplePolicy, PersonVoxels
 
 
 class Victims(Tracks):
@@ -24,15 +23,9 @@ class Victims(Tracks):
         refusals: detections in the last frame that are not people.
     """
 
-    def __init__(
-        self,
-        config: PeopleConfig = PeopleConfig(),
-        likelihood: LikelihoodConfig = LikelihoodConfig(),
-        background: BackgroundConfig = BackgroundConfig(),
-    ) -> None:
+    def __init__(self, config: PeopleConfig = PeopleConfig()) -> None:
         super().__init__(join_nearest)
-        self.policy = PeoplePolicy(likelihood=likelihood, **vars(config))
-        self._background = background
+        self.policy = PeoplePolicy(**vars(config))
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:
@@ -45,9 +38,7 @@ class Victims(Tracks):
             keyframe: index of the keyframe.
         """
         people = [detection for detection in detections if detection.kind == VICTIM]
-        seen = [
-            observe(frame, detection, T_map_camera, keyframe, self.policy, self._background) for detection in people
-        ]
+        seen = [observe(frame, detection, T_map_camera, keyframe, self.policy) for detection in people]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         new = [self._track(o, T_map_base) for o in seen if isinstance(o, Observation)]
@@ -55,7 +46,7 @@ class Victims(Tracks):
 
     def _track(self, observation: Observation, T_map_base: Pose) -> Track:
         """A track of a single observation in ``map``."""
-        thinned = replace(observation, points=PersonVoxels.of(observation.points, self.policy.voxel).seen)
+        thinned = replace(observation, points=PersonVoxels.of(observation.points, VOXEL).seen)
         seen = thinned.moved(inverse(T_map_base))
         # Placed from what is kept, so that a rebuilt map is identical.
         return Track(self.policy, [seen], [seen.moved(T_map_base)], float(T_map_base[2, 3]))

@@ -82,7 +82,7 @@ def test_all_numbers_are_those_of_the_one_tree(labels: str, exploration: str, st
             frame, T_map_base = robot.sense(), mapper.keyframes.poses[-1]
             detections = SeesEverything().detect(frame.rgb)
             assert mapper.readers is not None
-            mapper.victims.update(frame, detections, T_map_base @ frame.T_base_camera)
+            mapper.victims.update(frame, detections, T_map_base @ frame.T_base_camera, 0)
             mapper.finds.update(frame, mapper.readers.read(frame, detections), T_map_base, 0)
         assert len(mapper.semantic_map.labels())
     audit.note_held(explorer, mapper)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pipeline.tracks.config import Confirmation, LikelihoodConfig, ObjectConfig
+from pipeline.tracks.config import Confirmation, ObjectConfig
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,6 @@ class FindsConfig:
     hazmat: HazmatConfig = HazmatConfig()
     codes: CodesConfig = CodesConfig()
     shapes: ShapesConfig = ShapesConfig()
-    likelihood: LikelihoodConfig = LikelihoodConfig()
     hazmat_sign: ObjectConfig = ObjectConfig(is_flat=True, extents=((0.2, 0.2, 0.02),))
     qr_code: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
     april_tag: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)

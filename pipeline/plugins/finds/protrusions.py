@@ -16,6 +16,7 @@ from pipeline.arrays import Depth, PixelMask, Pixels, Rgb
 from pipeline.frame import Frame, Intrinsics
 from pipeline.plugins.finds.config import FindsConfig, ShapesConfig
 from pipeline.sensor import SensorModel
+from pipeline.tracks.likelihood import SPREAD, THINNEST
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,11 @@ class Sizes:
     def of(cls, config: FindsConfig) -> Self:
         """The sizes that follow from the medians and the spread of the extents."""
         bottle, lever = config.fire_extinguisher.extents[0], config.door_lever.extents[0]
-        likelihood, spreads = config.likelihood, config.shapes.spreads
-        larger = exp(spreads * likelihood.spread)
-        smallest = lever[1] * exp(-spreads * likelihood.spread)
+        spreads = config.shapes.spreads
+        larger = exp(spreads * SPREAD)
+        smallest = lever[1] * exp(-spreads * SPREAD)
         widest = bottle[1] * larger * larger
-        return cls(bottle[1], bottle[0] * larger, widest, smallest, likelihood.thinnest * smallest, larger)
+        return cls(bottle[1], bottle[0] * larger, widest, smallest, THINNEST * smallest, larger)
 
 
 @dataclass(frozen=True, eq=False)

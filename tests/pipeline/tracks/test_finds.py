@@ -77,9 +77,8 @@ def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
     assert [len(track.placed) for track in finds.all] == [2, 2]
 
 
-@pytest.mark.parametrize("accepted", [0.99, 1.0])
-def test_codes_of_different_texts_are_two_and_a_signs_class_is_voted(accepted: float) -> None:
-    finds = Finds(Victims(), kinds=KINDS | {"qr_code": replace(KINDS["qr_code"], accepted=accepted)})
+def test_codes_of_different_texts_are_two_and_a_signs_class_is_voted() -> None:
+    finds = Finds(Victims(), kinds=KINDS)
     at = on_wall(WALL, 0.0, 0.8)
     for k, (code, kind, sure) in enumerate([("a", "poison", 0.9), ("b", "oxygen", 0.6), ("a", "poison", 0.7)]):
         frame, T = seen_from()

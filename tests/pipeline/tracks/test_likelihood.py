@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.plugins.finds.config import FindsConfig
-from pipeline.tracks.config import LikelihoodConfig, PeopleConfig
 from pipeline.tracks.likelihood import extents_of, weigh
+from pipeline.victims.people import PeoplePolicy
 
-CONFIG = LikelihoodConfig()
 EXTENTS = {
     "victim": (0.45, 0.2, 0.14),
     "hazmat_sign": (0.2, 0.2, 0.02),
@@ -15,7 +14,7 @@ EXTENTS = {
     "door_lever": (0.22, 0.14, 0.06),
 }
 """m, of a doll and of the other kinds, the longest first."""
-FORMS = {"victim": PeopleConfig().extents, **{kind: numbers.extents for kind, numbers in FindsConfig().kinds.items()}}
+FORMS = {"victim": PeoplePolicy().extents, **{kind: numbers.extents for kind, numbers in FindsConfig().kinds.items()}}
 CAMERA = np.array([0.0, 0.0, 0.6])
 
 
@@ -26,7 +25,7 @@ def block(extents: tuple[float, float, float], middle: tuple[float, float, float
 
 
 def ratio(kind: str, extents: tuple[float, float, float], z: float = 0.4, **other) -> float:
-    return weigh(FORMS[kind], block(extents, (2.0, 0.0, z)), 0.0, CONFIG, **other).log_ratio
+    return weigh(FORMS[kind], block(extents, (2.0, 0.0, z)), 0.0, **other).log_ratio
 
 
 def test_extents_are_measured_along_an_objects_own_axes() -> None:
@@ -59,7 +58,7 @@ def test_each_kind_is_likeliest_at_its_own_size(kind: str) -> None:
 def test_nothing_hangs_in_the_sky() -> None:
     low, high = (ratio("hazmat_sign", (0.02, 0.2, 0.2), z) for z in (1.0, 4.0))
     assert low > 0 > high
-    raised = weigh(FORMS["hazmat_sign"], block((0.02, 0.2, 0.2), (2, 0, 4)), 3.0, CONFIG)
+    raised = weigh(FORMS["hazmat_sign"], block((0.02, 0.2, 0.2), (2, 0, 4)), 3.0)
     assert raised.log_ratio == pytest.approx(low, abs=1e-9)
 
 
@@ -68,7 +67,7 @@ def test_only_the_part_that_fits_belongs() -> None:
     wall = block((0.01, 2.0, 2.0), (4.0, 0.0, 1.0), 900)
     points = np.concatenate([person, bar, wall])
     is_wall = np.arange(len(points)) >= len(person) + len(bar)
-    weighed = weigh(FORMS["victim"], points, 0.0, CONFIG, is_wall)
+    weighed = weigh(FORMS["victim"], points, 0.0, is_wall)
     np.testing.assert_array_equal(weighed.belongs, np.arange(len(points)) < len(person))
 
 
@@ -76,18 +75,15 @@ def test_an_object_spans_the_box_that_was_drawn_around_it() -> None:
     doll = block((0.12, 0.2, 0.4), (2.0, 0.0, 0.3))
     around = block((0.01, 2.0, 2.0), (4.0, 0.0, 0.3), 3000)
     is_around = np.arange(6000) >= 3000
-    alone = weigh(FORMS["victim"], doll, 0.0, CONFIG, camera=CAMERA).log_ratio
-    lost = weigh(FORMS["victim"], np.concatenate([doll, around]), 0.0, CONFIG, is_around, CAMERA).log_ratio
+    alone = weigh(FORMS["victim"], doll, 0.0, camera=CAMERA).log_ratio
+    lost = weigh(FORMS["victim"], np.concatenate([doll, around]), 0.0, is_around, CAMERA).log_ratio
     assert alone > 0 > lost
 
 
 def test_without_returns_nothing_is_likely() -> None:
     points = block((0.3, 0.5, 1.7), (2, 0, 0.9))
     all_of_it = np.ones(len(points), bool)
-    for weighed in (
-        weigh(FORMS["victim"], points[:0], 0.0, CONFIG),
-        weigh(FORMS["victim"], points, 0.0, CONFIG, all_of_it, CAMERA),
-    ):
+    for weighed in (weigh(FORMS["victim"], points[:0], 0.0), weigh(FORMS["victim"], points, 0.0, all_of_it, CAMERA)):
         assert weighed.log_ratio == -np.inf
         assert not weighed.belongs.any()
-    assert np.isfinite(weigh(FORMS["victim"], points[:1], 0.0, CONFIG, camera=CAMERA).log_ratio)
+    assert np.isfinite(weigh(FORMS["victim"], points[:1], 0.0, camera=CAMERA).log_ratio)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.frame import Frame
-from pipeline.tracks.config import Confirmation, ObjectConfig, TracksConfig
+from pipeline.tracks.config import Confirmation, ObjectConfig
 from pipeline.tracks.find import Reading, box_corners, is_find_kind
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
@@ -57,12 +57,12 @@ def test_a_kind_of_ones_own_is_followed_and_reported_if_it_is_likelier_than_not(
     assert [len(track.placed) for track in finds.all] == [2, 2]
 
 
-def test_how_kinds_of_ones_own_are_followed_is_set_for_all_of_them() -> None:
+def test_a_reader_says_how_its_kinds_are_followed() -> None:
     strict = ObjectConfig(confirmation=Confirmation(confidence=0.9))
-    finds = Finds(Victims(), TracksConfig(other=strict))
-    shown_ahead(finds, red_square=0.8, hazmat_sign=0.8)
-    assert [track.policy.kind for track in finds.all] == ["red_square", "hazmat_sign"]
-    assert "red_square" not in [find.kind for find in finds.reported]
+    finds = Finds(Victims(), kinds={"red_square": strict})
+    shown_ahead(finds, red_square=0.8, blue_square=0.8)
+    assert [track.policy.kind for track in finds.all] == ["red_square", "blue_square"]
+    assert [find.kind for find in finds.reported] == ["blue_square"]
 
 
 def test_kinds_are_words_and_people_are_no_finds() -> None:

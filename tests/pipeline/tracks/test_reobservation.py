@@ -8,7 +8,8 @@ import pytest
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
-from pipeline.tracks.reobservation import Reobservation, ReobservationConfig, half_view
+from pipeline.tracks.config import ReobservationConfig
+from pipeline.tracks.reobservation import Reobservation, half_view
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
@@ -141,7 +142,7 @@ def test_after_some_tries_in_vain_it_is_given_up():
 def test_the_confirmed_are_left_alone():
     victims, reobservation = seen_once(mapped_room())
     T = camera_at(0.1, 0.5)
-    victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, 0)
+    victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, 1)
     assert victims.confirmed
     assert reobservation.wanted == []
 

@@ -38,7 +38,7 @@ def test_overlap_by_hand() -> None:
 @given(count=st.integers(0, 12), seed=st.integers(0, 999), overlap=st.sampled_from([0.2, 0.45, 0.7]))
 def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -> None:
     boxes, scores = random_boxes(count, seed)
-    kept, kept_scores = best_boxes(boxes, scores, 1e-9, overlap, 3000)
+    kept, kept_scores = best_boxes(boxes, scores, 1e-9, overlap)
     assert (kept_scores[:-1] >= kept_scores[1:]).all()
     between = overlaps(kept, kept) - np.eye(len(kept))
     assert (between <= overlap).all()
@@ -51,7 +51,7 @@ def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -
 
 def test_only_boxes_with_an_area_and_enough_confidence_are_kept_and_only_the_best_compared() -> None:
     boxes = np.array([[0, 0, 4, 4], [10, 0, 14, 4], [20, 4, 24, 0], [30, 0, 34, 4]], np.float32)
-    kept, scores = best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5, 3000)
+    kept, scores = best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5)
     np.testing.assert_array_equal(kept, boxes[[3, 1]])
     assert scores.tolist() == [np.float32(0.7), 0.5]
     assert len(best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.1, 0.5, 2)[0]) == 2

@@ -92,7 +92,7 @@ def test_the_witness_looks_everywhere_if_there_are_hints_everywhere() -> None:
 
 def test_surroundings_end_at_the_edge_of_the_image() -> None:
     image = np.arange(20 * 30 * 3, dtype=np.uint16).reshape(20, 30, 3)
-    corner, part = surroundings(image, np.array([0, 5, 4, 15], np.float32), 2.0)
+    corner, part = surroundings(image, np.array([0, 2, 4, 18], np.float32))
     assert corner.tolist() == [0, 0]
     np.testing.assert_array_equal(part, image[:20, :12])
 

@@ -11,7 +11,6 @@ from pipeline.tracks.track import Observation
 from pipeline.transforms import from_rotation
 from pipeline.victims.detection import Detection
 from pipeline.victims.observation import Refusal, observe
-from pipeline.victims.people import PeoplePolicy
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
@@ -23,13 +22,6 @@ def refusal(balls: list[Ball], detection: Detection) -> str:
     result = observe(step(camera_at(0, 0), balls), detection, camera_at(0, 0))
     assert isinstance(result, Refusal)
     return result.reason
-
-
-def followed(policy: PeoplePolicy) -> Victims:
-    """Nobody yet; people are followed by a policy."""
-    victims = Victims()
-    victims.policy = policy
-    return victims
 
 
 def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball], found: list[Ball]) -> None:
@@ -81,7 +73,7 @@ def test_what_covers_a_corner_of_its_box_is_not_what_was_detected() -> None:
 
 def test_what_together_is_no_person_is_not_confirmed() -> None:
     row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
-    victims = followed(PeoplePolicy(accepted=1.0))  # all of it is taken for one person
+    victims = Victims()
     walk(victims, [(0, 0), (0, 0.4)], row, row)
     assert len(victims.all) == 1
     assert victims.confirmed == []
@@ -213,7 +205,7 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
-    victims = followed(PeoplePolicy(accepted=1e-9))  # only contact can join the parts
+    victims = Victims()
     walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
     walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
     assert len(victims.all) == 2
@@ -225,19 +217,17 @@ def test_a_person_seen_in_parts_is_one_person() -> None:
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
 
 
-NEXT: Ball = (2.0, -0.6, 0.2, 0.25)
-
-
 def test_two_whom_different_frames_show_are_one_if_they_touch() -> None:
-    for touch, people in ((0.15, 1), (0.05, 2)):
-        victims = followed(PeoplePolicy(accepted=1e-9, touch=touch))
+    for y, people in ((-0.6, 1), (-1.4, 2)):  # 0.1 and 0.9 m apart
+        victims, beside = Victims(), (2.0, y, 0.2, 0.25)
         walk(victims, [(0, 0)], [PERSON], [PERSON])
-        walk(victims, [(0, 0.4)], [NEXT], [NEXT])
+        walk(victims, [(0, y + 0.4)], [beside], [beside])
+        assert sum(len(victim.seen) for victim in victims.all) == 2
         assert len(victims.all) == people
 
 
 def test_two_whom_one_frame_shows_apart_are_two_though_they_touch_later() -> None:
-    victims, near = followed(PeoplePolicy(accepted=1.0)), (2.0, -0.4, 0.2, 0.25)
+    victims, near = Victims(), (2.0, -0.4, 0.2, 0.25)
     walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON, LEGS])
     assert len(victims.all) == 2
     walk(victims, [(0, 0.4)], [PERSON, near], [near])

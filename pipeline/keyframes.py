@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Box, Boxes, Depth, Indices, Mask, Points, Pose, Poses, Probabilities, Values
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_kernels import lowest_rays
-from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.elevation_map import RAY_HEIGHT, ElevationMap
 from pipeline.elevation_map.ground_evidence import (
     Assumed,
     GroundEvidence,
@@ -95,9 +95,9 @@ class Seen:
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
         T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
-        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, config.dropouts)
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor)
         missing, missing_near = kept_cloud(dropouts, half)
-        reach = config.cell, config.ray_height, config.fewest
+        reach = config.cell, RAY_HEIGHT, config.fewest
         rays = lowest_rays(cloud.points[near], cloud.hits[near], camera, *reach)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
@@ -107,7 +107,7 @@ class Seen:
             T_base_camera=frame.T_base_camera,
             points=_packed(cloud.points[near]),
             hits=_count(cloud.hits[near]),
-            above=find_overhangs(frame, cloud.points[near], headroom, config.overhangs),
+            above=find_overhangs(frame, cloud.points[near], headroom),
             dropouts=_packed(missing.points[missing_near]),
             dropout_hits=_count(missing.hits[missing_near]),
             rays=_packed(rays),

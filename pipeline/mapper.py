@@ -62,6 +62,10 @@ class Keyframe:
     index: int = 0
 
 
+START_RADIUS = 0.2
+"""Distance from the start within which the robot still assumes that the ground around the start is level, m."""
+
+
 class MapObserver(Protocol):
     """Watches a mapper."""
 
@@ -174,7 +178,7 @@ class Mapper:
 
     def clean(self, frame: Frame) -> Frame:
         """A copy of the frame without isolated returns."""
-        return remove_isolated_returns(frame, self.metric_map.config.isolated_returns)
+        return remove_isolated_returns(frame)
 
     def add_frame(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
@@ -380,7 +384,7 @@ class Mapper:
         k = len(keyframes) - 1
         if self._set_down is not None:
             T_base_start = inverse(keyframes.poses[k]) @ self._set_down
-            if np.linalg.norm(T_base_start[:2, 3]) > config.start_radius:
+            if np.linalg.norm(T_base_start[:2, 3]) > START_RADIUS:
                 self._set_down = None
             else:
                 self._put(k, Assumed.under(T_base_start, robot, config))

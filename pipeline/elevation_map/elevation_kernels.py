@@ -21,7 +21,8 @@ class Columns(NamedTuple):
     Attributes:
         bin: height of each bin, m.
         headroom: free height above the ground, m.
-        fewest, noise: see :class:`pipeline.elevation_map.config.ElevationConfig`.
+        fewest: see :class:`pipeline.elevation_map.config.ElevationConfig`.
+        noise: share of a bin's returns that may stray into an adjacent bin.
     """
 
     bin: float

@@ -20,6 +20,10 @@ from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, check_memor
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
+NOISE = 0.1
+"""Share of a bin's returns that may stray into an adjacent bin."""
+RAY_HEIGHT = 0.3
+"""A ray that passes at most this high above the ground of a cell shows that it contains no wall, m."""
 NOTHING = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
 _DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
@@ -56,7 +60,7 @@ class ElevationMap:
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self._columns = kernels.Columns(config.bin, robot.headroom, config.fewest, config.noise)
+        self._columns = kernels.Columns(config.bin, robot.headroom, config.fewest, NOISE)
         self.layers = GridMap(config.cell, _DERIVED | _EVIDENCE | _ROWS | _SCRATCH)
         self._lowest = np.zeros(0)
         self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))
@@ -254,7 +258,7 @@ class ElevationMap:
         doubtful = dropout | self._is_under_something(around)
         measured = np.where(np.isnan(touched), np.where(doubtful, np.float32(np.nan), returned), touched)
         known = np.where(np.isnan(measured) & ~doubtful, assumed, measured)
-        bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, self.config.ray_height)
+        bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, RAY_HEIGHT)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from pipeline.arrays import Box, Depth, Indices, Points, Pose
 from pipeline.elevation_map import overhangs_kernels
-from pipeline.elevation_map.config import DropoutConfig, ElevationConfig, OverhangConfig
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.depth_dropouts_kernels import dropout_depth
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame, Intrinsics
@@ -17,6 +17,26 @@ from pipeline.geometry.moving_kernels import moved
 from pipeline.robot import RobotModel
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points, yaw_of
+
+FEWEST_OF_GAP = 3
+"""Minimum extent of a gap in the depth image, in pixels along a row and in searched rows; smaller ones are noise."""
+WIDEST_GAP = 60
+"""Maximum width of a gap, pixels; wider ones leave unknown ground behind them."""
+ROW_STEP = 2
+"""Spacing of the rows that are searched for gaps, rows."""
+NEARER = 0.05
+"""Minimum difference in depth between a surface and the space that it hides, m: the surface itself is in the map."""
+DEVIATIONS = 3.0
+"""Additional margin, in standard deviations of the sensor's noise."""
+REACH = 2.0
+"""Maximum extent of an overhang behind its edge, m."""
+FEWEST_PIXELS = 2
+"""Minimum number of pixels, one above the other, that show an overhang; fewer are noise at an edge."""
+BESIDE = 0.05
+"""Distance to both sides over which an overhang must continue, with ground below, m.
+
+This rules out upright edges, which also hide what is behind them.
+"""
 
 
 def box_of(*clouds: NDArray[np.floating]) -> Box:
@@ -128,26 +148,23 @@ class Driven:
             elevation_map.add_obstacle(touched)
 
 
-def find_depth_dropouts(
-    depth: Depth, intrinsics: Intrinsics, T_target_camera: Pose, sensor: SensorModel, config: DropoutConfig
-) -> Points:
+def find_depth_dropouts(depth: Depth, intrinsics: Intrinsics, T_target_camera: Pose, sensor: SensorModel) -> Points:
     """The points, in the target frame, where rays should have met the ground that is seen on both sides of them.
 
     A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
     close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides.
     """
     dropouts = np.zeros_like(depth)
-    step = config.row_step
-    limits = config.fewest, config.widest, step
+    limits = FEWEST_OF_GAP, WIDEST_GAP, ROW_STEP
     dropout_depth(depth, intrinsics.fy, sensor.grazing, np.float32(sensor.same_surface), *limits, dropouts)
-    gaps, _ = ndimage.label(dropouts[::step] > 0, np.ones((3, 3)))
-    is_panel = [False, *(rows.stop - rows.start >= config.fewest for rows, _ in ndimage.find_objects(gaps))]
+    gaps, _ = ndimage.label(dropouts[::ROW_STEP] > 0, np.ones((3, 3)))
+    is_panel = [False, *(rows.stop - rows.start >= FEWEST_OF_GAP for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])
-    v *= step
+    v *= ROW_STEP
     return transform_points(T_target_camera, intrinsics.rays[v, u] * dropouts[v, u, None])
 
 
-def find_overhangs(frame: Frame, points: Points, headroom: float, config: OverhangConfig) -> NDArray[np.uint8]:
+def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.uint8]:
     """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
 
     A table top just below the camera is seen at such a grazing angle that it gives no returns, so its column shows
@@ -161,14 +178,14 @@ def find_overhangs(frame: Frame, points: Points, headroom: float, config: Overha
     sensor = frame.sensor
     in_camera = transform_points(inverse(frame.T_base_camera), points).astype(np.float64)
     up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2].copy()
-    noise = config.deviations * sensor.sigma(in_camera[:, 2])
+    noise = DEVIATIONS * sensor.sigma(in_camera[:, 2])
     limits = overhangs_kernels.Limits(
         headroom=headroom,
         nearest=sensor.nearest,
         farthest=sensor.farthest - sensor.margin,
-        nearer=config.nearer,
-        reach=config.reach,
-        fewest=config.fewest,
-        beside=config.beside,
+        nearer=NEARER,
+        reach=REACH,
+        fewest=FEWEST_PIXELS,
+        beside=BESIDE,
     )
     return overhangs_kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)

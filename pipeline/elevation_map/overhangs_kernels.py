@@ -15,7 +15,7 @@ class Limits(NamedTuple):
     Attributes:
         headroom: height above a return up to which overhangs matter, m.
         nearest, farthest: depths between which surfaces surely give returns, m.
-        nearer, reach, fewest, beside: see :class:`pipeline.elevation_map.config.OverhangConfig`.
+        nearer, reach, fewest, beside: see :mod:`pipeline.elevation_map.ground_evidence`.
     """
 
     headroom: float

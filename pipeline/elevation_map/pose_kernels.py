@@ -65,7 +65,8 @@ class Costs(NamedTuple):
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
-        comfort, backing, risk, stop, tick: see :class:`pipeline.elevation_map.config.PathCosts`.
+        comfort, backing, risk, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
+        tick: resolution of costs in the search, s.
     """
 
     half_length: float

@@ -19,6 +19,27 @@ from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
+SLOPE_REACH = 2
+"""Radius of the neighbourhood over which the slope of a cell is fitted, cells."""
+SURFACE_SLOPE, SURFACE_RISE = 1.2, 0.02
+"""m per m, and m. A neighbour whose height differs by more than both together belongs to another surface, such as a
+wall or the floor under a deck, and is left out of the fit."""
+SWEEP = 1
+"""Distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm."""
+LEAST_DRIVEN = -0.03
+"""Minimum clearance where the robot's centre has been, m.
+
+It is also assumed to exist there, so that noise in later keyframes does not trap the robot.
+"""
+DEEPEST_DRIVEN = 0.5
+"""Share of half the robot's width.
+
+An obstacle farther inside the footprint counts even where the robot has been: drift of the map cannot explain it.
+"""
+WALL_GAP = 5
+"""Side of a window, cells; for rays, an unknown cell is as high as the highest hazard in its window."""
+TICK = 0.01
+"""Resolution of costs in the search, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +94,7 @@ class Traversability:
         wherever it lies on the grid.
         """
         least = np.minimum(self.least, 0)
-        free = pose_kernels.free_poses(self.clearance, least, sweep_of(self.config))
+        free = pose_kernels.free_poses(self.clearance, least, SWEEP)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
         return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
 
@@ -103,7 +124,7 @@ class Traversability:
         least = known["least"]
         least[np.isnan(known["elevation"])] = 0 if self.is_tight else least_clearance(grid.cell)
         known |= {"obstacle": obstacle, "to_obstacle": distance, "clearance": clearance, "least": least}
-        known["free"] = pose_kernels.free_poses(clearance, least, sweep_of(self.config))
+        known["free"] = pose_kernels.free_poses(clearance, least, SWEEP)
         return replace(self, grid=grid, **known)
 
     def part(self, box: Box) -> "Traversability":
@@ -115,8 +136,7 @@ class Traversability:
     def terrain(self) -> pose_kernels.Terrain:
         """The ground as the search over poses needs it."""
         layers = self.obstacle, self.to_obstacle, self.clearance, self.least, self.ramp, self.uphill
-        sweep = sweep_of(self.config)
-        return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, sweep, *layers)
+        return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, SWEEP, *layers)
 
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
         """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path."""
@@ -137,7 +157,7 @@ class Traversability:
             backing=costs.backing,
             risk=costs.risk,
             stop=costs.stop,
-            tick=costs.tick,
+            tick=TICK,
         )
 
     def line_seconds(self, starts: ArrayLike, ends: ArrayLike) -> Values:
@@ -192,11 +212,6 @@ def least_clearance(cell: float) -> int:
     return round(100 * np.hypot(cell, cell) / 2)
 
 
-def sweep_of(config: TraversabilityConfig) -> int:
-    """Whole cm by which a turn to the next heading may come closer to an obstacle than a pose may."""
-    return round(100 * config.turn_leniency)
-
-
 def assess_map(elevation_map: ElevationMap) -> Traversability:
     """Assess every cell of an elevation map for its robot."""
     m = elevation_map
@@ -230,7 +245,7 @@ def assess(
         InputError: the robot needs too much room, see :func:`reach_of`.
     """
     cell, reach = grid.cell, reach_of(robot, config, grid.cell)
-    gradient = kernels.gradients(elevation, cell, config.slope_reach, config.surface_slope, config.surface_rise)
+    gradient = kernels.gradients(elevation, cell, SLOPE_REACH, SURFACE_SLOPE, SURFACE_RISE)
     slope, steepest = np.linalg.norm(gradient, axis=-1), np.tan(robot.max_tilt)
     hazard = kernels.step_hazards(elevation, round(config.drop_gap / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
@@ -238,9 +253,9 @@ def assess(
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, config, within)
-    least = np.where(driven, round(100 * config.least_driven), least_clearance(cell)).astype(np.int8)
-    pose_kernels.allow_driven(clearance, driven, least, -round(100 * config.deepest_driven * robot.half_width))
-    free = pose_kernels.free_poses(clearance, least, sweep_of(config))
+    least = np.where(driven, round(100 * LEAST_DRIVEN), least_clearance(cell)).astype(np.int8)
+    pose_kernels.allow_driven(clearance, driven, least, -round(100 * DEEPEST_DRIVEN * robot.half_width))
+    free = pose_kernels.free_poses(clearance, least, SWEEP)
     return Traversability(
         grid=grid,
         elevation=elevation,
@@ -256,7 +271,7 @@ def assess(
         free=free,
         turnable=(clearance.min(axis=2) >= least_clearance(cell)) & ~ramp,
         tall=_tall(elevation, hazard, config),
-        sealed=_without_gaps(elevation, hazard, config),
+        sealed=_without_gaps(elevation, hazard),
         robot=robot,
         config=config,
     )
@@ -293,12 +308,12 @@ def _clearances(
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
-    floor = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), config.wall_gap)
+    floor = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP)
     return hazard & (elevation > floor + config.tall)
 
 
-def _without_gaps(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> Layer:
-    high = ndimage.maximum_filter(np.where(hazard, elevation, -np.inf), config.wall_gap)
+def _without_gaps(elevation: Layer, hazard: MaskLayer) -> Layer:
+    high = ndimage.maximum_filter(np.where(hazard, elevation, -np.inf), WALL_GAP)
     return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
@@ -339,7 +354,7 @@ class TraversabilityLayer:
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
     # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach.
     cell, config = last.grid.cell, last.config
-    reach = round((reach_of(last.robot, config, cell) + config.drop_gap) / cell) + 2 * config.slope_reach + 1
+    reach = round((reach_of(last.robot, config, cell) + config.drop_gap) / cell) + 2 * SLOPE_REACH + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])

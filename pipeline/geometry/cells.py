@@ -1,7 +1,8 @@
 """Sets of small cells of the map, which show where a surface is inside its bounding box.
 
 A set holds distinct cell indices, sorted. The grid belongs to the map, not to a surface, so the union of sets from
-different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length.
+different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length, as
+floors and walls tend to: noise would spread a surface on the face between two cells over both.
 """
 
 from typing import TypeAlias
@@ -14,12 +15,20 @@ from scipy.spatial import KDTree
 
 from pipeline.arrays import Indices, Places
 from pipeline.geometry import cells_kernels as kernels
-from pipeline.geometry.config import CellConfig
 from pipeline.geometry.voxel_hash import voxels_of
 from pipeline.geometry.voxel_hash_kernels import unpacked
 
 NONE = -1
 """Number of a cell that belongs to no piece."""
+REACH = 2
+"""Maximum distance between neighbouring cells along every axis, cells.
+
+With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 0.05 m never do.
+"""
+FRONT = (REACH + 1) ** 2 + 1
+"""Minimum number of cells near another set for both to be one surface: one more than at a corner."""
+FRAYED = 0.25
+"""A cell with less than this share of a neighbour's points is noise at the surface's edge."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
 """(K, 3) int32 distinct indices of cells, sorted."""
 
@@ -40,13 +49,13 @@ def unite(a: SurfaceCells, b: SurfaceCells) -> SurfaceCells:
     return kernels.united(a, b)
 
 
-def in_contact(a: SurfaceCells, b: SurfaceCells, config: CellConfig) -> bool:
+def in_contact(a: SurfaceCells, b: SurfaceCells) -> bool:
     """Whether two sets (K, 3) and (L, 3) meet along a front, not only at a corner."""
     small, large = (a, b) if len(a) < len(b) else (b, a)
-    return kernels.count_near(small, large, config.reach, config.front) >= config.front
+    return kernels.count_near(small, large, REACH, FRONT) >= FRONT
 
 
-def connected_pieces(cells: SurfaceCells, points: Indices, config: CellConfig) -> Indices:
+def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
     """(K,) number of each cell's piece, NONE for cells that are only noise at a surface's edge.
 
     Cells with few ``points`` (K,) next to cells with many are noise. Among the others, neighbouring inner cells form
@@ -54,11 +63,11 @@ def connected_pieces(cells: SurfaceCells, points: Indices, config: CellConfig) -
     surfaces that touch only at corners or along a thin strip stay separate. An inner cell of a level or upright
     surface lacks at most one row of the square of its neighbours.
     """
-    side = 2 * config.reach + 1
-    pairs = KDTree(cells).query_pairs(config.reach, p=np.inf, output_type="ndarray")
+    side = 2 * REACH + 1
+    pairs = KDTree(cells).query_pairs(REACH, p=np.inf, output_type="ndarray")
     frayed = np.zeros(len(cells), bool)
     for one, other in (pairs.T, pairs.T[::-1]):
-        frayed[one[points[one] < config.frayed * points[other]]] = True
+        frayed[one[points[one] < FRAYED * points[other]]] = True
     pairs = pairs[~frayed[pairs].any(axis=1)]
     inner = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= side * (side - 1)
     piece = np.where(inner, _components(pairs[inner[pairs].all(axis=1)], len(cells)), NONE)

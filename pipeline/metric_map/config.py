@@ -11,22 +11,6 @@ from pipeline.transforms import FARTHEST
 
 
 @dataclass(frozen=True)
-class IsolatedReturnsConfig:
-    """Which returns of a depth image are isolated, like those of dust, rain or snow in the air.
-
-    If dust hides four fifths of a surface, 93 % of its remaining returns are kept; of specks that fill 2 % of the
-    image, one in 2000 is kept.
-
-    Attributes:
-        reach: maximum distance of a return's neighbours along rows and columns, pixels.
-        fewest_alike: minimum number of neighbours that must have a similar depth.
-    """
-
-    reach: int = 2
-    fewest_alike: int = 2
-
-
-@dataclass(frozen=True)
 class MetricMapConfig:
     """The voxels, and how rays fill and free them.
 
@@ -43,10 +27,7 @@ class MetricMapConfig:
         miss: amount that a crossing ray subtracts; many rays cross a voxel with a surface in only one corner.
         max_log_odds: maximum value of a voxel; a surface that vanished is erased after ``max_log_odds`` / ``miss``
             frames.
-        narrow: depth up to which rays are traced, voxels, because the field of view is so narrow there that it can
-            pass between the corners of voxels.
         max_bytes: maximum memory of the voxels, bytes.
-        isolated_returns: which returns of depth images are left out as isolated.
 
     Raises:
         InputError: a value is out of its range; the message names it.
@@ -59,9 +40,7 @@ class MetricMapConfig:
     hit: int = 10
     miss: int = 1
     max_log_odds: int = 40
-    narrow: float = 6.0
     max_bytes: int = MOST_MEMORY
-    isolated_returns: IsolatedReturnsConfig = IsolatedReturnsConfig()
 
     def __post_init__(self) -> None:
         """Check the ranges."""

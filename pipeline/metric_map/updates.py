@@ -15,6 +15,9 @@ from pipeline.metric_map.grid_kernels import box_around, mark_ends
 from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
 from pipeline.transforms import transform_places
 
+NARROW = 6.0
+"""Depth up to which rays are traced, voxels: the field of view is so narrow that it can pass between corners."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -63,7 +66,7 @@ class Updater:
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
-        limits = size, far, config.margin, config.narrow
+        limits = size, far, config.margin, NARROW
         observe(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
         return scan
 

@@ -26,6 +26,10 @@ from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
 APPLICATION = "sarsim"  # Rerun keeps one layout for each application
+GROWTH = 0.05
+"""Relative change in size above which a cloud is logged again; all are logged at the end."""
+PHOTO = 240
+"""Side of a person's or find's photo, caption included, pixels."""
 Level = Literal["INFO", "WARN", "ERROR"]
 
 
@@ -239,14 +243,14 @@ class Recorder(Sink):
         log = self.stream.log
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
-        log("world/victims/photos", victim_drawings.photo_sheet(victims, self._config.photo))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims, PHOTO))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_finds(self, finds: Finds) -> None:
         confirmed = finds.reported
         self.stream.log("world/finds", find_drawings.marks(confirmed))
-        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, self._config.photo))
+        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, PHOTO))
         self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
 
     def _log_clouds(self, mapper: Mapper) -> None:
@@ -255,9 +259,9 @@ class Recorder(Sink):
         occupied, free = metric_map.counts
         if self._has_changed("occupied", occupied, 0.0):
             self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map))
-        if self._has_changed("free", free, self._config.growth):
+        if self._has_changed("free", free, GROWTH):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map))
-        if self._has_changed("semantic", len(semantic_map), self._config.growth):
+        if self._has_changed("semantic", len(semantic_map), GROWTH):
             self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.grain))
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 

@@ -15,9 +15,43 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Labels, Planes, Points
 from pipeline.frame import Frame
 from pipeline.geometry.planes import Moments, plane_inliers
-from pipeline.segments.config import RegionConfig, SurfelConfig
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
+
+BLOCK = 8
+"""Edge length of a block of the image, whose mean is a surfel, pixels."""
+FEWEST_PIXELS = 2 * BLOCK
+"""Minimum number of pixels of a label, or of each of two surfaces, in a block: two of its rows."""
+DEPTH_STEP = 0.01
+"""Minimum difference in inverse depth between two surfaces one behind the other, 1/m.
+
+It is three times the resolution of a structured-light camera.
+"""
+DEVIATIONS = 5.0
+"""Minimum difference between the mean inverse depths of two such surfaces, in standard deviations within them.
+
+The halves of a slope differ by 3.5, those of Gaussian noise by 2.7.
+"""
+REACH = 2
+"""Maximum distance between neighbours along rows and columns, blocks."""
+SPACING = 0.12
+"""Maximum distance between neighbouring surfels one block apart, m per m of depth.
+
+It is eight times that on a surface facing the camera: surfaces stay connected down to a grazing angle of 7°.
+"""
+STEP = 0.025
+"""Maximum distance of a surfel from the plane through its neighbour, m, so that regions do not jump down steps."""
+DISTANCE = 0.025
+"""Maximum distance of a surfel from its plane, m."""
+FEWEST_SURFELS = 10
+"""Minimum number of surfels of a plane."""
+RANSAC_SAMPLES = 50
+"""Number of RANSAC samples for each plane.
+
+If half of the surfels are inliers, at least one sample consists of three inliers with a probability of 0.999.
+"""
+ROUNDS = 2
+"""How often surfels are reassigned to the nearest plane and the planes fitted again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +71,13 @@ class Surfels:
     of_pixel: NDArray[np.int32]
 
     @classmethod
-    def of(cls, frame: Frame, labels: NDArray[np.uint8], config: SurfelConfig) -> Self:
+    def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
         """Thin a frame, which averages out its noise; no surfel mixes two of the (H, W) labels."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
-            frame.depth, labels, frame.intrinsics.rays, config.block, config.fewest_pixels, config.depth_step,
-            config.deviations,
-        )  # fmt: skip
-        columns = frame.intrinsics.width // config.block + 1
-        near = neighbours(blocks, columns, surfel_labels, points, config.reach, config.spacing)
+            frame.depth, labels, frame.intrinsics.rays, BLOCK, FEWEST_PIXELS, DEPTH_STEP, DEVIATIONS
+        )
+        columns = frame.intrinsics.width // BLOCK + 1
+        near = neighbours(blocks, columns, surfel_labels, points, REACH, SPACING)
         return cls(points, surfel_labels, near, of_pixel)
 
 
@@ -63,48 +96,45 @@ class PlanarRegions:
     planes: Planes
 
 
-def planar_regions(
-    frame: Frame, labels: NDArray[np.uint8], seed: int, thinning: SurfelConfig, config: RegionConfig
-) -> PlanarRegions:
+def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: float) -> PlanarRegions:
     """Grow regions and fit planes to them.
 
     Args:
         frame: the frame.
         labels: (H, W) uint8; no region has more than one label, and pixels with label 0 are left out.
         seed: seed of RANSAC; the same seed and frame give the same planes, bit for bit.
-        thinning: how the frame is thinned to surfels.
-        config: how regions grow and planes are fitted.
+        angle: maximum angle between the normals of a surfel and its region, rad.
     """
-    surfels = Surfels.of(frame, labels, thinning)
+    surfels = Surfels.of(frame, labels)
     points = surfels.points
     near = surfels.near
     # Grow regions with nearly the same normal, from the flattest surfels on.
     normal, variation = normals(points, near)
     order = np.argsort(variation, kind="stable")
-    grown = grow_regions(points, near, normal, order, np.cos(config.angle), config.step)
+    grown = grow_regions(points, near, normal, order, np.cos(angle), STEP)
     # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join their
     # planes: otherwise, the surfels along the line where two walls meet, which lie between both, would form a narrow
     # plane of their own.
     region = np.full(len(points), NONE, np.int32)
     planes = np.empty((0, 4))
-    large = [members for _, members in groups(grown) if len(members) >= config.fewest_surfels]
+    large = [members for _, members in groups(grown) if len(members) >= FEWEST_SURFELS]
     for members in sorted(large, key=len, reverse=True):
-        claimed = claim_nearest(points, near, members, region, planes, config.distance)
+        claimed = claim_nearest(points, near, members, region, planes, DISTANCE)
         region[members] = claimed
         rest = members[claimed == NONE]
-        while len(rest) >= config.fewest_surfels:
-            inlier = plane_inliers(points[rest], config.distance, config.samples, seed)
-            if np.count_nonzero(inlier) < config.fewest_surfels:
+        while len(rest) >= FEWEST_SURFELS:
+            inlier = plane_inliers(points[rest], DISTANCE, RANSAC_SAMPLES, seed)
+            if np.count_nonzero(inlier) < FEWEST_SURFELS:
                 break
             region[rest[inlier]] = len(planes)
             planes = np.vstack([planes, _fit(points[rest[inlier]])])
             rest = rest[~inlier]
     # Reassign every surfel to the nearest plane around it and refit, so that edges lie where planes meet.
-    for _ in range(config.rounds):
-        region = claim_nearest(points, near, np.arange(len(points)), region, planes, config.distance)
+    for _ in range(ROUNDS):
+        region = claim_nearest(points, near, np.arange(len(points)), region, planes, DISTANCE)
         planes = planes.copy()
         for number, members in groups(region):
-            if len(members) >= config.fewest_surfels:
+            if len(members) >= FEWEST_SURFELS:
                 planes[number] = _fit(points[members])
     return PlanarRegions(surfels, region, planes)
 

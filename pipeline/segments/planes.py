@@ -12,14 +12,21 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Labels, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.geometry.cells import SurfaceCells, cells_of, connected_pieces
-from pipeline.geometry.config import CellConfig
+from pipeline.geometry.cells import FRONT, SurfaceCells, cells_of, connected_pieces
 from pipeline.geometry.planes import Moments, Plane
 from pipeline.labels import PLANAR, Label
 from pipeline.segments.config import SegmentsConfig
-from pipeline.segments.planar_regions import groups, planar_regions
+from pipeline.segments.planar_regions import FEWEST_SURFELS, groups, planar_regions
 from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
+
+STRIDE = 2
+"""Step between the pixels that determine the extent of a plane, along rows and columns."""
+SHIFT, NOISE = 0.01, 0.006
+"""Such a pixel is moved onto its plane along the ray, by less than ``SHIFT + NOISE · depth²`` in depth; m, 1/m.
+
+The noise is 3σ of a structured-light camera (Nguyen et al. 2012).
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +63,20 @@ def find_planes(
     Raises:
         InputError: the number of labels differs from the number of returns.
     """
-    found = planar_regions(frame, _label_image(frame, labels), seed, config.surfels, config.regions)
-    surfels, region, extent = found.surfels, found.region, config.extent
+    found = planar_regions(frame, _label_image(frame, labels), seed, config.angle)
+    surfels, region = found.surfels, found.region
     points, plane_of_point, surfel = project_pixels(
         frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.near, region, found.planes,
-        extent.stride, extent.shift, extent.noise,
+        STRIDE, SHIFT, NOISE,
     )  # fmt: skip
     centres = transform_points(T_map_camera, surfels.points)
     patches = []
     for number, members in groups(plane_of_point):
-        for inside, cells in _pieces(points[members], config.cells):
+        for inside, cells in _pieces(points[members], config.cell):
             # A pixel at an edge may lie on this plane although its surfel, a mean, belongs to another plane.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
-            if len(own) >= config.regions.fewest_surfels and len(cells) >= config.cells.front:
+            if len(own) >= FEWEST_SURFELS and len(cells) >= FRONT:
                 moments = Moments.of(centres[own])
                 plane, _ = moments.fit(T_map_camera[:3, 3] - moments.centroid)
                 label = Label(surfels.labels[own[0]])
@@ -87,9 +94,9 @@ def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
     return image
 
 
-def _pieces(points: Points, config: CellConfig) -> Iterator[tuple[Indices, SurfaceCells]]:
-    """Split points into connected pieces; yield the indices of each piece's points, and its cells."""
-    cells, row = cells_of(points, config.edge)
-    piece = connected_pieces(cells, np.bincount(row), config)
+def _pieces(points: Points, edge: float) -> Iterator[tuple[Indices, SurfaceCells]]:
+    """Split points into pieces whose cells, of ``edge`` m, are connected; yield each one's points and cells."""
+    cells, row = cells_of(points, edge)
+    piece = connected_pieces(cells, np.bincount(row))
     for number, inside in groups(piece[row]):
         yield inside, cells[piece == number]

@@ -20,6 +20,14 @@ from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import PlanePatch
 from pipeline.transforms import inverse, transform_points
 
+LEAST_COSINE = 0.5
+"""Minimum cosine between the normals of segments that continue each other.
+
+Corners alone do not distinguish a surface from a narrow one that stands on it.
+"""
+THICKNESS = 4.0
+"""Thickness of a box, in standard deviations of the noise: two on either side."""
+
 
 @dataclass(frozen=True, eq=False)
 class Member:
@@ -92,8 +100,8 @@ class Segment:
     ) -> Self:
         """Create a segment; its plane and box are computed, with the normal on the same side as ``side``."""
         plane, rms = moments.fit(side)
-        thickness = config.thickness * rms
-        edge = config.cells.edge
+        thickness = THICKNESS * rms
+        edge = config.cell
         box = bounding_box(plane, moments.centroid, hull, thickness, edge)
         return cls(label, plane, box, cells, moments, hull, members, config)
 
@@ -102,7 +110,7 @@ class Segment:
         """The segment made of the member with this number alone, if its keyframe is at ``T_map_base``."""
         normal = T_map_base[:3, :3] @ member.normal
         moments = member.moments.moved(T_map_base)
-        cells = placed_cells(T_map_base, member.points, config.cells.edge)
+        cells = placed_cells(T_map_base, member.points, config.cell)
         hull = Hull.of(moved(T_map_base, member.outline))
         return cls.of(member.label, normal, cells, moments, hull, (number,), config)
 
@@ -122,7 +130,7 @@ class Segment:
     @property
     def cell(self) -> float:
         """Edge length of its cells, m."""
-        return self.config.cells.edge
+        return self.config.cell
 
     @cached_property
     def bounds(self) -> Cells:
@@ -136,7 +144,7 @@ class Segment:
 
     def continues(self, other: "Segment") -> bool:
         """Whether both segments have the same class and lie in one plane, seen from the same side."""
-        if self.label != other.label or self.plane.normal @ other.plane.normal < self.config.least_cosine:
+        if self.label != other.label or self.plane.normal @ other.plane.normal < LEAST_COSINE:
             return False
         small, large = (self, other) if self.box.area < other.box.area else (other, self)
         offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2
@@ -144,4 +152,4 @@ class Segment:
 
     def touches(self, other: "Segment") -> bool:
         """Whether both segments continue each other without a gap."""
-        return self.continues(other) and in_contact(self.cells, other.cells, self.config.cells)
+        return self.continues(other) and in_contact(self.cells, other.cells)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
 from pipeline.arrays import Direction, Mask, Places, Pose, Poses
+from pipeline.geometry.cells import FRONT, REACH
 from pipeline.labels import Label
 from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import PlanePatch
@@ -42,13 +43,13 @@ class Gap:
         """The gap between two segments of one plane; None if only their corners face each other."""
         small, large = (a, b) if a.box.area < b.box.area else (b, a)
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
-        cells = large.config.cells
-        front = widths < widths.min() + (cells.reach + 1 / 2) * cells.edge
-        if np.count_nonzero(front) < cells.front:
+        edge = large.cell
+        front = widths < widths.min() + (REACH + 1 / 2) * edge
+        if np.count_nonzero(front) < FRONT:
             return None
         start = large.plane.projected(small.tree.data[front])
         end = large.plane.projected(large.tree.data[nearest[front]])
-        return cls(float(widths.min()), start, end, large.plane.normal, cells.edge)
+        return cls(float(widths.min()), start, end, large.plane.normal, edge)
 
     def is_closed(self, is_surface: IsSurface) -> bool:
         """Whether most of the lines lie on a surface; lines are halved until their parts are as short as a cell."""
@@ -158,7 +159,7 @@ class Segments:
     def update(self, patches: Iterable[PlanePatch], keyframe: int, T_map_base: Pose) -> None:
         """Add the planes of a keyframe at ``T_map_base``; each is merged with all segments that it touches."""
         for patch in patches:
-            self.members.append(Member.of(patch, keyframe, T_map_base, self.config.cells.edge))
+            self.members.append(Member.of(patch, keyframe, T_map_base, self.config.cell))
             self._add(len(self.members) - 1, T_map_base)
         self._segments = self._gaps.closed(self._touching)
 
@@ -192,7 +193,6 @@ class Segments:
     def _partner(self, new: Segment) -> int | None:
         """The index of the oldest segment that ``new`` touches, or None."""
         low, high = new.bounds
-        reach = self.config.cells.reach
-        near = (self._bounds[:, 0] <= high + reach) & (self._bounds[:, 1] >= low - reach)
+        near = (self._bounds[:, 0] <= high + REACH) & (self._bounds[:, 1] >= low - REACH)
         rows = np.flatnonzero(near.all(axis=1)).tolist()
         return next((row for row in rows if self._touching[row].touches(new)), None)

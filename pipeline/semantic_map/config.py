@@ -1,9 +1,9 @@
-"""Parameters of the semantic map: how points are classified, and how the map revises their classes."""
+"""Parameters of the semantic map: how points are classified, and at what resolution classes are kept."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import radians
 
-from pipeline.segments.config import RegionConfig, SurfelConfig
+from pipeline.errors import InputError, require_at_least, require_positive
 
 
 @dataclass(frozen=True)
@@ -11,47 +11,19 @@ class RuleConfig:
     """How the baseline classifies points by height and slope.
 
     Attributes:
-        voxel: edge length of a voxel, m; the cloud is thinned to one point per voxel.
-        neighbours: number of points to which a plane is fitted for the normal.
         wall_tilt: minimum tilt of a wall, rad.
-        roughness: maximum standard deviation from the plane of the neighbours, m; rougher points are clutter.
         deck: height above the ground where the robot was set down, m; level surfaces above it are straight ramps.
         ceiling: height above the same ground, m; level surfaces above it are ceilings.
     """
 
-    voxel: float = 0.03
-    neighbours: int = 30
     wall_tilt: float = radians(60)
-    roughness: float = 0.03
     deck: float = 0.08
     ceiling: float = 2.0
 
-
-@dataclass(frozen=True)
-class PlanarVoteConfig:
-    """How the points of a plane vote on their classes.
-
-    Attributes:
-        surfels: how a frame is thinned to surfels.
-        regions: how regions of surfels grow; the angle is small, because no labels separate planes here.
-        shift, noise: a pixel is less than ``shift + noise · depth²`` from its plane along the optical axis; m, 1/m.
-        window: if a pixel fits several planes, the pixels up to this far away in rows and columns help to decide.
-        weight: weight of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1.
-        least_probability: lower limit of a class's probability; it limits the evidence against a class.
-        lean: maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or the side of a deck to the
-            vertical, rad.
-        least_ramp: minimum tilt of an inclined ramp, rad.
-    """
-
-    surfels: SurfelConfig = field(default_factory=SurfelConfig)
-    regions: RegionConfig = field(default_factory=lambda: RegionConfig(angle=radians(6)))
-    shift: float = 0.02
-    noise: float = 0.008
-    window: int = 2
-    weight: float = 2.0
-    least_probability: float = 1e-3
-    lean: float = radians(15)
-    least_ramp: float = radians(4)
+    def __post_init__(self) -> None:
+        require_positive("semantic_map.rules", self, "wall_tilt", "deck")
+        if self.ceiling <= self.deck:
+            raise InputError(f"semantic_map.rules.ceiling = {self.ceiling}: must be greater than deck = {self.deck}")
 
 
 @dataclass(frozen=True)
@@ -60,25 +32,16 @@ class NetworkConfig:
 
     Attributes:
         grids: number of grids of columns, shifted relative to each other; class probabilities are averaged over them.
-        vote: how the points of a plane vote.
+        plane_weight: weight of the mean log probabilities of a plane's points; a point's own log probabilities weigh
+            1.
     """
 
     grids: int = 3
-    vote: PlanarVoteConfig = PlanarVoteConfig()
+    plane_weight: float = 2.0
 
-
-@dataclass(frozen=True)
-class UprightsConfig:
-    """How upright surfaces are recognised in a grid seen from above.
-
-    Attributes:
-        reach: distance up to which points around a cell determine the direction of a wall, cells; with less, noise
-            would dominate. Within this distance of a corner, the directions of both walls mix.
-        blur: uncertainty of the edge of a ramp's top, cells: one due to noise, one due to the grid.
-    """
-
-    reach: int = 2
-    blur: int = 2
+    def __post_init__(self) -> None:
+        require_at_least(1, "semantic_map.network", self, "grids")
+        require_at_least(0, "semantic_map.network", self, "plane_weight")
 
 
 @dataclass(frozen=True)
@@ -87,14 +50,13 @@ class SemanticMapConfig:
 
     Attributes:
         voxel: edge length of a voxel, m; each voxel keeps one point, whatever the number of frames.
-        skin: points within this distance of the points of a find belong to the find, m.
-        uprights: how walls and the sides of ramps are recognised.
         rules: parameters of the baseline.
         network: parameters of the network classifier.
     """
 
     voxel: float = 0.02
-    skin: float = 0.03
-    uprights: UprightsConfig = UprightsConfig()
     rules: RuleConfig = RuleConfig()
     network: NetworkConfig = NetworkConfig()
+
+    def __post_init__(self) -> None:
+        require_positive("semantic_map", self, "voxel")

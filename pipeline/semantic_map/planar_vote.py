@@ -7,6 +7,8 @@ plane that it and its neighbours reach with the smallest shift along their rays.
 own probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.
 """
 
+from math import radians
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,47 +17,59 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.planar_regions import planar_regions
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
+
+ANGLE = radians(6)
+"""Maximum angle between the normals of a surfel and its region, rad; small, as no labels separate planes here."""
+SHIFT, NOISE = 0.02, 0.008
+"""A pixel is less than ``SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
+WINDOW = 2
+"""If a pixel fits several planes, the pixels up to this far away in rows and columns help to decide."""
+LEAST_PROBABILITY = 1e-3
+"""Lower limit of a class's probability; it limits the evidence against a class."""
+LEAN = radians(15)
+"""Maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or deck side to the vertical, rad."""
+LEAST_RAMP = radians(4)
+"""Minimum tilt of an inclined ramp, rad."""
 
 
 def planar_vote(
-    frame: Frame, T_map_camera: Pose, probabilities: NDArray[np.float32], config: PlanarVoteConfig
+    frame: Frame, T_map_camera: Pose, probabilities: NDArray[np.float32], weight: float
 ) -> NDArray[np.float32]:
     """Let the points of every plane vote.
 
     The probabilities of a point on a plane become the normalised product of its own and the geometric mean over all
-    points of the plane, the latter to the power of ``config.weight``. Before that, the probabilities of classes that
+    points of the plane, the latter to the power of ``weight``. Before that, the probabilities of classes that
     a plane with this tilt cannot have are moved to those that it can have. Points on no plane keep theirs.
 
     Args:
         frame: the frame.
         T_map_camera: pose of the camera.
         probabilities: (N, 6) float32 of the frame's returns, row-major, by class of ``CLASSES``; rows sum to 1.
-        config: parameters of the vote.
+        weight: weight of the plane; a point itself weighs 1.
 
     Returns:
         (N, 6) float32 probabilities.
     """
-    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, config.surfels, config.regions)
+    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, ANGLE)
     plane = planes_of_pixels(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
-        found.planes, config.shift, config.noise, config.window,
+        found.planes, SHIFT, NOISE, WINDOW,
     )[frame.returns]  # fmt: skip
-    possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3], config)
-    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), config.least_probability)
-    evidence = config.weight * mean_logs(logs, plane, len(found.planes))
+    possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])
+    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), LEAST_PROBABILITY)
+    evidence = weight * mean_logs(logs, plane, len(found.planes))
     return normalised_products(probabilities, logs, evidence, plane)
 
 
-def possible_classes(cosines: Values, config: PlanarVoteConfig) -> NDArray[np.bool_]:
+def possible_classes(cosines: Values) -> NDArray[np.bool_]:
     """(P, 6) which of ``CLASSES`` each plane may have, given the (P,) cosines between normals and the vertical."""
     lean = np.arccos(np.abs(cosines).clip(max=1))
-    level, upright = lean < config.lean, lean > np.pi / 2 - config.lean
+    level, upright = lean < LEAN, lean > np.pi / 2 - LEAN
     possible = {
         Label.WALL: upright,
         Label.TERRAIN: level,
-        Label.INCLINED_RAMP: lean > config.least_ramp,
+        Label.INCLINED_RAMP: lean > LEAST_RAMP,
         Label.STRAIGHT_RAMP: level | upright,
         Label.CEILING: level,
         Label.CLUTTER: np.ones_like(level),

@@ -9,9 +9,11 @@ from pipeline.arrays import Labels, Places, Points
 from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
-from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.finds import with_finds
 from pipeline.semantic_map.uprights import RAMPS, with_whole_uprights
+
+SKIN = 0.03
+"""Points within this distance of the points of a find belong to the find, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Revision:
     signs: Sequence[Points]
     people: Sequence[Points]
 
-    def revised(self, points: Points, labels: Labels, config: SemanticMapConfig) -> Labels:
+    def revised(self, points: Points, labels: Labels, voxel: float) -> Labels:
         """Labels of a map's points (N, 3), m, that are consistent with each other and with the other maps."""
         robot = self.ground.robot
         labels = labels.copy()
@@ -42,6 +44,6 @@ class Revision:
         from_below = (labels[ramps] == Label.STRAIGHT_RAMP) & (ramp_points[:, 2] > self.highest_camera)
         labels[ramps[is_inaccessible(self.ground, self.places, ramp_points, from_below)]] = Label.CLUTTER
         # Walls and the sides of ramps have one class from top to bottom.
-        labels = with_whole_uprights(points, labels, robot, self.ground.grid.cell, config)
+        labels = with_whole_uprights(points, labels, robot, voxel, self.ground.grid.cell)
         # Signs are clutter, and people victims.
-        return with_finds(points, labels, self.signs, self.people, robot.max_step, config.skin)
+        return with_finds(points, labels, self.signs, self.people, robot.max_step, SKIN)

@@ -10,6 +10,13 @@ from pipeline.labels import RAMP_TILT, Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.config import RuleConfig
 
+VOXEL = 0.03
+"""Edge length of a voxel, m; the cloud is thinned to one point per voxel."""
+NEIGHBOURS = 30
+"""Number of points to which a plane is fitted for the normal."""
+ROUGHNESS = 0.03
+"""Maximum standard deviation from the plane of the neighbours, m; rougher points are clutter."""
+
 
 class RuleClassifier(PointClassifier):
     """Classifies points by height and normal."""
@@ -20,17 +27,17 @@ class RuleClassifier(PointClassifier):
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """One-hot probabilities; points that are not finite are unlabelled."""
-        cloud = VoxelCloud.of(points, self._config.voxel)
+        cloud = VoxelCloud.of(points, VOXEL)
         labels = np.append(_labels(cloud.points, self._config), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
 
 
 def _labels(points: Points, config: RuleConfig) -> Indices:
-    tilt, roughness = tilt_and_roughness(points, config.neighbours)
+    tilt, roughness = tilt_and_roughness(points, NEIGHBOURS)
     # The first rule that applies decides.
     rules = [
         (tilt > config.wall_tilt, Label.WALL),
-        (roughness > config.roughness, Label.CLUTTER),
+        (roughness > ROUGHNESS, Label.CLUTTER),
         (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
         (points[:, 2] > config.ceiling, Label.CEILING),
         (points[:, 2] > config.deck, Label.STRAIGHT_RAMP),

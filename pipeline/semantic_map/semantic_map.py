@@ -144,7 +144,9 @@ class SemanticMap:
         if self._known_labels is None:
             labels = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8)
             revision = self._revision
-            self._known_labels = labels if revision is None else revision.revised(self.points(), labels, self.config)
+            self._known_labels = (
+                labels if revision is None else revision.revised(self.points(), labels, self.config.voxel)
+            )
         return self._known_labels
 
     def probabilities(self) -> Probabilities:

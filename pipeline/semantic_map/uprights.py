@@ -16,9 +16,15 @@ from scipy import ndimage
 from pipeline.arrays import Indices, Labels, Layer, Mask, MaskLayer, Points
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 
+REACH = 2
+"""Distance up to which points around a cell determine the direction of a wall, cells.
+
+With less, noise would dominate. Within this distance of a corner, the directions of both walls mix.
+"""
+BLUR = 2
+"""Uncertainty of the edge of a ramp's top, cells: one due to noise, one due to the grid."""
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 
 
@@ -67,28 +73,24 @@ class TopDownProjection:
         return layer.ravel()[self.of_point]
 
 
-def with_whole_uprights(
-    points: Points, labels: Labels, robot: RobotModel, cell: float, config: SemanticMapConfig
-) -> Labels:
+def with_whole_uprights(points: Points, labels: Labels, robot: RobotModel, voxel: float, cell: float) -> Labels:
     """Labels of a map's points, corrected for walls and for the sides of ramps and decks.
 
     Args:
         points: points of the map.
         labels: labels of these points.
         robot: the robot, whose dimensions limit those of walls and sides.
+        voxel: edge length of the map's voxels, m.
         cell: edge length of cells that are all filled where a surface has no holes, m.
-        config: parameters of the semantic map.
     """
     if not len(points):
         return labels
-    fine, coarse = (TopDownProjection.of(points, edge) for edge in (config.voxel, cell))
-    of_walls = with_whole_walls(fine, labels, robot.width / 2, robot.max_gap, config.uprights)
-    return with_sides_of_ramps(coarse, of_walls, robot.headroom, config.uprights)
+    fine, coarse = (TopDownProjection.of(points, edge) for edge in (voxel, cell))
+    of_walls = with_whole_walls(fine, labels, robot.width / 2, robot.max_gap)
+    return with_sides_of_ramps(coarse, of_walls, robot.headroom)
 
 
-def with_whole_walls(
-    plan: TopDownProjection, labels: Labels, width: float, gap: float, config: UprightsConfig
-) -> Labels:
+def with_whole_walls(plan: TopDownProjection, labels: Labels, width: float, gap: float) -> Labels:
     """Labels in which all walls are flat and at least ``width`` m wide; other walls become clutter.
 
     The direction of a wall is found from the points close to a cell or, if the wall has gaps of up to ``gap`` m
@@ -98,9 +100,9 @@ def with_whole_walls(
     walls, length = plan.counts(is_wall), ceil(width / plan.cell)
     # Cells of one run stay in line across a gap: over its length, their directions diverge by at most a cell.
     tolerance, most_gap = plan.cell / gap, int(gap / plan.cell)
-    reaches = config.reach, length // 2
+    reaches = REACH, length // 2
     wide = [on_long_runs(directions(walls, reach), length, most_gap, tolerance) for reach in reaches]
-    whole = ndimage.binary_dilation(np.logical_or(*wide), _square(config.reach))
+    whole = ndimage.binary_dilation(np.logical_or(*wide), _square(REACH))
     mostly = ndimage.convolve(walls, _square(1)) > ndimage.convolve(plan.counts(is_clutter), _square(1))
     result = labels.copy()
     result[is_wall & ~plan.at_points(whole)] = Label.CLUTTER
@@ -108,7 +110,7 @@ def with_whole_walls(
     return result
 
 
-def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float, config: UprightsConfig) -> Labels:
+def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float) -> Labels:
     """Labels in which the sides of a ramp or deck have the label of its top, the nearest broad surface.
 
     Surfaces at least ``headroom`` m high are not sides: the robot can drive under a deck of that height.
@@ -124,8 +126,8 @@ def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float
     surface, _ = ndimage.label(is_filled, _square(1))
     narrow = (surface == surface[i, j]) & ~top & (high - low < headroom)
     # A side ends at the highest top around it.
-    edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(config.blur)))
-    side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= config.blur)
+    edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(BLUR)))
+    side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= BLUR)
     is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side)
     label = np.where(is_deck[i, j], Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
     return np.where(is_side, plan.at_points(label), labels).astype(np.uint8)

@@ -16,6 +16,9 @@ from pipeline.segments.segment import Segment
 from pipeline.topological_map import cover_kernels as kernels
 from pipeline.topological_map.config import TopologicalMapConfig
 
+BLOCK = 4
+"""Side of a block that contributes one candidate for a node, cells."""
+
 
 @dataclass(frozen=True, eq=False)
 class VisibleCells:
@@ -167,17 +170,16 @@ class NodeCover:
             return np.zeros((0, 2))
         # Start the window at the corner of a block.
         cell = self.grid.cell
-        block = self._config.block
         reach = round(within / cell)
         i, j = box_around(mask, reach)
-        window = slice(i.start // block * block, i.stop), slice(j.start // block * block, j.stop)
+        window = slice(i.start // BLOCK * BLOCK, i.stop), slice(j.start // BLOCK * BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * cell <= within
         if fewest > 1:
             share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
             near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         corner = np.array([side.start for side in window])
-        return self.grid.centre_of(corner + best_of_blocks(room, block))
+        return self.grid.centre_of(corner + best_of_blocks(room, BLOCK))
 
     def _count(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""

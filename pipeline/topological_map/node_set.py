@@ -14,6 +14,12 @@ from pipeline.segments.segment import Segment
 from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
 
+WALL_GAP = 0.15
+"""Distance within which a line meets a wall of the semantic map, m.
+
+The traversability already keeps the whole footprint away from hazards.
+"""
+
 
 class StraightDrives:
     """Tests which straight lines the robot can drive, according to the maps of one step.
@@ -21,13 +27,11 @@ class StraightDrives:
     Attributes:
         traversability: where the robot may drive.
         walls: the walls of the semantic map.
-        wall_gap: distance within which a line meets a wall, m.
     """
 
-    def __init__(self, traversability: Traversability, walls: Sequence[Segment], wall_gap: float):
+    def __init__(self, traversability: Traversability, walls: Sequence[Segment]):
         self.traversability = traversability
         self.walls = walls
-        self.wall_gap = wall_gap
 
     def are_free(self, starts: Places, ends: Places) -> Mask:
         """(N,) whether the footprint, swept along lines between points (N, 3) on the ground, meets no obstacle.
@@ -39,7 +43,7 @@ class StraightDrives:
         robot = self.traversability.robot
         lift = np.array([0, 0, robot.body_height / 2])
         height = robot.headroom - robot.body_height / 2
-        free[free] = ~crossings(starts[free] + lift, ends[free] + lift, self.walls, self.wall_gap, height)
+        free[free] = ~crossings(starts[free] + lift, ends[free] + lift, self.walls, WALL_GAP, height)
         return free
 
 
@@ -91,7 +95,7 @@ class NodeSet:
         changed = self.cover.update(traversability, reachable, walls)
         changed |= self.cover.grid.mask_of(np.reshape(self._moved, (-1, 3)))
         self._moved.clear()
-        self.links = StraightDrives(traversability, walls, self._config.wall_gap)
+        self.links = StraightDrives(traversability, walls)
         nodes = list(self.nodes.values())
         stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
         for k in np.flatnonzero(~stand):

@@ -22,6 +22,15 @@ from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.node_set import NodeSet
 
+LINKED = 0.7
+"""Share of the greatest gain above which a position is preferred if a straight drive joins it to a node."""
+JOINT = 0.6
+"""Distance from a path between groups of nodes within which a single position to join both is sought, m."""
+SAME_LEVEL = 0.12
+"""Maximum difference in height between a segment and ground that belongs to it, m."""
+LARGE_RAMP = 1.8
+"""Length above which a straight ramp has a node in each half, m."""
+
 
 @dataclass(frozen=True, eq=False)
 class NodePlace:
@@ -44,17 +53,17 @@ def thesis_places(
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
-        level = np.abs(cover.traversability.elevation - place[2]) < config.same_level
+        level = np.abs(cover.traversability.elevation - place[2]) < SAME_LEVEL
         xy = cover.grid.nearest(cover.standable & level, place, config.snap)
         if xy is not None:
             places.append(NodePlace(xy, label))
     return places
 
 
-def label_at(point: Place, segments: Segments, same_level: float) -> Label:
-    """The label of a node at a point on the ground: straight ramp if one is within ``same_level`` m, else terrain."""
+def label_at(point: Place, segments: Segments) -> Label:
+    """The label of a node at a point on the ground: straight ramp if one is within ``SAME_LEVEL``, else terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
-        if segment.tree.query(point)[0] <= same_level:
+        if segment.tree.query(point)[0] <= SAME_LEVEL:
             return Label.STRAIGHT_RAMP
     return Label.TERRAIN
 
@@ -66,17 +75,17 @@ def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapCon
     """
     if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
-            return _middles(segment, config.large_ramp)
+            return _middles(segment)
         if segment.label is Label.INCLINED_RAMP:
             return _bottom(segment, robot.half_length + config.before_ramp)[None]
     return np.zeros((0, 3))
 
 
-def _middles(segment: Segment, large: float) -> Places:
-    """(N, 3) the centre of a straight ramp, or the centres of its two halves if it is longer than ``large``, m."""
+def _middles(segment: Segment) -> Places:
+    """(N, 3) the centre of a straight ramp, or the centres of its two halves if it is longer than ``LARGE_RAMP``."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
-    if extent[long] <= large:
+    if extent[long] <= LARGE_RAMP:
         return T[None, :3, 3]
     quarter = T[:3, long] * extent[long] / 4
     return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
@@ -126,7 +135,7 @@ class Placement:
     def _best(self, places: Places, gains: Indices) -> int:
         """The index of the position with the greatest gain, or of one with slightly less that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
-        for k in order[gains[order] >= self._config.linked * gains.max()]:
+        for k in order[gains[order] >= LINKED * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
                 return int(k)
         return int(order[0])
@@ -154,7 +163,7 @@ class Placement:
         if nearest is None:
             return np.zeros((0, 2))
         way = paths.path_to(targets[nearest])
-        places = self._cover.candidates(self._cover.grid.mask_of(way), self._config.joint)
+        places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
@@ -230,4 +239,4 @@ class Placement:
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label
-        return label_at(self._cover.traversability.on_ground(xy[None])[0], self._segments, self._config.same_level)
+        return label_at(self._cover.traversability.on_ground(xy[None])[0], self._segments)

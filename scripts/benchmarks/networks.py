@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Probabilities
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.config import PlanarVoteConfig
+from pipeline.semantic_map.config import NetworkConfig
 from pipeline.semantic_map.networks.blocks import CHANNELS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.networks.inference import for_inference
@@ -87,7 +87,7 @@ def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
     """(N, 8) probabilities of a frame's points after the planar vote, from the ``given`` (N, 8) probabilities."""
     result = given.copy()
-    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], PlanarVoteConfig())
+    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], NetworkConfig().plane_weight)
     return result
 
 

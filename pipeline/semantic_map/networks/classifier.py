@@ -66,7 +66,7 @@ class NetworkClassifier(PointClassifier):
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
         if self._vote:
-            of_points = planar_vote(frame, T_map_camera, of_points, self._config.vote)
+            of_points = planar_vote(frame, T_map_camera, of_points, self._config.plane_weight)
         probabilities = np.zeros((len(points), len(Label)), np.float32)
         probabilities[:, CLASSES] = of_points
         probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from pipeline.elevation_map.config import DropoutConfig
 from pipeline.elevation_map.ground_evidence import find_depth_dropouts
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
@@ -11,8 +10,6 @@ WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 LEVEL = np.array([(0.0, 0, 1, 0), (-1, 0, 0, 0), (0, -1, 0, 0.6), (0, 0, 0, 1)])
 """A camera 0.6 m above the origin that looks along x."""
 
-CONFIG = DropoutConfig(fewest=3, widest=60, row_step=2)
-
 
 def ground_depth() -> np.ndarray:
     """What the camera sees of level ground: the same depth along each row."""
@@ -21,7 +18,7 @@ def ground_depth() -> np.ndarray:
 
 
 def dropouts(depth):
-    return find_depth_dropouts(depth, WIDE, LEVEL, XTION, CONFIG)
+    return find_depth_dropouts(depth, WIDE, LEVEL, XTION)
 
 
 def test_nothing_is_missing_on_open_ground():

@@ -6,25 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.geometry import cells as module
-from pipeline.geometry.cells import NONE, centres, unite
+from pipeline.geometry.cells import NONE, centres, connected_pieces, in_contact, unite
 from pipeline.geometry.cells_kernels import placed_cells
-from pipeline.geometry.config import CellConfig
 from pipeline.geometry.moving_kernels import moved
 from pipeline.transforms import from_yaw
 
-EDGE, CONFIG = 0.05, CellConfig(edge=0.05, reach=2, frayed=0.25)
+EDGE = 0.05
 
 
 def cells_of(points):
     return module.cells_of(points, EDGE)
-
-
-def in_contact(a, b):
-    return module.in_contact(a, b, CONFIG)
-
-
-def connected_pieces(cells, points):
-    return module.connected_pieces(cells, points, CONFIG)
 
 
 def sheet(x0, x1, y0, y1, z=0.0, spacing=0.01):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pipeline.metric_map.config import IsolatedReturnsConfig
 from pipeline.metric_map.isolated_returns import remove_isolated_returns
 from pipeline.metric_map.isolated_returns_kernels import remove_isolated_returns as kernel
 from tests.pipeline.still_robot import StillRobot
@@ -49,7 +48,7 @@ def test_dust_leaves_surfaces_and_loses_its_specks() -> None:
 
 def test_a_frame_keeps_all_but_its_specks() -> None:
     frame = StillRobot().sense()
-    cleaned = remove_isolated_returns(frame, IsolatedReturnsConfig())
+    cleaned = remove_isolated_returns(frame)
     assert cleaned.returns.sum() >= 0.999 * frame.returns.sum()
     np.testing.assert_array_equal(cleaned.depth[cleaned.returns], frame.depth[cleaned.returns])
     assert cleaned.rgb is frame.rgb

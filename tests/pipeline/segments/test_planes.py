@@ -6,7 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
-from pipeline.segments.config import RegionConfig, SegmentsConfig, SurfelConfig
+from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planar_regions import planar_regions
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.surfels_kernels import NONE
@@ -87,7 +87,7 @@ def test_wall_before_a_wall_is_two_walls() -> None:
 
 def test_planes_in_the_cameras_frame_face_it() -> None:
     frame = look(ROOM, CORNER_VIEW)
-    found = planar_regions(frame, frame.label * frame.returns, 0, SurfelConfig(), RegionConfig())
+    found = planar_regions(frame, frame.label * frame.returns, 0, SegmentsConfig().angle)
     assert len(found.planes) >= 6
     assert np.linalg.norm(found.planes[:, :3], axis=1) == pytest.approx(1)
     assert (found.planes[:, 3] < 0).all()

@@ -7,7 +7,6 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
 from pipeline.semantic_map.planar_vote import planar_vote, possible_classes
 from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
@@ -26,7 +25,7 @@ def unsure(labels: np.ndarray) -> np.ndarray:
 
 def vote(frame: Frame, T: np.ndarray, given: np.ndarray) -> np.ndarray:
     """(N,) labels."""
-    return np.array(CLASSES)[planar_vote(frame, T, unsure(given), PlanarVoteConfig()).argmax(axis=1)]
+    return np.array(CLASSES)[planar_vote(frame, T, unsure(given), 2.0).argmax(axis=1)]
 
 
 def test_speckles_are_outvoted() -> None:
@@ -53,7 +52,7 @@ def test_a_level_deck_and_the_floor_do_not_vote_together() -> None:
 
 
 def test_what_a_plane_may_be_follows_from_how_it_leans() -> None:
-    level, low, ramp, wall = possible_classes(np.cos(np.radians([1, 10, 130, 89])), PlanarVoteConfig())
+    level, low, ramp, wall = possible_classes(np.cos(np.radians([1, 10, 130, 89])))
     names = [{CLASSES[i] for i in np.flatnonzero(row)} for row in (level, low, ramp, wall)]
     flat = {Label.TERRAIN, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER}
     assert names == [
@@ -77,7 +76,7 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
     given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
     on_wall = frame.label[frame.returns] == Label.WALL
     assert 0 < on_wall.sum() < 10 * 2 * 8  # pixels of the fewest surfels of a plane
-    voted = planar_vote(frame, EYE, given, PlanarVoteConfig())
+    voted = planar_vote(frame, EYE, given, 2.0)
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
     assert not np.array_equal(voted[~on_wall], given[~on_wall])
@@ -99,7 +98,7 @@ def test_a_pixel_that_could_be_on_two_planes_goes_with_its_neighbours(window: in
 
 def test_a_frame_without_returns() -> None:
     frame = look([floor(90, 99, 90, 99)], EYE)
-    assert planar_vote(frame, EYE, np.empty((0, 6), np.float32), PlanarVoteConfig()).shape == (0, 6)
+    assert planar_vote(frame, EYE, np.empty((0, 6), np.float32), 2.0).shape == (0, 6)
 
 
 def test_what_is_impossible_goes_to_what_is_possible_but_not_to_clutter() -> None:

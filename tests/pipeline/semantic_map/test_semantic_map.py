@@ -10,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 
@@ -44,7 +43,7 @@ def test_frames_are_fused() -> None:
 class HighIsClutter:
     """Other maps that call everything above half a metre clutter."""
 
-    def revised(self, points: np.ndarray, labels: np.ndarray, config: SemanticMapConfig) -> np.ndarray:
+    def revised(self, points: np.ndarray, labels: np.ndarray, voxel: float) -> np.ndarray:
         return np.where(points[:, 2] > 0.5, Label.CLUTTER, labels).astype(np.uint8)
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
 from pipeline.semantic_map.uprights import (
     TopDownProjection,
     with_sides_of_ramps,
@@ -40,13 +39,13 @@ def labelled(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, 
 
 def of_walls(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = labelled(*parts)
-    result = with_whole_walls(TopDownProjection.of(points, VOXEL), labels, WIDTH, GAP, UprightsConfig())
+    result = with_whole_walls(TopDownProjection.of(points, VOXEL), labels, WIDTH, GAP)
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
 def of_sides(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = labelled(*parts)
-    result = with_sides_of_ramps(TopDownProjection.of(points, CELL), labels, HEADROOM, UprightsConfig())
+    result = with_sides_of_ramps(TopDownProjection.of(points, CELL), labels, HEADROOM)
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
@@ -102,7 +101,7 @@ def test_without_ramps_and_without_points_nothing_changes(robot: RobotModel) -> 
     wall = grid((0, 1), (0, 0), (0, 0.4))
     assert of_sides((wall, WALL)) == [{WALL}]
     nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-    assert len(with_whole_uprights(*nothing, robot, CELL, SemanticMapConfig())) == 0
+    assert len(with_whole_uprights(*nothing, robot, VOXEL, CELL)) == 0
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 135.0])

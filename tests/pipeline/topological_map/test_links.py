@@ -17,12 +17,12 @@ def free(links: StraightDrives, a, b) -> bool:
 
 
 def links_over(*clouds) -> StraightDrives:
-    return StraightDrives(assess_map(surface_of(*clouds)), [], GAP)
+    return StraightDrives(assess_map(surface_of(*clouds)), [])
 
 
 def test_the_whole_footprint_must_pass():
     traversability, segments = room((-2, 2), (-2, 2), [((0, -2), (0, -0.2)), ((0, 0.7), (0, 2))])
-    links = StraightDrives(traversability, list(segments), GAP)
+    links = StraightDrives(traversability, list(segments))
     assert free(links, (-1, 0.25), (1, 0.25))
     assert not free(links, (-1, 0.0), (1, 0.0))
     assert not free(links, (-1, -1), (1, -1))
@@ -31,11 +31,11 @@ def test_the_whole_footprint_must_pass():
 def test_a_wall_that_only_the_semantic_map_knows_blocks_too():
     traversability, _ = room((-2, 2), (-2, 2), [])
     _, segments = room((-2, 2), (-2, 2), [((0, -2), (0, 0))])
-    links = StraightDrives(traversability, list(segments), GAP)
+    links = StraightDrives(traversability, list(segments))
     assert not free(links, (-1, -0.1), (1, -0.1))
     assert not free(links, (-1, 0.1), (1, 0.1))
     assert free(links, (-1, 0.3), (1, 0.3))
-    assert StraightDrives(traversability, [], GAP).are_free(np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]]))[0]
+    assert StraightDrives(traversability, []).are_free(np.array([[-1, -1, 0.0]]), np.array([[1, -1, 0.0]]))[0]
 
 
 def test_a_drop_a_step_and_a_low_ceiling_block():
@@ -74,6 +74,6 @@ def test_no_lines_are_free_of_obstacles():
 
 def test_a_panel_beside_the_way_does_not_block_it():
     traversability, segments = room((-2, 2), (-1, 1), [((-1.5, 0.6), (1.5, 0.6))])
-    assert free(StraightDrives(traversability, list(segments), GAP), (-1.5, 0), (1.5, 0))
+    assert free(StraightDrives(traversability, list(segments)), (-1.5, 0), (1.5, 0))
     near = wall_points((-1.5, 0.25), (1.5, 0.25))
     assert not free(links_over(ground_points(flat, (-2, 2), (-1, 1)), near), (-1.5, 0), (1.5, 0))

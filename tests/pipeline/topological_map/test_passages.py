@@ -15,6 +15,6 @@ def test_a_passage_ends_when_something_stands_in_the_middle_of_one_of_its_drives
     for block in ([], [((-1.3, -0.3), (-1.2, -0.1))]):
         traversability, _ = room((-3, 3), (-2, 2), [*U_TURN, *block])
         changed, before, drives = traversability.hazard != before, traversability.hazard, nx.Graph()
-        passages.renew(nodes, StraightDrives(traversability, [], 0.15), drives, changed)
+        passages.renew(nodes, StraightDrives(traversability, []), drives, changed)
         passages.add_to(drives)
         assert drives.has_edge(0, 1) == (not block)

@@ -14,7 +14,6 @@ from pipeline.frame import Intrinsics
 from pipeline.geometry.thinning import VoxelCloud
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.networks.blocks import BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier, segment
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
@@ -61,7 +60,7 @@ def test_the_points_of_a_plane_vote(weights: Path) -> None:
     points = FRAME.points(EYE)
     own = classifier(weights, vote=False).classify(FRAME, points, EYE)
     voted = classifier(weights).classify(FRAME, points, EYE)[:, CLASSES]
-    assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES], PlanarVoteConfig()))
+    assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES], 2.0))
     assert (voted != own[:, CLASSES]).any()
 
 

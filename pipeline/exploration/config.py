@@ -39,41 +39,6 @@ class VisibilityConfig:
 
 
 @dataclass(frozen=True)
-class InspectionConfig:
-    """Which walls a keyframe has shown well enough, and where to stand to inspect the others.
-
-    Attributes:
-        square: side of the image squares that are tested as pieces of wall, depth values.
-        flatness: RMS distance of points from their plane above which a piece is rejected, in standard deviations of
-            the depth.
-        upright: maximum vertical component of a piece's normal.
-        highest: maximum height of a piece above the ground, m; signs and other finds hang no higher.
-        sign: side of a typical sign, such as the hazmat signs that the leagues print, m.
-        readable: minimum width of such a sign in the image for it to be readable, pixels.
-        before: distance from a wall to the points that represent it, m. The points on its two sides are then farther
-            apart than ``spacing``.
-        spacing: spacing of these points, m; those this close to a point that was read or aimed at count as inspected.
-        depth: length in front of a wall over which a line of sight is not checked, m.
-        beside_camera: length at the camera over which a line of sight is not checked, m: the robot will be there.
-    """
-
-    square: int = 8
-    flatness: float = 2.0
-    upright: float = 0.5
-    highest: float = 2.0
-    sign: float = 0.2
-    readable: float = 60.0
-    before: float = 0.3
-    spacing: float = 0.3
-    depth: float = 0.3
-    beside_camera: float = 0.3
-
-    def __post_init__(self) -> None:
-        require_positive("exploration.inspection", self, "spacing", "sign")
-        require_at_least(1, "exploration.inspection", self, "square")
-
-
-@dataclass(frozen=True)
 class UnseenWaysConfig:
     """How the robot searches for paths to goals through unseen ground.
 
@@ -124,7 +89,6 @@ class ExplorationConfig:
         shown: share of the expected ground that must be seen for a viewpoint to count as done, even before arrival.
         visibility: what a view is expected to show.
         unseen_ways: paths to goals through unseen ground.
-        inspection: inspection of walls after exploration.
     """
 
     keyframe_time: float = 2.0
@@ -138,7 +102,6 @@ class ExplorationConfig:
     shown: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
     unseen_ways: UnseenWaysConfig = UnseenWaysConfig()
-    inspection: InspectionConfig = InspectionConfig()
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")

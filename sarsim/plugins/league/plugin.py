@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.exploration.deadline import Deadline, TimeIsUpError
-from pipeline.exploration.inspection import Inspection
 from pipeline.explorer import Explorer
 from pipeline.plugin import Plugin, RunContext
 from pipeline.plugins.league.brief import MissionBrief, Task
 from pipeline.plugins.league.config import LeagueConfig
 from pipeline.plugins.league.hand_in import HandIn
+from pipeline.plugins.league.inspection import Inspection
 from pipeline.plugins.league.validation import handed_in_files
 from pipeline.robot import Motion
 from pipeline.sink import Result, Sink
@@ -62,7 +62,9 @@ class League(Plugin):
         )
         explorer.watch(_Clock(end))
         if "find" in brief.tasks and mapper.readers is not None:
-            mission.inspection = Inspection(mapper.keyframes, mapper.metric_map, config=numbers)
+            mission.inspection = Inspection(
+                mapper.keyframes, mapper.metric_map, config=numbers, walls=self.settings.inspection
+            )
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
         """What hands in the files and, in a simulation, scores them."""

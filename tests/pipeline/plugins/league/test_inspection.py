@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.exploration.config import InspectionConfig
-from pipeline.exploration.inspection import Inspection, WallPieces
 from pipeline.exploration.viewpoint import Context
 from pipeline.keyframes import Seen
 from pipeline.localisation.localisation import Localised
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.plugins.league.config import InspectionConfig
+from pipeline.plugins.league.inspection import Inspection, WallPieces
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, yaw_of
 from tests.pipeline.polygon_scene import CAMERA, floor, look, pose, wall

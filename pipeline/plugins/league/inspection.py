@@ -8,13 +8,14 @@ from scipy.spatial import cKDTree
 
 from pipeline.arrays import Directions, Indices, Mask, Place, Poses, Values
 from pipeline.elevation_map.pose_kernels import ANGLES
-from pipeline.exploration.config import ExplorationConfig, InspectionConfig
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
 from pipeline.keyframes import UNIT, Keyframes, Places, Seen
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import bits
+from pipeline.plugins.league.config import InspectionConfig
 from pipeline.transforms import transform_places, wrap_angle
 
 
@@ -73,13 +74,18 @@ class Inspection(Strategy):
     """Drives to where a remaining wall can be inspected soonest; each wall is aimed at only once."""
 
     def __init__(
-        self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig = ExplorationConfig()
+        self,
+        keyframes: Keyframes,
+        metric_map: MetricMap,
+        *,
+        config: ExplorationConfig = ExplorationConfig(),
+        walls: InspectionConfig = InspectionConfig(),
     ):
         """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
         self._keyframes = keyframes
         self._map = metric_map
         self._config = config
-        self._walls = config.inspection
+        self._walls = walls
         self._shown: list[WallPieces] = []
         self._aimed: list[Places] = []
 

@@ -5,8 +5,10 @@ A package registers a plug-in, a subclass of :class:`Plugin`, as an entry point 
 or ``--mission NAME``. Only then is it imported. What sarsim ships beside its core comes in the same way.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.explorer import Explorer
@@ -69,8 +71,11 @@ class Plugin:
         """Further readers of the camera's frames."""
         return ()
 
-    def wrap(self, robot: Robot, world: Any, mapper: Mapper) -> Robot:
-        """The robot for the explorer to drive: with another sensor, or listened to. ``world``: see RunContext."""
+    def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
+        """The robot that is driven: with another sensor, or listened to. ``mapper``: None if nothing is mapped.
+
+        ``world``: the simulated robot, as in RunContext. Its sensors measure after each of its control periods.
+        """
         return robot
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
@@ -86,3 +91,26 @@ class Plugin:
     def messages(self, mapper: Mapper, step: Step) -> Iterable[tuple[str, Any]]:
         """Topics and ROS messages to send after a step, to a bag or to a network."""
         return ()
+
+    def measurements(self) -> Iterable[tuple[str, float, Any]]:
+        """Topics, times in s and ROS messages of what its sensor has measured since the last call.
+
+        Called after every control period, if there is a bag or a network to send them to.
+        """
+        return ()
+
+    def scene(self, world: Any, folder: Path, index: int) -> AbstractContextManager[Callable[[Any], object]]:
+        """Its own files of scene ``index`` of a dataset, beside the scene's file.
+
+        The context's value is called with the :class:`sarsim.robots.pose.Pose` of each frame once the robot stands
+        there. On leaving, the files are complete; after an error, none are left.
+
+        Args:
+            world: the :class:`sarsim.dataset.render.World`.
+            folder: folder of the dataset.
+            index: number of the scene.
+        """
+        return nullcontext(lambda pose: None)
+
+    def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
+        """Write its files about a whole dataset; ``splits``: train, val or test of each complete scene, by number."""

@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.errors import InputError, required
 from pipeline.files import run_all
 from pipeline.mapper import Keyframe, map_frame
-from pipeline.robot import Velocity
+from pipeline.robot import Robot, Velocity
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink
 from sarsim.arenas.arena import RescueArena
@@ -211,6 +211,10 @@ class MappedDrive(MappingRun):
             perception = PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline)
             plugins = make_plugins(config)
             mapper = make_mapper(perception, robot.model, plugins=plugins)
+            self._driven: Robot = robot
+            for plugin in plugins:
+                refused.callback(plugin.abandon)
+                self._driven = plugin.wrap(self._driven, robot, mapper)
             self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
             recorder = partial(EpisodeRecorder, robot)
             view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
@@ -234,7 +238,7 @@ class MappedDrive(MappingRun):
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
-        motion = self._robot.drive(command)
+        motion = self._driven.drive(command)
         for sink in self.parts.sinks:
             sink.on_motion(motion)
         if self.mapper.is_due(motion.T_odom_base):
@@ -243,7 +247,7 @@ class MappedDrive(MappingRun):
     def _take(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
         self.mapper.apply_corrections(waits=True)
-        keyframe = map_frame(self.mapper, self._robot.sense, labelled=True)
+        keyframe = map_frame(self.mapper, self._driven.sense, labelled=True)
         if keyframe is not None:
             self.mapper.connect(keyframe)
             self.show(keyframe)

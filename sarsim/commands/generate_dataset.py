@@ -58,9 +58,12 @@ def generate_dataset(settings: GenerateDataset) -> None:
         from sarsim.dataset.generate import generate
         from sarsim.dataset.manifest import FILE
         from sarsim.dataset.recipe import Recipe
+        from sarsim.dataset.render import PLUGIN_HOOKS
+        from sarsim.methods.plugins import make_plugins
 
     if settings.engine == "local":
         check_rendering()
+    make_plugins(settings, PLUGIN_HOOKS)
     check_folder(settings.out, [FILE])
     for arena in {*settings.arenas} - {RANDOM}:
         load_arena(arena)

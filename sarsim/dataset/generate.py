@@ -10,9 +10,10 @@ from pipeline.files import make_folder
 from sarsim.dataset.croissant import describe_dataset
 from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.render import make_scene
+from sarsim.dataset.render import PLUGIN_HOOKS, make_scene
 from sarsim.dataset.summary import write_summary
 from sarsim.jobs import Engine, locked
+from sarsim.methods.plugins import make_plugins
 
 _log = logging.getLogger(__name__)
 
@@ -57,6 +58,9 @@ def generate(
             for unfinished in (folder / SCENES).glob("*.part"):
                 with suppress(OSError):
                     unfinished.unlink()
+        splits = {index: entry.split for index, entry in sorted(manifest.scenes.items())}
+        for plugin in make_plugins(recipe, PLUGIN_HOOKS):
+            plugin.dataset(folder, splits)
         write_summary(folder)
         describe_dataset(folder, manifest)
         return manifest

@@ -67,7 +67,10 @@ class Manifest:
     @classmethod
     def new(cls, recipe: Recipe) -> Self:
         """The manifest of a new dataset, without scenes."""
-        return cls(json.loads(json.dumps(asdict(recipe))), {}, f"sarsim {version('sarsim')}")
+        settings = asdict(recipe)
+        if not recipe.plugins:
+            del settings["plugins"]
+        return cls(json.loads(json.dumps(settings)), {}, f"sarsim {version('sarsim')}")
 
     @classmethod
     def read(cls, folder: Path) -> Self:
@@ -119,11 +122,12 @@ class Manifest:
                 f"{folder}: contains a dataset made by {self.generator}, but you are running {other.generator};"
                 " choose another folder"
             )
-        for name in other.recipe:
-            if self.recipe.get(name) != other.recipe[name]:
+        for name in self.recipe | other.recipe:
+            mine, theirs = self.recipe.get(name), other.recipe.get(name)
+            if mine != theirs:
                 raise InputError(
-                    f"{folder}: contains a dataset with {name} = {_short(self.recipe.get(name))}, not"
-                    f" {_short(other.recipe[name])}; choose another folder"
+                    f"{folder}: contains a dataset with {name} = {_short(mine)}, not {_short(theirs)};"
+                    " choose another folder"
                 )
 
 

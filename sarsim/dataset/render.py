@@ -1,6 +1,6 @@
 """Makes one scene: an arena, a drive through it, and the robot's images at each keyframe."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -24,6 +24,7 @@ from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.ground_truth.true_surface import Survey
+from sarsim.methods.plugins import make_plugins
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steered import SkidSteered
@@ -32,6 +33,8 @@ from sarsim.sensors.lighting import set_lighting
 from sarsim.sensors.rendering import Renderer, hidden
 from sarsim.victims.victims import victims_of
 
+PLUGIN_HOOKS = ("scene", "dataset")
+"""What a plug-in may add to a dataset."""
 ATTEMPTS = 10
 """Maximum number of random arenas drawn for a scene."""
 
@@ -42,10 +45,14 @@ def make_scene(recipe: Recipe, index: int, folder: Path) -> SceneEntry:
     Raises:
         InputError: the scene cannot be made or written.
     """
-    path = folder / scene_path(index)
+    path, plugins = folder / scene_path(index), make_plugins(recipe, PLUGIN_HOOKS)
     path.parent.mkdir(exist_ok=True)
-    with atomic_write(path) as partial:
-        scene, points = render_scene(recipe, index, partial)
+    with atomic_write(path) as partial, ExitStack() as added:
+
+        def watchers(world: World) -> list[Callable[[Pose], object]]:
+            return [added.enter_context(plugin.scene(world, folder, index)) for plugin in plugins]
+
+        scene, points = render_scene(recipe, index, partial, watchers=watchers)
         digest = sha256_of(partial)
     return SceneEntry(
         index=index,
@@ -65,11 +72,12 @@ def render_scene(
     path: Path,
     on_frame: Callable[[], object] = lambda: None,
     renderer: type[Renderer] = Renderer,
+    watchers: Callable[["World"], Sequence[Callable[[Pose], object]]] = lambda world: (),
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
     Returns the recipe of the scene, and (8,) the number of depth returns of each label; ``on_frame`` is called after
-    every frame.
+    every frame, and what ``watchers`` returns with the robot's pose while it stands there.
 
     Raises:
         InputError: the arena cannot be loaded or built, or the robot cannot drive in it.
@@ -77,10 +85,12 @@ def render_scene(
     scene, arena = find_scene(recipe, index)
     with World(arena, scene, renderer, recipe.width, recipe.height) as world:
         poses = world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames)
-        noise = recipe.rng(index, "noise")
+        noise, watching = recipe.rng(index, "noise"), watchers(world)
         with SceneWriter(path, recipe.frames, world.content()) as writer:
             for pose in poses:
                 writer.write(world.capture(pose, noise))
+                for watcher in watching:
+                    watcher(pose)
                 on_frame()
     return scene, writer.label_points
 

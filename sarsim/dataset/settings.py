@@ -1,7 +1,9 @@
 """Settings of a dataset, in a module of their own, because ``--help`` needs no more than these."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from tyro.conf import Fixed
@@ -102,6 +104,7 @@ class DatasetConfig:
         frames_per_second: take frames at a constant rate, as SLAM needs them, instead of by --keyframes.
         clear: share of the scenes without dust if --dust is given.
         ideal: share of the scenes where the depth sensor makes no errors.
+        plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
     """
 
     seed: int = 0
@@ -116,6 +119,7 @@ class DatasetConfig:
     frames_per_second: Given[float] = None
     clear: Fixed[float] = 0.75
     ideal: Fixed[float] = 0.0
+    plugins: Fixed[Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):

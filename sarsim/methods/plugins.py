@@ -129,11 +129,15 @@ def shipped_plugin(name: str, where: str) -> "type[Plugin]":
     return load(entry)
 
 
-def make_plugins(command: Any) -> "list[Plugin]":
+def make_plugins(command: Any, hooks: Sequence[str] = ()) -> "list[Plugin]":
     """The plug-ins that a command's settings ask for, each after those that it needs.
 
+    Args:
+        command: settings of the command.
+        hooks: what a plug-in may add to the command, if it is not a run with maps; each needs one of them.
+
     Raises:
-        InputError: one is not installed, or its settings do not fit.
+        InputError: one is not installed, its settings do not fit, or it has nothing to add to the command.
     """
     settings: Mapping[str, Any] = command.plugins
     made: dict[str, Plugin] = {}
@@ -141,6 +145,8 @@ def make_plugins(command: Any) -> "list[Plugin]":
     def make(name: str, entry: EntryPoint) -> None:
         if name not in made:
             kind = load(entry)
+            if hooks and not any(hook in vars(cls) for hook in hooks for cls in kind.__mro__[:-2]):
+                raise InputError(f"--{name}: this command has no use for it; leave it out")
             for needed in kind.needs:
                 make(needed, find(needed))
             made[name] = kind(settings.get(name) or kind.Settings(), command)

@@ -10,7 +10,7 @@ from pipeline.plugin import Plugin
 from pipeline.plugins.ros.bag import Bag
 from pipeline.plugins.ros.config import RosConfig
 from pipeline.plugins.ros.topics import ImageFormat, MapTopics, RobotTopics
-from pipeline.robot import Robot
+from pipeline.robot import Motion, Robot
 from pipeline.sink import Result, Sink, Step
 
 
@@ -48,6 +48,12 @@ class ExplorerBag(Bag, Sink):
         self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
         self._maps = MapTopics(self.write, config=config)
         self.plugins: Sequence[Plugin] = ()
+
+    def on_motion(self, motion: Motion) -> None:
+        """Write what the sensors of plug-ins have measured."""
+        for plugin in self.plugins:
+            for topic, time, message in plugin.measurements():
+                self.write(topic, time, message)
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Write the newest keyframe."""

@@ -23,7 +23,12 @@ from pipeline.transforms import from_rotation
 TYPES = STORE.types
 NOTHING = np.array([], np.uint8)
 POINT_FIELD: Any = TYPES["sensor_msgs/msg/PointField"]
-FIELD_TYPES = {np.dtype(np.float32): POINT_FIELD.FLOAT32, np.dtype(np.uint8): POINT_FIELD.UINT8}
+FIELD_TYPES = {
+    np.dtype(np.float32): POINT_FIELD.FLOAT32,
+    np.dtype(np.int32): POINT_FIELD.INT32,
+    np.dtype(np.uint16): POINT_FIELD.UINT16,
+    np.dtype(np.uint8): POINT_FIELD.UINT8,
+}
 
 
 def make(name: str, *values: Any, **named: Any) -> Message:
@@ -194,16 +199,21 @@ def clock(time: float) -> Message:
 
 def labelled_cloud(time: float, points: Points, labels: Labels) -> Message:
     """Points with their labels as sensor_msgs/PointCloud2."""
-    layout = np.dtype([("x", np.float32), ("y", np.float32), ("z", np.float32), ("label", np.uint8)])
-    data = np.empty(len(points), layout)
-    data["x"], data["y"], data["z"] = points.T
-    data["label"] = labels
+    return cloud(time, MAP, dict(zip("xyz", points.T.astype(np.float32), strict=True)) | {"label": labels})
+
+
+def cloud(time: float, frame: str, columns: Mapping[str, NDArray]) -> Message:
+    """Values (N,) of points by the name of their field, x, y and z in m, as sensor_msgs/PointCloud2."""
+    layout = np.dtype([(name, values.dtype) for name, values in columns.items()])
+    data = np.empty(len(next(iter(columns.values()))), layout)
+    for name, values in columns.items():
+        data[name] = values
     fields = [
         POINT_FIELD(name, offset, FIELD_TYPES[kind], 1) for name, (kind, offset, *_) in (layout.fields or {}).items()
     ]
     size, raw = layout.itemsize, data.view(np.uint8)
     return make(
-        "sensor_msgs/PointCloud2", header(time, MAP), 1, len(points), fields, False, size, len(raw), raw, True
+        "sensor_msgs/PointCloud2", header(time, frame), 1, len(data), fields, False, size, len(raw), raw, True
     )
 
 

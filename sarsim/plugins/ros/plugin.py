@@ -43,7 +43,7 @@ class BagOfEpisode(Plugin):
     Settings = BagConfig
     _bag: ExplorerBag | None = None
 
-    def wrap(self, robot: Robot, world: Any, mapper: Mapper) -> Robot:
+    def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
         """The robot, listened to; InputError if the bag cannot be written."""
 
         def T_world_base() -> Pose:
@@ -53,7 +53,7 @@ class BagOfEpisode(Plugin):
             self.settings.path,
             self.settings.images,
             robot,
-            mapper,
+            required(mapper),
             T_world_base,
             joints=lambda: Joints(WHEELS, *world.wheels),
             config=self.settings.ros,

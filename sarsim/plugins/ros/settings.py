@@ -1,8 +1,9 @@
 """Settings of the commands for ROS 2 robots."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from tyro.conf import Fixed
 
@@ -26,6 +27,7 @@ class RosRobotConfig(SimulatorConfig):
         network: connect to other machines too; they can then drive the robot. By default only to this machine.
         out: new folder for the ground truth of the drive: report.json and trajectory_true.tum. Without it, neither
             is written.
+        plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
         ros: all numbers of ROS; set them in a ``--config`` file.
     """
 
@@ -35,6 +37,7 @@ class RosRobotConfig(SimulatorConfig):
     name: str = "sarsim_robot"
     network: bool = False
     out: Given[Path] = None
+    plugins: Fixed[Mapping[str, Any]] = field(default_factory=dict)
     ros: Fixed[RosConfig] = RosConfig()
 
 

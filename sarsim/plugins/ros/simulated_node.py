@@ -18,8 +18,9 @@ from pipeline.plugins.ros.live.node import RosNode
 from pipeline.plugins.ros.messages import command_of, decode, time_of, transform
 from pipeline.plugins.ros.topics import RobotTopics
 from pipeline.results import write_report
-from pipeline.robot import Velocity
+from pipeline.robot import Robot, Velocity
 from sarsim.methods.arena import make_arena
+from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.ros.settings import RosRobotConfig
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage
@@ -52,12 +53,19 @@ class SimulatedNode:
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         self.config, self._node = config, node
+        self._plugins = make_plugins(config, ("dress", "measurements"))
         arena = make_arena(config.arena, config.start, seed=config.seed)
+        for plugin in self._plugins:
+            plugin.dress(arena)
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )
         with ExitStack() as refused:
             refused.callback(self.robot.close)
+            self._driven: Robot = self.robot
+            for plugin in self._plugins:
+                refused.callback(plugin.abandon)
+                self._driven = plugin.wrap(self._driven, self.robot, None)
             self.coverage = Coverage(self.robot)
             self._navigation = NavigationScore(self.robot, self.coverage.surface)
             if config.out:
@@ -107,8 +115,11 @@ class SimulatedNode:
             is_commanded = self.robot.time - self._commanded < WATCHDOG
             command = self._command if is_commanded else Velocity()
             keyframes, self._keyframes = self._keyframes, []
-        motion, topics = self.robot.drive(command), self._topics
+        motion, topics = self._driven.drive(command), self._topics
         topics.motion(motion)
+        for plugin in self._plugins:
+            for topic, time, message in plugin.measurements():
+                self._node.send(topic, time, message)
         topics.joints(motion.time, Joints(WHEELS, *self.robot.wheels))
         topics.odometry(OdometrySample(motion.time, motion.T_odom_base, motion.twist))
         if motion.time >= self._next_frame - 1e-6:

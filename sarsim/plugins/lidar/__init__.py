@@ -1,0 +1,1 @@
+"""A labelled lidar on the robot: an addition to a run."""

@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
@@ -52,7 +52,7 @@ class LidarModel:
             raise InputError(f"--lidar {rows}x{columns}: a scan may have at most {MOST_BEAMS} beams")
         if not all(abs(angle) < 90 for angle in self.elevations):
             raise InputError(f"--lidar-vertical {_words(self.elevations)}: elevations must be between -90° and 90°")
-        if np.diff(sorted(self.elevations)).min(initial=np.inf) < LEAST_APART:
+        if np.diff(np.sort(np.array(self.elevations, np.float64))).min(initial=np.inf) < LEAST_APART:
             text = f"--lidar-vertical {_words(self.elevations)}: rows overlap; give every row an angle of its own"
             raise InputError(text)
         if not 0 < view <= 360:
@@ -152,7 +152,7 @@ class LidarConfig:
             rows, columns = self._size()
             elevations = spread(rows, ANY.elevations[0], ANY.elevations[-1]) if rows <= MOST_BEAMS else (0.0,) * rows
             model = replace(ANY, elevations=elevations, columns=columns)
-        given = {
+        given: dict[str, Any] = {
             "range": self.range,
             "field_of_view": self.horizontal,
             "elevations": self._elevations(len(model.elevations)),

@@ -89,7 +89,7 @@ def _folder(command: Any) -> Path:
 
 
 class ScanningRobot:
-    """A robot with a lidar, which scans while it drives.
+    """A robot with a lidar, which scans from the first frame of the camera on.
 
     Attributes:
         model, control_period: those of the robot.
@@ -106,16 +106,21 @@ class ScanningRobot:
 
     def sense(self) -> Frame:
         """Take a frame of the camera at the current position."""
-        return self._robot.sense()
+        frame = self._robot.sense()
+        self._advance(frame.time)
+        return frame
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period, and scan."""
         motion = self._robot.drive(command)
-        for scan in self.scanner.advance(motion.time):
+        self._advance(motion.time)
+        return motion
+
+    def _advance(self, time: float) -> None:
+        for scan in self.scanner.advance(time):
             self.unsent.append(scan)
             for listener in self.listeners:
                 listener(scan)
-        return motion
 
 
 class ScanFiles(Sink):

@@ -211,8 +211,9 @@ class Scanner:
         """As :meth:`_cast`, row by row, for (R, C, 3) rays of which each column has its own pose."""
         rows = rays.shape[0]
         cast = [self._cast(T, rays[:, k]) for k, T in enumerate(poses)]
-        geom, distance = (np.stack([hit[n] for hit in cast], axis=1).ravel() for n in (0, 1))
-        return geom, distance, np.stack([hit[2] for hit in cast], axis=1).reshape(rows * len(poses), 3)
+        geom = np.stack([geoms for geoms, _, _ in cast], axis=1).ravel()
+        distance = np.stack([distances for _, distances, _ in cast], axis=1).ravel()
+        return geom, distance, np.stack([normals for _, _, normals in cast], axis=1).reshape(rows * len(poses), 3)
 
     def _cast(
         self, T_world_lidar: Pose, rays: Directions
@@ -264,7 +265,7 @@ def _robot_site(world: mujoco.MjModel, root: int) -> int | None:
     return None
 
 
-def _between(t0: float, T0: Pose, t1: float, T1: Pose, times: Values) -> Poses:
+def _between(t0: float, T0: Pose, t1: float, T1: Pose, times: NDArray[np.floating]) -> Poses:
     """(K, 4, 4) poses at times between two poses, s; before and after, they stay as they are."""
     share = np.clip((times - t0) / (t1 - t0), 0, 1)
     poses = np.tile(np.eye(4), (len(times), 1, 1))

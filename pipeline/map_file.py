@@ -1,9 +1,9 @@
 """The map of a run as a file from which a later run can continue: the observations of its keyframes."""
 
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,8 @@ from pipeline.robot import RobotModel
 from pipeline.segments.segment import Member
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.tracks.find import VICTIM, Reading, is_find_kind
-from pipeline.tracks.track import Observation, Track, TrackPolicy
+from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import POSE, are_poses
-from pipeline.victims.people import middle
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
 FORMAT, VERSION = "sarsim keyframes", 8
@@ -82,30 +81,14 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "outline": ("f4", "o", 3),
         "points": POINTS,
     },
-    "victim": {
-        "missed": ("i8", "m"),  # Keyframes
-        "photo_shows": ("f8",),  # Number of the person's voxels times the confidence
-        "photo": ("u1", "p"),
-        "photo_shape": ("i8", 3),
-        "tried_from": ("i8", "t"),  # Keyframes, and positions relative to them
-        "tried": ("f8", "t", 3),
-        "sightings": ("i8",),  # How many of the following ``sighting`` rows belong to this victim
-    },
-    "sighting": {
-        "keyframe": ("i8",),
-        "confidence": ("f8",),
-        "camera": ("f8", 3),
-        "information": ("f8", 3, 3),
-        "points": POINTS,
-    },
-    "find": {
+    "track": {  # Of people and finds
         "kind": ("u1", "k"),  # UTF-8
         "missed": ("i8", "m"),  # Keyframes
-        "tried_from": ("i8", "t"),
+        "tried_from": ("i8", "t"),  # Keyframes, and positions relative to them
         "tried": ("f8", "t", 3),
-        "sightings": ("i8",),  # As in ``victim``, of the ``find_sighting`` rows
+        "observations": ("i8",),  # How many of the following ``observation`` rows belong to it
     },
-    "find_sighting": {
+    "observation": {
         "keyframe": ("i8",),
         "text": ("u1", "k"),  # UTF-8
         "confidence": ("f8",),
@@ -120,6 +103,8 @@ LAYOUT: dict[str, dict[str, Field]] = {
     },
 }
 """The rows of each kind. A field whose length varies is stored concatenated, with an array of its lengths."""
+OF_KEYFRAMES = "keyframe", "missed", "tried_from"
+"""The fields that hold indices of keyframes."""
 
 
 def varies(field: Field) -> bool:
@@ -143,17 +128,15 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    people, finds = mapper.victims.all, mapper.finds.all
+    tracks = [*mapper.victims.all, *mapper.finds.all]
     rows = {
         "keyframe": list(_keyframe_rows(mapper)),
         "odometry": [vars(mapper.localisation.keyframes().odometry)],
         "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
         "driven": list(_ground_rows(mapper.keyframes, Driven)),
         "member": [vars(member) | vars(member.moments) for member in mapper.segments.members],
-        "victim": [_track_row(track) for track in people],
-        "sighting": [_observation_row(seen) for track in people for seen in track.seen],
-        "find": [_track_row(track) for track in finds],
-        "find_sighting": [_observation_row(seen) for track in finds for seen in track.seen],
+        "track": [_track_row(track) for track in tracks],
+        "observation": [_observation_row(seen) for track in tracks for seen in track.seen],
     }
     arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
     for kind, layout in LAYOUT.items():
@@ -190,8 +173,9 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
             moments = Moments(row["count"], row["total"], row["squares"])
             own = row["keyframe"], Label(row["label"]), row["normal"], moments, row["outline"], row["points"]
             mapper.segments.members.append(Member(*own))
-        mapper.victims.all = list(_tracks(rows["victim"], rows["sighting"], lambda kind: mapper.victims.policy))
-        mapper.finds.all = list(_tracks(rows["find"], rows["find_sighting"], mapper.finds.policy_of))
+        tracks = list(_tracks(rows, mapper))
+        mapper.victims.all = [track for track in tracks if track.policy.kind == VICTIM]
+        mapper.finds.all = [track for track in tracks if track.policy.kind != VICTIM]
         mapper.restore()
 
 
@@ -261,31 +245,31 @@ def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) 
 
 def _check(rows: dict[str, list[Row]]) -> None:
     """Raise ValueError if a row holds an invalid number."""
-    keyframes = len(rows["keyframe"])
-    poses = [row[name] for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
+
+    def every(kind: str, name: str) -> list[Any]:
+        return [row[name] for row in rows[kind]]
+
+    keyframes, odometry = len(rows["keyframe"]), every("odometry", "covariance")
     if not keyframes:
         raise ValueError("it has no keyframes")
-    if not are_poses(poses):
+    if not are_poses([*every("keyframe", "T_base_camera"), *every("keyframe", "T_map_base")]):
         raise ValueError(f"the poses of each keyframe and its camera must be {POSE}")
-    if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
+    if len(odometry) != 1 or np.linalg.eigvalsh(odometry[0])[0] <= 0:
         raise ValueError("it must have exactly one odometry covariance, which must be positive definite")
-    of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
-    for name in "missed", "tried_from":
-        of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row[name].tolist()]
-    if not all(0 <= k < keyframes for k in of_keyframe):
+    columns = [(kind, name) for kind, layout in LAYOUT.items() for name in layout if name in OF_KEYFRAMES]
+    if not all(((np.asarray(k) >= 0) & (np.asarray(k) < keyframes)).all() for of in columns for k in every(*of)):
         raise ValueError("an entry refers to a keyframe that does not exist")
-    if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
+    if any((camera[:2] <= 0).any() for camera in every("keyframe", "camera")):
         raise ValueError("a keyframe's focal lengths are not positive")
-    classes = [row["label"] for row in rows["member"]]
-    if not np.isin(classes, list(Label)).all() or any(
-        (row["classes"] >= len(Label)).any() for row in rows["keyframe"]
-    ):
+    of_points = any((classes >= len(Label)).any() for classes in every("keyframe", "classes"))
+    if of_points or not np.isin(every("member", "label"), list(Label)).all():
         raise ValueError("a point or segment has an unknown class")
-    if any(row["count"] < 1 for row in rows["member"]) or any(
-        row["sightings"] < 1 for kind in ("victim", "find") for row in rows[kind]
-    ):
-        raise ValueError("a segment, victim or find has no sightings")
-    if not all(is_find_kind(_text_of(row["kind"])) for row in rows["find"]):
+    if not all(count > 0 for count in [*every("member", "count"), *every("track", "observations")]):
+        raise ValueError("a segment, victim or find was never seen")
+    if sum(every("track", "observations")) != len(rows["observation"]):
+        raise ValueError("the observations of victims and finds do not add up")
+    kinds = map(_text_of, every("track", "kind"))
+    if not all(kind == VICTIM or is_find_kind(kind) for kind in kinds):
         raise ValueError("a find is of an unknown kind")
 
 
@@ -322,16 +306,16 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
         if row["is_labelled"] and len(row["classes"]) != len(row["points"]):
             raise ValueError("a keyframe has different numbers of points and classes")
         height, width = row["depth"].shape
-        own = {field.name: row[field.name] for field in fields(Seen) if field.name in row}
         shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
-        seen = Seen(**own, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
+        seen = Seen(
+            **_fields_of(Seen, row), intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares
+        )
         keyframes.add(seen, row["T_map_base"])
         found.append((row["order"], k, seen))
-    evidences: dict[str, type[Assumed] | type[Driven]] = {"assumed": Assumed, "driven": Driven}
-    for kind, make in evidences.items():
-        for row in rows[kind]:
-            own = {field.name: row[field.name] for field in fields(make)}
-            found.append((row["order"], row["keyframe"], make(**own)))
+    for row in rows["assumed"]:
+        found.append((row["order"], row["keyframe"], Assumed(**_fields_of(Assumed, row))))
+    for row in rows["driven"]:
+        found.append((row["order"], row["keyframe"], Driven(**_fields_of(Driven, row))))
     for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
         keyframes.add_ground(k, evidence)
 
@@ -345,50 +329,38 @@ def _data_of(text: str) -> NDArray[np.uint8]:
 
 
 def _track_row(track: Track) -> Row:
-    tried, photo = Places.joined(track.tried), track.photo
+    tried = Places.joined(track.tried)
     return {
         "kind": _data_of(track.policy.kind),
         "missed": sorted(track.missed),
-        "photo_shows": track.policy.shows(track.seen[track.best]),
-        "photo": photo.ravel(),
-        "photo_shape": photo.shape,
         "tried_from": tried.keyframe,
         "tried": tried.position,
-        "sightings": len(track.seen),
+        "observations": len(track.seen),
     }
 
 
 def _observation_row(seen: Observation) -> Row:
-    return vars(seen) | {
-        "text": _data_of(seen.reading.text),
-        "confidence": seen.reading.confidence,
-        "corners": seen.reading.corners,
-        "photo": seen.photo.ravel(),
-        "photo_shape": seen.photo.shape,
-    }
+    reading, photo = vars(seen.reading), {"photo": seen.photo.ravel(), "photo_shape": seen.photo.shape}
+    return vars(seen) | reading | {"text": _data_of(seen.reading.text)} | photo
 
 
-def _tracks(rows: list[Row], sightings: list[Row], policy_of: Callable[[str], TrackPolicy]) -> Iterator[Track]:
-    """Tracks of people or finds; their observations are placed when the mapper builds its maps."""
-    left = iter(sightings)
-    for row in rows:
-        kind = _text_of(row["kind"]) if "kind" in row else VICTIM
-        seen = [_observation_of(kind, sighting) for sighting in islice(left, row["sightings"])]
-        if len(seen) != row["sightings"]:
-            raise ValueError("a victim or find lacks sightings")
+def _tracks(rows: dict[str, list[Row]], mapper: Mapper) -> Iterator[Track]:
+    """Tracks of people and finds; their observations are placed when the mapper builds its maps."""
+    left = iter(rows["observation"])
+    for row in rows["track"]:
+        kind = _text_of(row["kind"])
+        seen = [_observation_of(kind, one) for one in islice(left, row["observations"])]
         tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
-        track = Track(policy_of(kind), seen, list(seen), missed=set(row["missed"].tolist()), tried=tried)
-        if kind == VICTIM:  # Of a person, only the best photo is saved
-            best = track.best
-            track.seen[best] = replace(seen[best], photo=row["photo"].reshape(row["photo_shape"]))
-        yield track
+        policy = mapper.victims.policy if kind == VICTIM else mapper.finds.policy_of(kind)
+        yield Track(policy, seen, list(seen), missed=set(row["missed"].tolist()), tried=tried)
 
 
 def _observation_of(kind: str, row: Row) -> Observation:
-    if kind == VICTIM:
-        unread, no_photo = np.zeros((0, 2), np.float32), np.zeros((0, 0, 3), np.uint8)
-        row = row | {"text": _data_of(""), "corners": unread, "position": middle(row["points"]), "photo": no_photo}
-        row |= {"photo_shape": no_photo.shape, "has_depth": True}
     reading = Reading(kind, _text_of(row["text"]), row["corners"], row["confidence"])
-    own = {field.name: row[field.name] for field in fields(Observation) if field.name in row}
-    return Observation(**own | {"reading": reading, "photo": row["photo"].reshape(row["photo_shape"])})
+    photo = row["photo"].reshape(row["photo_shape"])
+    return Observation(**_fields_of(Observation, row) | {"reading": reading, "photo": photo})
+
+
+def _fields_of(kind: type, row: Row) -> Row:
+    """The entries of a row that are fields of a dataclass."""
+    return {field.name: row[field.name] for field in fields(kind) if field.name in row}

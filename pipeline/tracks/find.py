@@ -32,7 +32,7 @@ class Reading:
     Attributes:
         kind: one of ``KINDS``, or a kind of a user's own reader.
         text: the class of a sign or the content of a code; empty if it cannot be read, or there is none.
-        corners: corners of the outline; empty for a person from an earlier run.
+        corners: corners of the outline.
         confidence: 0 to 1.
     """
 

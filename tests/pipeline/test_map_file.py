@@ -161,15 +161,15 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
         ("version", 3, "version 8"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
-        ("victim.tried_from", 4, "keyframe"),
-        ("find.missed", 4, "keyframe"),
+        ("track.tried_from", 4, "keyframe"),
+        ("track.missed", 4, "keyframe"),
         ("keyframe.T_map_base", 2.0, "pose"),
         ("keyframe.points.lengths", -2, "keyframe.points"),
         ("keyframe.camera", 0.0, "focal length"),
         ("member.label", 12, "class"),
         ("keyframe.classes", 8, "class"),
         ("odometry.covariance", 0.0, "odometry"),
-        ("victim.sightings", 0, "victim"),
+        ("track.observations", 0, "victim"),
     ],
 )
 def test_numbers_that_make_no_sense_are_refused(file, tmp_path, name, value, reason):

@@ -1,5 +1,6 @@
 """The numbers of a run's one tree are those that the whole robot uses: nobody forgets to pass them on."""
 
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -8,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.config import PipelineConfig
+from pipeline.elevation_map.config import ElevationConfig, PathCosts, TraversabilityConfig
 from pipeline.errors import InputError
 from pipeline.exploration.config import ExplorationConfig, VisibilityConfig
 from pipeline.explorer import Explorer
@@ -20,13 +22,16 @@ from pipeline.localisation.config import (
     RegistrationConfig,
 )
 from pipeline.plugins.finds.config import FindsConfig
+from pipeline.rerun.config import RerunConfig
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.segments.config import SegmentsConfig
+from pipeline.semantic_map.config import NetworkConfig, RuleConfig
 from pipeline.topological_map.config import TopologicalMapConfig
-from pipeline.tracks.config import TracksConfig
+from pipeline.tracks.config import Confirmation, ObjectConfig, PeopleConfig, ReobservationConfig, TracksConfig
 from pipeline.tracks.find import KINDS
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
+from pipeline.victims.config import DetectorConfig, HeatConfig
 from pipeline.victims.detection import Detection
 from pipeline.victims.victim_map import Victims
 from sarsim.composition import make_mapper
@@ -122,10 +127,25 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (VisibilityConfig, "stride", 0),
         (ExplorationConfig, "more_time", 1.0),
         (TopologicalMapConfig, "max_detour", 0.9),
+        (SegmentsConfig, "angle", 2.0),
         (SegmentsConfig, "checkpoint", 0),
+        (ElevationConfig, "cell", 0.0),
+        (TraversabilityConfig, "leniency", -0.1),
+        (PathCosts, "turn_pace", 0.0),
+        (RuleConfig, "ceiling", 0.01),
+        (NetworkConfig, "grids", 0),
+        (DetectorConfig, "size", (100, 96)),
+        (DetectorConfig, "confidence", 1),
+        (DetectorConfig, "witness", 0),
+        (HeatConfig, "warmer", 0.0),
+        (Confirmation, "misses", 0.0),
+        (ObjectConfig, "readable", 0.0),
+        (PeopleConfig, "evidence_to_look", -0.1),
+        (ReobservationConfig, "most_tries", -1),
+        (RerunConfig, "grain", 0.0),
         (RescueReportConfig, "drop", 0),
     ],
 )
-def test_a_number_that_cannot_work_is_refused(config: type, field: str, wrong: float) -> None:
-    with pytest.raises(InputError, match=rf"{field} = {wrong}: must be"):
+def test_a_number_that_cannot_work_is_refused(config: type, field: str, wrong: object) -> None:
+    with pytest.raises(InputError, match=re.escape(f"{field} = {wrong}: must be")):
         config(**{field: wrong})

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detector import VictimDetector
 from tests.pipeline.victims.networks import SMALL, bright_spots, darknet_files
 
@@ -92,8 +91,3 @@ def test_it_says_whose_classes_it_takes_unnamed_ones_for(classes: int, person: i
 def test_only_files_that_belong_together_make_a_detector(names: tuple[str, ...]) -> None:
     with pytest.raises(InputError, match="--detector a"):
         VictimDetector.load(*map(Path, names))
-
-
-def test_a_confidence_is_between_0_and_1(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="confidence = 1: must be greater than 0 and less than 1"):
-        VictimDetector.load(*darknet_files(tmp_path), config=DetectorConfig(confidence=1.0))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from pipeline.elevation_map.config import ElevationConfig
+from pipeline.errors import require_at_least
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.metric_map.config import MetricMapConfig
@@ -28,6 +29,9 @@ class KeyframesConfig:
     noticeable: float = 0.01
     due: float = 0.02
 
+    def __post_init__(self) -> None:
+        require_at_least(0, "keyframes", self, "noticeable", "due")
+
 
 @dataclass(frozen=True)
 class ExplorerConfig:
@@ -40,6 +44,10 @@ class ExplorerConfig:
 
     patience: int = 5
     got_away: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_at_least(1, "explorer", self, "patience")
+        require_at_least(0, "explorer", self, "got_away")
 
 
 @dataclass(frozen=True)

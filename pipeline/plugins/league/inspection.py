@@ -74,12 +74,7 @@ class Inspection(Strategy):
     """Drives to where a remaining wall can be inspected soonest; each wall is aimed at only once."""
 
     def __init__(
-        self,
-        keyframes: Keyframes,
-        metric_map: MetricMap,
-        *,
-        config: ExplorationConfig = ExplorationConfig(),
-        walls: InspectionConfig = InspectionConfig(),
+        self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig, walls: InspectionConfig
     ):
         """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
         self._keyframes = keyframes

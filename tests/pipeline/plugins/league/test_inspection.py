@@ -45,9 +45,14 @@ def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
     assert (found.sides_from([(3.0, 0.0, 0.65)], frame) == 0).any()  # from behind the wall
 
 
+def inspection_with(mapper: Mapper) -> Inspection:
+    numbers = mapper.config.exploration
+    return Inspection(mapper.keyframes, mapper.metric_map, config=numbers, walls=InspectionConfig())
+
+
 def test_a_robot_looks_until_every_wall_was_seen_well_and_then_ends():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    inspection, T, looked = Inspection(mapper.keyframes, mapper.metric_map), from_yaw(0, 0, 0, 0), []
+    inspection, T, looked = inspection_with(mapper), from_yaw(0, 0, 0, 0), []
     for yaw in np.arange(8) * np.pi / 4:  # what exploring shows, from the middle
         around = from_yaw(0, 0, 0, yaw)
         mapper.add_frame(Localised(frame_at(around), around), labelled=False, set_down=not yaw)

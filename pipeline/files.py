@@ -54,6 +54,8 @@ RUN_FILES = ("episode.rrd", "report.json")
 def check_folder(path: Path, marks: Collection[str] = ()) -> None:
     """Check that results may go into a folder: it is new or empty, or holds results that can be continued.
 
+    A new one must lie in a folder that is writable; it is not made yet.
+
     Args:
         path: the folder.
         marks: file names; results with one of these files can be continued. By default none can.
@@ -70,6 +72,15 @@ def check_folder(path: Path, marks: Collection[str] = ()) -> None:
             raise InputError(f"{path}: contains an earlier run; choose another folder or delete this one")
         without = f" but no {' or '.join(marks)}" if marks else ""
         raise InputError(f"{path}: contains {names[0]}{without}; choose a new or empty folder")
+    _check_writable(path, next(folder for folder in (path, *path.absolute().parents) if folder.exists()))
+
+
+def _check_writable(path: Path, folder: Path) -> None:
+    """Raise InputError, which names ``path``, unless files can be made in an existing folder."""
+    try:
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be created or written to: {error.strerror or error}") from error
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
@@ -81,9 +92,9 @@ def make_folder(path: Path, marks: Collection[str] = ()) -> None:
     check_folder(path, marks)
     try:
         path.mkdir(parents=True, exist_ok=True)
-        TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputError(f"{path}: cannot be created or written to: {error.strerror or error}") from error
+    _check_writable(path, path)
 
 
 def run_all(*actions: Callable[[], object]) -> None:

@@ -31,4 +31,6 @@ def prepare_process() -> None:
         threadpool_limits(1, user_api="blas")
     # OpenCV reads it once, when it is first imported, and rejects images whose header declares more pixels.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+    # Rerun prints its own lines about files that cannot be written; sarsim says in one line what they mean.
+    os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
     choose_platform()

@@ -9,7 +9,11 @@ from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
 
-_TYPES = {"x": "float", "y": "float", "z": "float"} | dict.fromkeys(("red", "green", "blue", "label"), "uchar")
+_TYPES = {
+    **dict.fromkeys("xyz", "float"),
+    **dict.fromkeys(("red", "green", "blue", "label"), "uchar"),
+    "scalar_label": "float",  # CloudCompare's name of a scalar field, which it then shows without being told
+}
 VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
 
 
@@ -19,7 +23,7 @@ def write_ply(path: Path, points: Points, colours: NDArray[np.uint8], labels: La
     The file is written completely or not at all. InputError if it cannot be written.
     """
     vertices = np.empty(len(points), VERTEX)
-    for name, column in zip(_TYPES, (*points.T, *colours.T, labels), strict=True):
+    for name, column in zip(_TYPES, (*points.T, *colours.T, labels, labels), strict=True):
         vertices[name] = column
     with atomic_write(path) as partial:
         partial.write_bytes(_header(len(points)) + vertices.tobytes())

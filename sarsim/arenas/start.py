@@ -68,7 +68,9 @@ def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -
     if abs(over) > ON_GROUND:
         height = Survey(model, data).place(T_world_start[:3, 3], reach=np.inf)
         if height is None:
-            raise InputError(f"there is no ground at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
+            raise InputError(
+                f"there is no free ground at ({x:g}, {y:g}) m; choose another start with --start X Y YAW"
+            )
         over = float(z - height)
     if abs(over) <= ON_GROUND and tilt <= UPRIGHT:
         return T_world_start, ""

@@ -89,6 +89,8 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
     words = list(sys.argv[1:] if args is None else args)
     for flag, value in pairwise(["", *words]):
+        if not _is_text(value):
+            raise InputError(f"{value!a}: is no text in this locale; choose a UTF-8 locale, as by LC_ALL=C.UTF-8")
         if re.fullmatch("--[^=]*=", value):
             raise InputError(f"{value}: the value must not be empty")
         if not value:
@@ -107,6 +109,15 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     logging.getLogger("absl").setLevel(logging.ERROR)  # hides messages of MuJoCo and dm_control below errors
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
     return rest
+
+
+def _is_text(word: str) -> bool:
+    """Whether a word of the command line could be decoded; other programs would not find the file that it names."""
+    try:
+        word.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def check_names(settings: Mapping[str, Any]) -> None:
@@ -213,6 +224,9 @@ def guarded(action: Callable[[], object]) -> None:
     If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
     prepare_process()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # in the locale's encoding, which may lack characters
+            stream.reconfigure(errors="backslashreplace")
     try:
         with _raised_endings():
             try:

@@ -16,6 +16,7 @@ from pipeline.rescue_report.figures import figures
 
 SKIPPED = ("config", "timing_ms")
 VIEW = "sarsim-view"
+STILL = 0.05  # m; a robot that has driven less has at most turned
 ENDINGS = {
     "nothing_left": "nothing was left to explore",
     "not_worth_it": "no remaining viewpoint was worth the drive",
@@ -73,7 +74,9 @@ def _legs(report: Mapping[str, Any]) -> str:
     driven, goals, faults = report.get("navigation"), report.get("goals"), report.get("faults")
     parts = []
     if driven:
-        parts += [f"{driven['reached']} of {driven['legs']} reached", f"{driven['distance_m']:.1f} m driven"]
+        way = driven["distance_m"]
+        parts += [f"{driven['reached']} of {driven['legs']} reached"]
+        parts += [f"{way:.1f} m driven" if way >= STILL or not driven["legs"] else "turning in place alone"]
         parts += [_counted(driven["collisions"], "contact") + " with walls, clutter or people"]
         parts += ["the robot tipped over"] if driven["tipped"] else []
     if goals:

@@ -7,6 +7,7 @@ To train a point network on several GPUs, or with one process per CPU core:
 from dataclasses import dataclass, field, fields
 from functools import partial
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -132,7 +133,6 @@ def _clouds(
 def _train(training: "Training", settings: TrainPoints) -> None:
     """Train with a progress bar; Ctrl-C ends the training after the current step."""
     leads = training.worker.leads
-    score = "mIoU of the thesis's four classes"
     if leads:
         save_settings(settings, training.out.with_suffix(".yaml"))
     write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
@@ -140,7 +140,7 @@ def _train(training: "Training", settings: TrainPoints) -> None:
         bar = bars.add_task("steps", total=training.config.steps, completed=training.step)
 
         def report(now: "Training") -> None:
-            bars.update(bar, completed=now.step, description=f"steps, {score} {now.score:.3f}")
+            bars.update(bar, completed=now.step, description=f"steps{_scored(now, ', ')}")
             if write_events:
                 write_events(now)
             if hold.signal is not None:
@@ -148,7 +148,12 @@ def _train(training: "Training", settings: TrainPoints) -> None:
 
         training.run(report)
     if leads:
-        Console().print(f"Validation: {score} {training.score:.4f}. Weights in {training.out}", soft_wrap=True)
+        Console().print(f"Validation{_scored(training, ': ') or ': none'}. Weights in {training.out}", soft_wrap=True)
+
+
+def _scored(training: "Training", before: str) -> str:
+    """The score of the last validation, if there was one that had points of these classes."""
+    return f"{before}mIoU of the thesis's four classes {training.score:.4f}" if isfinite(training.score) else ""
 
 
 def _events(folder: Path) -> "Callable[[Training], None]":

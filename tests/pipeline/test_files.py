@@ -67,8 +67,10 @@ def test_results_go_into_new_or_empty_folders_and_beside_those_that_they_continu
 def test_a_file_or_a_place_without_room_is_no_folder_for_results(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for path in (tmp_path / "file", tmp_path / "file" / "a", Path("/proc/a")):
-        with pytest.raises(InputError, match=f"{path}: cannot be (used as a folder|created or written to): N"):
-            make_folder(path)
+        for use in (make_folder, check_folder):  # The latter early, before anything is computed
+            with pytest.raises(InputError, match=f"{path}: cannot be (used as a folder|created or written to): N"):
+                use(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
 def test_all_actions_run_and_no_failure_is_lost() -> None:

@@ -28,6 +28,7 @@ def test_open3d_reads_points_colours_and_labels(semantic_map: SemanticMap, tmp_p
     cloud = o3d.t.io.read_point_cloud(str(path))
     assert np.array_equal(cloud.point.positions.numpy(), semantic_map.points())
     assert np.array_equal(cloud.point.label.numpy()[:, 0], semantic_map.labels())
+    assert np.array_equal(cloud.point.scalar_label.numpy()[:, 0], semantic_map.labels())  # CloudCompare's name
     assert np.array_equal(cloud.point.colors.numpy(), COLOURS[semantic_map.labels()])
 
 

@@ -145,5 +145,5 @@ def test_a_marked_start_is_upright_on_the_ground(site, more, expected, said, tmp
 def test_a_start_without_ground_is_refused(tmp_path):
     path = tmp_path / "arena.xml"
     path.write_text(f'<mujoco><worldbody><site name="start" pos="5 0 0"/>{STEP}</worldbody></mujoco>')
-    with pytest.raises(InputError, match=r"arena.xml: there is no ground at the start \(5, 0\) m"):
+    with pytest.raises(InputError, match=r"arena.xml: there is no free ground at \(5, 0\) m"):
         load_arena(str(path))

@@ -256,3 +256,22 @@ def test_a_person_is_informed_once_that_numba_compiles() -> None:
     assert os.read(terminal, 10_000).count(b"compiling for this machine") == 1
     os.close(terminal)
     assert ended([], COMPILING)[2] == ""
+
+
+NO_UTF8 = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+
+
+@pytest.mark.parametrize(
+    ("code", "status", "said"),
+    [
+        ("run(lambda: print(chr(0xB0)), [])", 0, r"\xb0"),
+        ("run(lambda out='': None, ['--out', os.fsdecode(bytes([122, 195, 188]))])", 2, "LC_ALL=C.UTF-8"),
+    ],
+)
+def test_a_locale_without_utf8_gives_escapes_or_one_line(code: str, status: int, said: str) -> None:
+    program = f"import os; from sarsim.commands.cli import run; {code}"
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | NO_UTF8, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == status and said in done.stdout + done.stderr
+    assert len((done.stdout + done.stderr).splitlines()) == 1

@@ -108,3 +108,17 @@ def test_what_a_model_refers_to_is_a_file_of_bounded_size(tmp_path, monkeypatch)
     os.mkfifo(mesh)
     with pytest.raises(InputError, match=r"m\.stl"):
         check_files(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.urdf", '<robot name="a"><link name="b"/></robot>', r"a\.urdf: is URDF .* convert it"),
+        ("a.xml", '<robot name="a"><link name="b"/></robot>', r"a\.xml: is URDF .* convert it"),
+        ("a.xacro", "<mujoco/>", r"a\.xacro: .* end in \.xml or \.mjcf; rename it"),
+    ],
+)
+def test_other_formats_are_named(name, text, said, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=said):
+        check_files(tmp_path / name)

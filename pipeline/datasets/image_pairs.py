@@ -64,7 +64,7 @@ def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -
     if pairs is None:
         depth, colour = _images(path, DEPTH, fps, note), _images(path, COLOUR, fps, note)
         pairs = _by_time(depth, colour) or _by_number(path, depth, colour, fps)
-    return sorted(pairs, key=lambda pair: pair.time)
+    return sorted(dict.fromkeys(pairs), key=lambda pair: pair.time)  # each once, even if it is listed twice
 
 
 def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values:

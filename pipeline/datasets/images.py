@@ -19,13 +19,20 @@ TO_RGB = {
     "bgr8": (3, cv2.COLOR_BGR2RGB),
     "rgba8": (4, cv2.COLOR_RGBA2RGB),
     "bgra8": (4, cv2.COLOR_BGRA2RGB),
-    "8UC3": (3, cv2.COLOR_BGR2RGB),
+    "8uc3": (3, cv2.COLOR_BGR2RGB),
+    "8uc4": (4, cv2.COLOR_BGRA2RGB),
     "mono8": (1, cv2.COLOR_GRAY2RGB),
-    "yuv422_yuy2": (2, cv2.COLOR_YUV2RGB_YUY2),
+    "8uc1": (1, cv2.COLOR_GRAY2RGB),
+    **dict.fromkeys(("yuv422_yuy2", "yuyv"), (2, cv2.COLOR_YUV2RGB_YUY2)),
+    **dict.fromkeys(("yuv422", "uyvy"), (2, cv2.COLOR_YUV2RGB_UYVY)),
     "bayer_rggb8": (1, cv2.COLOR_BayerBG2RGB),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2RGB),
+    "bayer_bggr8": (1, cv2.COLOR_BayerRG2RGB),
+    "bayer_gbrg8": (1, cv2.COLOR_BayerGR2RGB),
 }
 """By encoding: channels, and OpenCV's code to convert them to RGB, which names Bayer patterns from pixel (1, 1)."""
+DEEP = {"rgb16": "rgb8", "bgr16": "bgr8", "rgba16": "rgba8", "bgra16": "bgra8"}
+"""Encodings of 16 bits, and those of their upper 8 bits."""
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
@@ -95,11 +102,15 @@ def colour_of(message: Message) -> Rgb:
             raise InputError(
                 f"a colour image with format {message.format!r} {UNREADABLE}; use intact JPEG or PNG images"
             ) from error
-    if message.encoding not in TO_RGB:
-        accepted = f"{', '.join(TO_RGB)} or compressed images"
+    encoding = message.encoding.lower()
+    if encoding not in (*TO_RGB, *DEEP):
+        accepted = f"{', '.join((*TO_RGB, *DEEP))} or compressed images"
         raise InputError(f"colour images in {message.encoding!r} are not supported; use {accepted}")
-    channels, code = TO_RGB[message.encoding]
-    pixels = _pixels(message, np.dtype(np.uint8), channels)
+    channels, code = TO_RGB[DEEP.get(encoding, encoding)]
+    if encoding in DEEP:
+        pixels = (_pixels(message, np.dtype(np.uint16), channels) >> 8).astype(np.uint8)
+    else:
+        pixels = _pixels(message, np.dtype(np.uint8), channels)
     return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 

@@ -27,6 +27,9 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
 
 
+NEAREST, FARTHEST = 0.35, 15.0  # Usual medians of an image's depth, m
+OFF_CENTRE = 0.12  # Greatest usual distance of a principal point from the middle, as a share of the image
+WIDEST = 20.0  # Greatest size of an image in focal lengths; a field of view of 169°
 CLIP_FRAMES = 10  # Number of first frames that show whether a depth stands for no return
 POSELESS = "frames without a known pose"
 
@@ -139,6 +142,7 @@ class Replay:
             self.recording.leave_out(POSELESS)
             return False
         self._has_begun = True
+        self._check_camera(frame)
         if not self._is_on_ground:
             self._T_base_camera = self._above_floor(frame)
             self.recording.note(_measured(self._T_base_camera))
@@ -152,6 +156,24 @@ class Replay:
         truth = self.recording.truth
         self._truth = truth and truth.of_base(T_base_camera)
         return True
+
+    def _check_camera(self, frame: Frame) -> None:
+        """Say what is implausible about a frame's depth and intrinsics; InputError if nothing can be made of them."""
+        k, depth = frame.intrinsics, float(np.median(frame.depth[frame.returns]))
+        usual = "of metres (floats) or mm (whole numbers); give the units per metre with --depth-scale"
+        said = f"the median depth is {depth:.3g} m; depth images must be {usual}"
+        if not NEAREST / 10 < depth < 10 * FARTHEST:
+            raise InputError(f"{self.recording.path}: {said}")
+        if not NEAREST < depth < FARTHEST:
+            self.recording.note(said)
+        off = max(abs(k.cx / k.width - 0.5), abs(k.cy / k.height - 0.5))
+        wide = max(k.width / k.fx, k.height / k.fy)
+        camera = f"fx fy cx cy = {k.fx:.4g} {k.fy:.4g} {k.cx - 0.5:.4g} {k.cy - 0.5:.4g}"
+        doubt = f"{camera} do not look like intrinsics of images of {k.width} × {k.height} pixels"
+        if off > 0.5 or wide > WIDEST:
+            raise InputError(f"{self.recording.path}: {doubt}; give those of this size with --intrinsics")
+        if off > OFF_CENTRE:
+            self.recording.note(f"{doubt}, as the principal point is far from the middle")
 
     def _upright(self, given: Trajectory, up: Direction, T_map_base: Pose, time: float) -> Trajectory:
         """Given poses in ``map``: unchanged if z points up in their frame, within the tilt that the robot tolerates.

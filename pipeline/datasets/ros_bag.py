@@ -302,7 +302,13 @@ class _Beside:
         T = links.T_base(imu, camera) if in_base else links.between(links.named(camera), links.named(imu))
         felt = felt[np.isfinite(felt).all(axis=1)]
         mean = felt.mean(axis=0) if len(felt) else np.zeros(3)
-        return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
+        if T is None or not mean.any():
+            return None
+        up = T[:3, :3] @ mean / np.linalg.norm(mean)
+        if (up[2] if in_base else -up[1]) >= 0:
+            return up
+        self.notes.append("the accelerometer measures gravity downwards; taking the opposite direction for up")
+        return -up
 
 
 def _first(reader: AnyReader, topic: str) -> Message:

@@ -210,3 +210,10 @@ def test_a_line_that_is_no_time_and_file_is_named(line: str, tmp_path: Path) -> 
     (tmp_path / "depth.txt").write_text(f"# t file\n0.0 depth/0.png\n{line}\n")
     with pytest.raises(InputError, match=r"depth.txt: line 3"):
         paired(tmp_path)
+
+
+def test_an_image_that_is_listed_twice_counts_once(tmp_path: Path) -> None:
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(3))
+        (tmp_path / f"{kind}.txt").write_text("".join(2 * f"{k / 10} {kind}/{k}.png\n" for k in range(3)))
+    assert paired(tmp_path) == [("0", "0"), ("1", "1"), ("2", "2")]

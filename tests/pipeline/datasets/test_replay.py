@@ -1,5 +1,6 @@
 """Recordings through the mapper."""
 
+import re
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -193,3 +194,32 @@ def test_the_walls_and_later_frames_tell_a_ramp_from_the_floor(start: float) -> 
     T = found.frame.T_base_camera
     assert T[2, 3] == pytest.approx(T_BASE_CAMERA[2, 3], abs=0.03)
     assert np.degrees(np.arccos(np.clip(T[2, :3] @ T_BASE_CAMERA[2, :3], -1, 1))) < 2
+
+
+@pytest.mark.parametrize(
+    ("scale", "camera", "said", "refused"),
+    [
+        (0.2, {}, "median depth is .* --depth-scale", False),
+        (10.0, {}, "median depth is .* --depth-scale", False),
+        (1000.0, {}, "median depth is .* --depth-scale", True),
+        (1.0, {"cx": 120.0, "cy": 160.0}, "159.5 .* 320 × 240 pixels, as the principal point", False),
+        (1.0, {"cx": 320.0, "cy": 240.0, "fx": 577.0, "fy": 577.0}, "320 × 240 .* principal point", False),
+        (1.0, {"cx": 0.5, "cy": 0.5, "fx": 0.9, "fy": 1.2}, "320 × 240 .* --intrinsics", True),
+        (1.0, {"cx": 960.0, "cy": 540.0}, "320 × 240 .* --intrinsics", True),
+    ],
+)
+def test_what_is_implausible_about_a_camera_is_said(
+    scale: float, camera: dict[str, float], said: str, refused: bool
+) -> None:
+    source = recording(truth=Trajectory(TIMES, np.array(WAY)))
+    odd = [
+        replace(f, depth=f.depth * np.float32(scale), intrinsics=replace(f.intrinsics, **camera))
+        for f in islice(source.frames(), 2)
+    ]
+    source.frames = lambda: iter(odd)
+    if refused:
+        with pytest.raises(InputError, match=f"room: .*{said}"):
+            replayed(source, "truth")
+    else:
+        replayed(source, "truth")
+        assert any(re.search(said, note) for note in source.notes)

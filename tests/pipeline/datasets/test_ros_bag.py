@@ -537,3 +537,15 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
         read_ros_bag(tmp_path)
     with pytest.raises(InputError, match="nowhere"):
         read_ros_bag(tmp_path / "nowhere")
+
+
+def test_an_accelerometer_that_measures_gravity_downwards_is_turned_round(tmp_path: Path) -> None:
+    def inverted(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name == "/imu":
+            message.linear_acceleration.z *= -1
+        return [(name, time, message)]
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=inverted))
+    np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
+    (note,) = recording.notes
+    assert "downwards" in note

@@ -2,6 +2,9 @@
 
 import ctypes
 import os
+import stat
+import tempfile
+from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -31,6 +34,23 @@ def prepare_process() -> None:
         threadpool_limits(1, user_api="blas")
     # OpenCV reads it once, when it is first imported, and rejects images whose header declares more pixels.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+    _choose_cache()
     # Rerun prints its own lines about files that cannot be written; sarsim says in one line what they mean.
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")
     choose_platform()
+
+
+def _choose_cache() -> None:
+    """Let numba cache kernels in a temporary folder if neither this folder nor the user's own can be written.
+
+    A user may run sarsim from another user's folder, without a home. Numba runs what it finds in the folder, so that
+    it must be the user's alone.
+    """
+    beside, own = Path(__file__).parent, Path.home() / ".cache"
+    nearest = next(folder for folder in (own, *own.parents) if folder.exists())
+    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(folder, os.W_OK) for folder in (beside, nearest)):
+        folder = Path(tempfile.gettempdir(), f"sarsim-{os.getuid()}")
+        folder.mkdir(mode=0o700, exist_ok=True)
+        about = folder.lstat()
+        is_own = stat.S_ISDIR(about.st_mode) and about.st_uid == os.getuid() and not about.st_mode & 0o077
+        os.environ["NUMBA_CACHE_DIR"] = str(folder) if is_own else tempfile.mkdtemp(prefix="sarsim-")

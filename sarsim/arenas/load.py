@@ -9,6 +9,7 @@ import numpy as np
 from dm_control import mjcf
 
 from pipeline.errors import InputError
+from pipeline.labels import Label
 from pipeline.transforms import from_rotation, from_yaw
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
@@ -21,13 +22,17 @@ from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.arenas.start import find_start, on_ground, start_at
 from sarsim.assets import asset
+from sarsim.sensors.camera import geom_labels
 from sarsim.vetting.resolved import resolved_root
-from sarsim.vetting.trial import check_model, read_mjcf
+from sarsim.vetting.trial import check_model, is_shipped, read_mjcf
 
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,
 }  # fmt: skip
 """The builder of each kind of file."""
+LEANING = 0.1  # Greatest ratio of gravity's horizontal to its vertical part
+MOST_TOLD = 5  # Greatest number of bodies that a line names
+DRAWN = 3  # Groups of geoms below this are drawn
 _log = logging.getLogger(__name__)
 
 
@@ -80,6 +85,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
     model, root = resolved_root(arena.mjcf_model, name)
     with naming(name):
         check_model(model)
+        _check_rules(model, name)
         _set_start(root, model, start, name)
         return RescueArena(root, name)
 
@@ -103,8 +109,32 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = read_mjcf(path)
     with naming(str(path)):
+        if not is_shipped(path):
+            _check_rules(model, str(path))
         _set_start(root, model, wish, str(path))
         return RescueArena(root, str(path))
+
+
+def _check_rules(model: mujoco.MjModel, name: str) -> None:
+    """Say which rules for the arenas of others a model breaks; InputError if nothing could drive in it.
+
+    What can move counts where it is at the start for the scores and for the true ground, and drawn shapes without a
+    label count as nothing.
+    """
+    x, y, z = model.opt.gravity
+    if z >= 0 or np.hypot(x, y) > -z * LEANING:
+        raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")
+    movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid])) if model.njnt else []
+    if named := [model.body(body).name or f"number {body}" for body in movable]:
+        told = ", ".join(named[:MOST_TOLD]) + (
+            f" and {len(named) - MOST_TOLD} more" if len(named) > MOST_TOLD else ""
+        )
+        _log.warning("%s: these bodies can move, but are scored where they are at the start: %s", name, told)
+    if unlabelled := np.count_nonzero((geom_labels(model) == Label.UNLABELLED) & (model.geom_group < DRAWN)):
+        said = (
+            "%s: %d of %d shapes have no label, so that what is seen of them is not scored; set user= of their geoms"
+        )
+        _log.warning(said, name, unlabelled, model.ngeom)
 
 
 def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None, name: str) -> None:

@@ -3,6 +3,10 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
 
 PREPARE = "from sarsim.startup import prepare_process; prepare_process()"
 COUNT = "import numpy as np, os; np.ones((500, 500)) @ np.ones((500, 500)); print(len(os.listdir('/proc/self/task')))"
@@ -37,3 +41,23 @@ def test_numpy_computes_in_one_thread() -> None:
 
 def test_memory_of_large_arrays_that_are_gone_is_given_back() -> None:
     assert float(printed_after_preparing(HOLES)) < 2  # of the 20 arrays
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="needs another user")
+def test_a_user_without_a_home_caches_kernels_in_a_folder_of_their_own() -> None:
+    with TemporaryDirectory() as shared:
+        program = f"""
+import os, tempfile, sarsim.startup
+tempfile.tempdir, os.environ["HOME"] = {shared!r}, "/nonexistent"
+os.setuid(65534)
+sarsim.startup._choose_cache()
+folder = os.environ["NUMBA_CACHE_DIR"]
+print(folder, oct(os.stat(folder).st_mode & 0o777))
+"""
+        Path(shared).chmod(0o777)
+        environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+        printed = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
+        assert printed.split() == [f"{shared}/sarsim-65534", "0o700"]
+        Path(shared, "sarsim-65534").chmod(0o777)  # anybody could put kernels there
+        printed = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
+        assert printed.split()[0] != f"{shared}/sarsim-65534"

@@ -117,7 +117,7 @@ def save_maps(mapper: Mapper, folder: Path) -> None:
     run_all(
         lambda: save_keyframes(mapper, folder / KEYFRAMES),
         lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
-        lambda: mapper.semantic_map.save(folder / "semantic_map.ply"),
+        lambda: mapper.semantic_map.save(folder / "semantic_map.ply", mapper.metric_map.is_seen_through),
         lambda: mapper.topological_map.save(folder / "topology.json"),
     )
 

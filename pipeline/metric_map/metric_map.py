@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import product
 from math import prod
 
 import numpy as np
@@ -159,6 +160,14 @@ class MetricMap:
         """(N,) float32 states (0 occupied, 0.5 unknown, 1 free) at points (N, 3) in ``map``, m."""
         signs = np.sign(self.log_odds_at(self.voxel_index(points)))
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
+
+    def is_seen_through(self, points: Points) -> Mask:
+        """Whether points lie in free space, and not beside an occupied voxel: what was there has gone."""
+        index = self.voxel_index(points)
+        gone = self.log_odds_at(index) < 0
+        for step in product((-1, 0, 1), repeat=3):
+            gone[gone] = self.log_odds_at(index[gone] + np.array(step)) <= 0
+        return gone
 
     def is_surface(self, points: Places, normal: Direction) -> Mask:
         """Whether points are occupied and have free space in front of them, on the side to which ``normal`` points.

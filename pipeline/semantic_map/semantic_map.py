@@ -158,7 +158,13 @@ class SemanticMap:
         """(M,) uint32 number of returns in every voxel."""
         return self._rows[self._order, 0].astype(np.uint32)
 
-    def save(self, path: Path) -> None:
-        """Write a binary PLY file: ``x y z``, the label's ``red green blue``, ``label``; InputError if this fails."""
-        labels = self.labels()
-        write_ply(path, self.points(), COLOURS[labels], labels)
+    def save(self, path: Path, has_gone: Callable[[Points], Mask] | None = None) -> None:
+        """Write a binary PLY file: ``x y z``, the label's ``red green blue``, ``label``; InputError if this fails.
+
+        ``has_gone``: which points (N, 3) are left out, because what was there has gone.
+        """
+        points, labels = self.points(), self.labels()
+        if has_gone is not None:
+            stays = ~has_gone(points)
+            points, labels = points[stays], labels[stays]
+        write_ply(path, points, COLOURS[labels], labels)

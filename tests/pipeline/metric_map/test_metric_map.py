@@ -111,3 +111,14 @@ def test_only_the_columns_that_a_box_touches_are_rebuilt():
     hits = metric_map.log_odds_at(metric_map.voxel_index(places[1:]))
     metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))
     assert metric_map.log_odds_at(metric_map.voxel_index(places[1:])) > hits
+
+
+def test_what_has_gone_is_seen_through() -> None:
+    grid, there = MetricMap(), np.array([(1.5, 0, 0.5), (1.5, 0.1, 0.6), (2.5, 0, 0.5)])
+    for depth, looks in ((1.5, 3), (2.5, 1)):
+        for _ in range(looks):
+            grid.integrate(wall(depth), CAMERA, T_MAP_CAMERA)
+    assert not grid.is_seen_through(there).any()  # a single frame may be wrong
+    for _ in range(45):
+        grid.integrate(wall(2.5), CAMERA, T_MAP_CAMERA)
+    assert grid.is_seen_through(there).tolist() == [True, True, False]

@@ -63,3 +63,10 @@ def test_another_number_of_vertices_is_one_line(
     with pytest.raises(InputError, match=r"semantic_map\.ply"):
         read_ply(path)
     assert not capfd.readouterr().err
+
+
+def test_points_of_what_has_gone_are_left_out(semantic_map: SemanticMap, tmp_path: Path) -> None:
+    semantic_map.save(tmp_path / "map.ply", lambda points: points[:, 0] > 0)
+    vertices, points = read_ply(tmp_path / "map.ply"), semantic_map.points()
+    np.testing.assert_array_equal(vertices["x"], points[points[:, 0] <= 0, 0])
+    np.testing.assert_array_equal(vertices["label"], semantic_map.labels()[points[:, 0] <= 0])

@@ -70,7 +70,7 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
             folder.mkdir()
-        workers = [start_worker(_make_scenes, recipe, folder) for folder in folders]
+        workers = [start_worker(make_scenes, recipe, folder) for folder in folders]
         both = [connection for _, connection in workers]
         alone = both[:1]
         _make(both, 0)
@@ -93,7 +93,7 @@ def _make(workers: Sequence[Connection], index: int) -> NDArray[np.float64]:
     return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
-def _make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:
+def make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:
     """The loop of a worker: receive a scene's index, make the scene, and send the undisturbed seconds."""
     while True:
         index = connection.recv()

@@ -86,6 +86,27 @@ class DatasetSettings(SubjectSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LidarSettings(SubjectSettings):
+    """Time per scan of the lidar, its labels against Open3D's ray casting, and KISS-ICP on its scans.
+
+    Attributes:
+        arenas: arenas of the scans; times are measured in the first.
+        rounds: number of timed scans of a sensor.
+        scenes: number of scenes that two workers make together.
+        frames: number of scans of a scene.
+        drive: number of scans of a drive, ten a second.
+        seed: seed of every random number.
+    """
+
+    arenas: tuple[str, ...] = ARENAS
+    rounds: int = 40
+    scenes: int = 20
+    frames: int = 100
+    drive: int = 300
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class MetricMapSettings(SubjectSettings):
     """Time, memory and accuracy of the metric map, against ray traversal and OctoMap.
 
@@ -339,6 +360,7 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "exploration": ExplorationSettings,
     "finds": FindsSettings,
     "lanes": LanesSettings,
+    "lidar": LidarSettings,
     "localisation": LocalisationSettings,
     "metric-map": MetricMapSettings,
     "networks": NetworksSettings,

@@ -34,6 +34,7 @@ class RunContext:
         explorer: drives the robot; None if the run does not drive.
         world: the simulated robot, which knows the truth; None outside a simulation.
         plugins: all plug-ins of the run.
+        folder: where sinks write their files; None if the run leaves none.
     """
 
     mapper: Mapper
@@ -41,6 +42,7 @@ class RunContext:
     explorer: Explorer | None
     world: Any
     plugins: Sequence["Plugin"]
+    folder: Path | None = None
 
 
 class Plugin:

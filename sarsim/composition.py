@@ -94,7 +94,7 @@ def compose(
     make_folder(folder, continues)
     recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)
     rescue_report = RescueReport(recording, config=settings.io.rescue_report)
-    context = RunContext(mapper, recording, explorer, world, plugins)
+    context = RunContext(mapper, recording, explorer, world, plugins, folder)
     added = [sink for plugin in plugins for sink in plugin.sinks(context)]
     sinks = result_sinks(settings, place, seed, recording, rescue_report, [*others, *added])
     return RunParts(mapper, folder, place, recording, rescue_report, [*sinks, *own], plugins)

@@ -77,12 +77,13 @@ def test_paths_that_are_named_are_there(document: Path) -> None:
 
 @pytest.fixture(scope="module")
 def settings() -> set[str]:
-    """Names of parameters, typed fields and plug-ins, of which commands make flags, spelt like flags."""
+    """Names of parameters, fields, plug-ins and their settings, of which commands make flags, spelt like flags."""
     paths = [path for package in ("pipeline", "sarsim", "scripts") for path in (ROOT / package).rglob("*.py")]
     nodes = [node for path in paths for node in ast.walk(ast.parse(path.read_text()))]
     fields = {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
     plugins = {name for group in PROJECT["entry-points"].values() for name in group}
     names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)} | plugins
+    names |= {f"{plugin}-{field}" for plugin in plugins for field in fields}
     return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}
 
 

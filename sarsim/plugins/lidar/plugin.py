@@ -56,7 +56,7 @@ class Lidar(Plugin):
     def sinks(self, context: RunContext) -> Sequence[Sink]:
         """What writes the scans, and shows one at every step."""
         robot = required(self._robot)
-        return [ScanFiles(robot, _folder(self.command), context.recorder)]
+        return [ScanFiles(robot, required(context.folder), context.recorder)]
 
     def measurements(self) -> Iterable[tuple[str, float, Any]]:
         """The scans since the last call."""
@@ -81,11 +81,6 @@ class Lidar(Plugin):
     def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
         """The label table of all sequences."""
         write_labels(folder, splits)
-
-
-def _folder(command: Any) -> Path:
-    """Where a run's results go."""
-    return Path(command.folder if hasattr(command, "folder") else command.out)
 
 
 class ScanningRobot:

@@ -40,7 +40,7 @@ def driven(plugin: Lidar, out: Path, periods: int = 20) -> SimulatedRobot:
     """A robot that has driven ahead with the lidar for some control periods, as an episode drives it."""
     world = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), 0)
     robot = plugin.wrap(world, world, None)
-    (sink,) = plugin.sinks(RunContext(None, None, None, world, [plugin]))
+    (sink,) = plugin.sinks(RunContext(None, None, None, world, [plugin], out))
     for _ in range(periods):
         robot.drive(Velocity(0.2))
     result = Result(out, None, None, 1, 0.0, 0.0)

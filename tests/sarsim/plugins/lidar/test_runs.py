@@ -11,13 +11,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.datasets.ros_bag import read_ros_bag
 from pipeline.labels import Label
+from pipeline.robot import Velocity
+from sarsim.arenas.load import load_arena
 from sarsim.episode import Episode
 from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.lidar.config import LidarConfig
 from sarsim.plugins.ros.plugin import BagConfig
 from sarsim.plugins.ros.settings import RosRobotConfig
 from sarsim.plugins.ros.simulated_node import SimulatedNode
-from sarsim.settings import EpisodeConfig
+from sarsim.settings import EpisodeConfig, TeleopConfig
+from sarsim.teleoperation import MappedDrive
 from tests.pipeline.plugins.ros.live.loopback import End, Wire
 from tests.recordings import read
 
@@ -96,6 +99,16 @@ def _topics_without_a_lidar() -> set[str]:
     node.period()
     node.robot.close()
     return set(wire.heard)
+
+
+def test_a_drive_by_hand_leaves_scans_and_a_bag(tmp_path: Path) -> None:
+    plugins = {"bag": BagConfig(tmp_path / "bag"), "lidar": LidarConfig("4x60")}
+    drive = MappedDrive(TeleopConfig(plugins=plugins), load_arena("nist_6x4"), tmp_path / "out")
+    for _ in range(10):
+        drive.drive(Velocity(0.2))
+    drive.save()
+    assert len(list((tmp_path / "out/lidar/sequences/00/velodyne").iterdir())) == 5
+    assert len(messages(tmp_path, "/points")) == 5
 
 
 def test_a_robot_on_a_network_takes_no_plugin_that_needs_maps() -> None:

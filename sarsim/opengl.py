@@ -52,6 +52,11 @@ def offscreen_context(width: int, height: int) -> Any:
     if platform not in _REMEDIES:
         raise InputError(f"MUJOCO_GL={name}: must be egl, osmesa or glfw; egl needs no display")
     try:
+        import_module("mujoco")
+    except ImportError as error:  # a broken installation says nothing about OpenGL
+        said = " ".join(str(error).split())[:200]
+        raise InputError(f"MuJoCo cannot be imported: {said}; install sarsim's packages again") from error
+    try:
         with warnings.catch_warnings(action="ignore"):  # GLFW's errors
             context = import_module(f"mujoco.{platform}").GLContext(width, height)
             context.make_current()

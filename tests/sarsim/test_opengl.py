@@ -53,3 +53,10 @@ def test_an_arena_is_exported_without_rendering(changes: dict[str, str], tmp_pat
 def test_an_empty_variable_chooses_what_no_variable_does() -> None:
     ended = run("-c", RENDER, MUJOCO_GL="")
     assert ended.returncode == 0, ended.stderr
+
+
+def test_a_broken_mujoco_is_not_taken_for_a_lack_of_opengl(tmp_path: Path) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text("raise ImportError('its core is missing')\n")
+    ended = run("-c", RENDER, PYTHONPATH=f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    assert "MuJoCo cannot be imported: its core is missing" in ended.stderr and "EGL" not in ended.stderr

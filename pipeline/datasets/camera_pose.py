@@ -1,6 +1,6 @@
 """The pose of a recording's camera above the floor, from its first frames, for recordings that do not provide it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -11,11 +11,11 @@ from pipeline.arrays import Direction, Directions, Pose, Values
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.localisation.vertical import T_level_camera, vertical
+from pipeline.transforms import inverse
 
 MOST_FRAMES, MOST_VIEWS = 30, 8  # Number of first frames that are looked at, and of those that count
 APART, TURNED = 0.1, 0.1  # A frame counts if the camera has moved by m or rad since the last that counted
@@ -47,7 +47,9 @@ class _Surfaces(NamedTuple):
     normals: Directions
 
 
-def T_above_floor(frames: Iterator[Frame], config: LocalisationConfig) -> Mounted | None:
+def T_above_floor(
+    frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
+) -> Mounted | None:
     """The pose of the first frame's camera above the largest level surface; None if none shows the vertical.
 
     A direction is supported by the surfaces that are level or upright if it is the vertical. So in front of a ramp,
@@ -55,9 +57,10 @@ def T_above_floor(frames: Iterator[Frame], config: LocalisationConfig) -> Mounte
 
     Args:
         frames: a recording's frames, the first of which shows something.
+        pose: the pose of a frame's camera in any frame, the same for all; None if unknown.
         config: parameters of the localisation.
     """
-    seen, candidates = _seen(frames, config)
+    seen, candidates = _seen(frames, pose, config)
     if seen is None or not candidates:
         return None
     level = seen.normals[-seen.normals[:, 1] > STEEPEST]
@@ -74,13 +77,20 @@ def T_above_floor(frames: Iterator[Frame], config: LocalisationConfig) -> Mounte
     return Mounted(T, T_level_camera(other, _floor(seen, other)))
 
 
-def _seen(frames: Iterator[Frame], config: LocalisationConfig) -> tuple[_Surfaces | None, list[Direction]]:
+def _seen(
+    frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
+) -> tuple[_Surfaces | None, list[Direction]]:
     """What the first frames show, and the verticals of those that show one, in the first frame's camera."""
-    odometry, last = DepthOdometry(np.eye(4), config=config), None
+    first: Pose | None = None
+    last: Pose | None = None
     points, normals, ups = list[NDArray[np.float64]](), list[Directions](), list[Direction]()
     with suppress(LostError, InputError):  # What breaks the recording is said when its frames are mapped
         for number, frame in enumerate(frames):
-            T = odometry.pose(frame)
+            placed = pose(frame)
+            if placed is None:
+                continue
+            first = placed if first is None else first
+            T = inverse(first) @ placed
             if ups and (number >= MOST_FRAMES or len(points) >= MOST_VIEWS):
                 break
             if last is not None and _is_near(T, last):

@@ -1,6 +1,6 @@
 """Replay a recording through the mapper: find the poses of its frames, and choose keyframes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain, dropwhile, islice
 from typing import Literal, NamedTuple
@@ -197,9 +197,8 @@ class Replay:
         if self.recording.up is not None:
             return T_lowest_camera(first, self.recording.up)
         left_out = dict(self.recording.left_out)
-        mounted = T_above_floor(
-            (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames())), self._numbers
-        )
+        frames = (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames()))
+        mounted = T_above_floor(frames, self._camera_poses(), self._numbers)
         self.recording.left_out = left_out  # The frames are yet to be counted
         if mounted is not None:
             if mounted.other is not None:
@@ -208,6 +207,13 @@ class Replay:
             return mounted.T
         unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
+
+    def _camera_poses(self) -> Callable[[Frame], Pose | None]:
+        """A function that returns the pose of a frame's camera: the given one, or else by registration."""
+        given = self._given
+        if given is None or not given.of_camera:
+            return DepthOdometry(np.eye(4), config=self._numbers).pose
+        return lambda frame: given.at(frame.time, self._numbers.trajectory)
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
         """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""

@@ -57,13 +57,13 @@ def read_tum_folder(
         path,
         lambda: (
             replace(frame, T_base_camera=T_base_camera)
-            for frame in _frames(recording, pairs, calibration, depth_scale, config.depth_units)
+            for frame in _frames(recording, pairs, camera, depth_scale, config.depth_units)
         ),
         has_camera_pose=place is not None,
     )
     pairs = image_pairs(path, fps, recording.note)
     _note_missing(recording, pairs)
-    calibration = calibration or _calibration(path)
+    camera = calibration or _calibration(path)
     span = pairs[0].time, pairs[-1].time
     recording.truth = _trajectory(path / "groundtruth.txt", recording, span, fps)
     recording.odometry = _trajectory(path / "odometry.txt", recording, span, fps)

@@ -124,7 +124,7 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
     x, y, z = model.opt.gravity
     if z >= 0 or np.hypot(x, y) > -z * LEANING:
         raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")
-    movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid])) if model.njnt else []
+    movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid]))
     if named := [model.body(body).name or f"number {body}" for body in movable]:
         told = ", ".join(named[:MOST_TOLD]) + (
             f" and {len(named) - MOST_TOLD} more" if len(named) > MOST_TOLD else ""

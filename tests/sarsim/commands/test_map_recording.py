@@ -1,6 +1,7 @@
 """map_recording.py: the files that it writes for whole and broken recordings."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterable
 from dataclasses import replace
@@ -203,5 +204,8 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     run(ways_in["without"], "--out", tmp_path, "--labels", "rules")
     assert not [tile.text for tile in tiles(tmp_path) if "good" in tile.attributes["class"] or " 0 %" in tile.text]
     (summary,) = read((tmp_path / "report.html").read_text()).all("p", "summary")
-    (note,) = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
-    assert "--camera" in summary.text and "--camera" in note
+    notes = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
+    assert "--camera" in summary.text and all("--camera" in note for note in notes)
+    found = re.search(r"\(([\d.]+) m high, tilted down by (\d+)°\)", notes[-1])
+    assert found is not None  # it is 0.60 m and 12°, although a ramp fills the first image
+    assert float(found[1]) == pytest.approx(0.6, abs=0.06) and float(found[2]) == pytest.approx(12, abs=2)

@@ -106,7 +106,7 @@ PRESETS = {
   default of Velodyne's ROS driver.
 - Ouster OS1-64 (first generation): 64 rows, ±16.6°, 1024 columns at 10 turns a second, 0.8 to 120 m; repeatability
   1.5 cm with a strong signal and 10 cm with the weakest one; 40 m on surfaces that reflect 10 %.
-- Hokuyo UTM-30LX (C-42-03385): one row of 1081 beams over 270°, 25 ms a scan, 0.1 to 30 m; repeatability 1 cm up to
+- Hokuyo UTM-30LX: one row of 1081 beams over 270°, 25 ms a scan, 0.1 to 30 m; repeatability 1 cm up to
   10 m and 3 cm up to 30 m.
 """
 ANY = PRESETS["vlp-16"]

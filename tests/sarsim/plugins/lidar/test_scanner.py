@@ -25,7 +25,7 @@ def same(a: Scan, b: Scan) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in FIELDS)
 
 
-def test_four_beams_measure_the_hall():
+def test_four_beams_measure_the_hall_from_inside_a_robot():
     hall = Hall()
     scan = hall.scanner().scan(1.5)
     assert scan.start == 1.5
@@ -66,7 +66,7 @@ def test_a_robot_without_a_site_has_the_lidar_above_its_camera():
 
 
 @pytest.mark.parametrize("robot", ["pioneer3at", "jackal"])
-def test_no_part_of_a_robot_is_seen_even_from_inside_it(robot):
+def test_no_part_of_a_robot_is_seen(robot):
     environment = RescueEnvironment(load_arena("nist_6x4"), robot)
     world, data = environment.physics.model.ptr, environment.physics.data.ptr
     base = environment.physics.bind(environment.robot.base).element_id

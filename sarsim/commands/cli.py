@@ -171,6 +171,7 @@ def unboxed(text: str) -> str:
     # If a required flag is missing, tyro does not suggest it for an unknown one.
     flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
     errors = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
+    errors = re.sub(r"^Error parsing \w+: ", "", errors)  # the class of a plug-in's settings means nothing to users
     return errors + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 

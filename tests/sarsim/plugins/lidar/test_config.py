@@ -64,7 +64,9 @@ def test_the_planar_scanner_has_a_beam_every_quarter_degree():
     ],
 )
 def test_what_is_no_lidar_is_a_line(words, fault, capsys):
-    assert fault in refusal(capsys, guarded, lambda: settings_from(EpisodeConfig, words))
+    line = refusal(capsys, guarded, lambda: settings_from(EpisodeConfig, words))
+    assert line.startswith("error: --lidar")
+    assert fault in line
 
 
 @pytest.mark.parametrize(

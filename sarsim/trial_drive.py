@@ -27,11 +27,13 @@ REST = 0.6  # s at rest before the drive
 MEASURED = 0.8  # s of each drive that are measured, after the robot has reached its speed
 SLOWEST = 3.0  # s within which it must reach it
 SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
+FALLEN = 0.3  # m below the ground at which a robot has fallen through it
 OFF_GROUND = 0.02  # m by which ``base_link`` may be off the ground
 AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
 UPRIGHT = np.radians(5)  # Largest tilt at rest
 TURNED = 10.0  # Largest angle between the axes of an inertial sensor and of base_link, degrees
 DOWN, ROLLED = np.radians(60), np.radians(20)  # Steepest view of a camera, and largest roll of its image
+NARROWEST, WIDEST = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
 HIDDEN = 0.25  # Largest share of the image that the robot itself may cover
 ALIKE = 0.05  # m by which shapes may be larger than the numbers for planning
 _log = logging.getLogger(__name__)
@@ -128,7 +130,9 @@ class _Trial:
         self._drive(Velocity(), REST / 2)
         T = self._pose
         height, tilt = T[2, 3], np.arccos(np.clip(T[2, 2], -1, 1))
-        if abs(height) > OFF_GROUND:
+        if height < -FALLEN:
+            yield "the robot falls through the ground; check the contacts of its wheels"
+        elif abs(height) > OFF_GROUND:
             place = f"{abs(height):.3f} m {'above' if height > 0 else 'below'} the ground"
             yield f"base_link is {place} when the robot stands; its origin must be on the ground between the wheels"
         if tilt > UPRIGHT:
@@ -146,6 +150,10 @@ class _Trial:
         finally:
             renderer.close()
         R = image.T_base_camera[:3, :3]
+        k = image.intrinsics
+        across = float(np.degrees(2 * np.arctan(k.width / 2 / k.fx)))
+        if not NARROWEST <= across <= WIDEST:
+            yield f"the camera's horizontal field of view is {across:.0f}°; check fovy, or sensorsize and focal"
         pitch, yaw = np.arcsin(np.clip(-R[2, 2], -1, 1)), np.arctan2(R[1, 2], R[0, 2])
         roll = np.arctan2(-R[2, 0], -R[2, 1])
         remedy = "check the orientation of the camera, which looks along its -z with y up"

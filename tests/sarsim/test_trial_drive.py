@@ -20,6 +20,8 @@ TORQUES = [(old, old.replace("velocity", "motor").replace(' class="motors"', ' g
 IMU = '<site name="imu" pos="0 0 0.0635"'
 CAMERA = '<camera name="camera" xyaxes="0 -1 0 0 0 1"'
 WITHOUT = 'group="3" rgba="0.4 0.5 0.9 0.4"', 'group="3" contype="0" conaffinity="0" rgba="0.4 0.5 0.9 0.4"'
+RESOLUTION = """resolution="640 480" sensorsize="0.0064 0.0048"
+          focalpixel="577.2953 579.4113\""""
 TYRES = '<geom type="ellipsoid"', '<geom type="ellipsoid" contype="1" conaffinity="1"'
 
 
@@ -57,6 +59,11 @@ def test_the_robots_of_sarsim_have_none(name: str) -> None:
         ([(CAMERA, '<camera name="camera" xyaxes="0 1 0 0 0 1"')], ["camera looks backwards"]),
         ([(CAMERA, '<camera name="camera" xyaxes="0 1 0 0 0 -1"')], ["image is turned by -?180°"]),
         ([('name="xtion" pos="0.145 0 0.55"', 'name="xtion" pos="0.08 0 0.45"')], ["covers .* image"]),
+        ([(RESOLUTION, 'fovy="5"')], ["field of view is 7°"]),
+        (
+            [('impratio="100"/>', 'impratio="100"><flag contact="disable"/></option>')],
+            ["falls through", "drives", "turns"],
+        ),
         ([WITHOUT, TYRES], ["no shape of the body collides"]),
         (
             [('name="wheel_radius" data="0.0975"', 'name="wheel_radius" data="0.2"')],
@@ -79,6 +86,8 @@ def test_the_robots_of_sarsim_have_none(name: str) -> None:
         "back",
         "roll",
         "hidden",
+        "view",
+        "fallen",
         "ghost",
         "radius",
         "length",

@@ -49,19 +49,29 @@ def open_recording(config: MapRecording) -> "Recording":
         raise InputError(f"{path}: no such file or folder")
     if calibration and min(calibration) <= 0:
         raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: all four values must be positive")
-    if path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5):
-        return read_scene(path)
-    if not path.is_dir() or (not holds_images(path) and holds_bag(path)):
+    is_scene = path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5)
+    is_bag = not is_scene and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
+    if is_scene:
+        return _without(read_scene(path), config, "a scene", "topics", "intrinsics", "depth_scale", "fps")
+    if is_bag:
         require_package("rosbags", "bags", f"{path}: reading a ROS bag")
         from pipeline.datasets.ros_bag import read_ros_bag
 
-        return read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
+        recording = read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
+        return _without(recording, config, "a bag", "depth_scale", "fps")
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
             raise InputError(f"--{flag} {value}: must be above 0 and below 1,000,000")
     recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
     if holds_bag(path):
         recording.note("the folder also contains a ROS bag, which is ignored; to map the bag, give its path")
+    return _without(recording, config, "a folder of images", "topics")
+
+
+def _without(recording: "Recording", config: MapRecording, kind: str, *useless: str) -> "Recording":
+    """The recording, with a note if flags were given that have no effect on its kind."""
+    if given := [f"--{name.replace('_', '-')}" for name in useless if getattr(config, name)]:
+        recording.note(f"ignoring {' and '.join(given)}, which {kind} does not need")
     return recording
 
 

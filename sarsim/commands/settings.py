@@ -215,11 +215,22 @@ def _yaml(path: Path, where: str) -> Any:
                 raise InputError(f"{path}: aliases are not allowed; write out the value of *{event.anchor}")
             if depth > DEEPEST:
                 raise InputError(f"{path}: settings must not be nested more than {DEEPEST} levels deep")
-        return yaml.safe_load(text)
+        return yaml.load(text, _UniqueLoader)
     except InputError as error:
         raise InputError(f"{where.partition(' ')[0]} {error}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
+
+
+class _UniqueLoader(yaml.SafeLoader):
+    """Refuses a key that is given twice, of which YAML would take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping; ValueError if a key occurs twice."""
+        keys = [key.value for key, _ in node.value]
+        if twice := next((key for key in keys if keys.count(key) > 1), None):
+            raise ValueError(f"the key {twice!r} occurs twice")
+        return super().construct_mapping(node, deep)
 
 
 class _Dumper(yaml.SafeDumper):

@@ -209,3 +209,16 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     found = re.search(r"\(([\d.]+) m high, tilted down by (\d+)°\)", notes[-1])
     assert found is not None  # it is 0.60 m and 12°, although a ramp fills the first image
     assert float(found[1]) == pytest.approx(0.6, abs=0.06) and float(found[2]) == pytest.approx(12, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "flags", "said"),
+    [
+        ("tum", {"topics": ("/x",)}, "--topics"),
+        ("bag", {"fps": 20.0, "depth_scale": 1000.0}, "--depth-scale and --fps"),
+        ("scene", {"intrinsics": (500.0, 500.0, 80.0, 60.0)}, "--intrinsics"),
+    ],
+)
+def test_flags_without_an_effect_are_said(kind: str, flags: dict, said: str, ways_in: dict[str, Path]) -> None:
+    notes = open_recording(MapRecording(path=ways_in[kind], out=Path("out"), **flags)).notes
+    assert any(f"ignoring {said}, " in note for note in notes)

@@ -91,6 +91,7 @@ def test_folders_for_results_and_default_paths_are_not_written(tmp_path: Path) -
         ("- 3", "such as 'steps: 20', not [3]"),
         ("", "such as 'steps: 20', but is empty"),
         ("a: [", "not valid YAML"),
+        ("steps: 1\nsteps: 2", "the key 'steps' occurs twice"),
         ("goals: [1, 2, 3]", "goals: 1 is not a valid value"),
         ("out: /home/me/.ssh", "give --out"),
         ("goals: &a [1, 2]\nstart: *a", "aliases are not allowed; write out the value of *a"),

@@ -77,6 +77,7 @@ class OdometryConfig:
         centre_sigma: standard deviation of the distance of the centre of turns ahead of ``base_link``, m.
         slide_sigma: standard deviation of the mean slide, in its unit.
         bias_sigma: standard deviation of the yaw rate's bias, rad/s.
+        slip_way: mean distance driven between two slips that go unnoticed, m.
     """
 
     gravity_sigma: float = radians(0.3)
@@ -91,32 +92,38 @@ class OdometryConfig:
     centre_sigma: float = 0.02
     slide_sigma: float = 0.2
     bias_sigma: float = 5e-5
+    slip_way: float = 300.0
 
     def __post_init__(self) -> None:
         """InputError if an error of the odometry is impossible."""
         section = "localisation.odometry"
         require_positive(section, self, "gravity_sigma", "turn_sigma", "way_sigma", "way_error_sigma")
-        require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma")
+        require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma", "slip_way")
         require_at_least(0, section, self, "turn_sigma_per_rad", "least_way", "slide_noise")
 
 
 @dataclass(frozen=True)
 class PoseGraphConfig:
-    """How the pose graph weighs its constraints.
+    """How the pose graph is solved.
 
     Attributes:
-        fixed_sigma: standard deviation of fixed poses, rad and m: the first keyframe's position and heading, and
-            restored poses.
-        least_information: added to each constraint, 1/rad² and 1/m²: a plane alone determines only three directions.
-        outlier: scale of the Geman-McClure loss, in standard deviations; loops beyond it lose most of their weight.
+        fixed_sigma: standard deviation of the first keyframe's position and heading, m and rad.
+        least_information: added to each pose's information, 1/rad² and 1/m², so that nothing is undetermined.
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
             systematic errors, which are weakly determined, hardly change the sum.
+        window: number of new keyframes after which the whole graph is solved; until then, the poses before the
+            newest ``2 * window`` keyframes stay. A loop closure solves the whole graph at once.
     """
 
     fixed_sigma: float = 1e-4
     least_information: float = 1e-3
-    outlier: float = 3.0
     tolerance: float = 1e-7
+    window: int = 60
+
+    def __post_init__(self) -> None:
+        """InputError if the graph could not be solved."""
+        require_positive("localisation.graph", self, "fixed_sigma", "least_information", "tolerance")
+        require_at_least(1, "localisation.graph", self, "window")
 
 
 @dataclass(frozen=True)
@@ -144,23 +151,38 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        reach: maximum distance at which loops are searched for, m, however uncertain the pose is.
-        variance_ratio: maximum ratio of the variance after a loop to that before it, for the heading or a horizontal
-            direction: a loop must at least halve one standard deviation.
-        pinned_deviation: surfaces alone determine the position if they give it a smaller standard deviation, m.
+        least_fit: minimum share of the surfaces seen recently that lie on old ones, as far as these reach.
+        rival: maximum fit of any other place, relative to the best one; above it, the place is ambiguous.
+        most_through: maximum share of points that the new frame looks through, or that old frames looked through.
         seen_through: a frame looks through a surface if it has a return more than this behind it, m.
-        confirmed_deviation: maximum standard deviation between two keyframes for one to confirm the other's loop, m.
+        agreeing: minimum number of keyframes that find the same place.
+        apart: minimum distance between the first and the last of these, m.
+        remembered: number of keyframes after which a candidate no longer counts.
+        most_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
+        tolerance: allowed for between two candidates besides their uncertainty, m.
+        most_bent: maximum number of other constraints that a loop may contradict, as where the wheels have slipped.
         contradiction: offset of a keyframe that never contradicts its loop, m, however certain the registration is.
         confidence: probability that a correct loop is accepted.
     """
 
-    reach: float = 1.0
-    variance_ratio: float = 0.25
-    pinned_deviation: float = 0.1
-    seen_through: float = 0.1
-    confirmed_deviation: float = 0.1
+    least_fit: float = 0.5
+    rival: float = 0.9
+    most_through: float = 0.05
+    seen_through: float = 0.15
+    agreeing: int = 3
+    apart: float = 0.5
+    remembered: int = 20
+    most_disagreeing: float = 0.34
+    tolerance: float = 0.03
+    most_bent: int = 4
     contradiction: float = 0.1
     confidence: float = 0.99
+
+    def __post_init__(self) -> None:
+        """InputError if no loop could be closed."""
+        section = "localisation.loops"
+        require_positive(section, self, "least_fit", "seen_through", "tolerance", "contradiction")
+        require_at_least(1, section, self, "agreeing", "remembered")
 
 
 @dataclass(frozen=True)

@@ -45,16 +45,32 @@ class LocalMap:
         points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
         self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
 
-    def around(self, points: Places, camera: Place, owners: Mask, margin: float) -> Target | None:
+    def around(
+        self, points: Places, camera: Place, owners: Mask, margin: float, weight: Values | None = None
+    ) -> Target | None:
         """The map's points that face the camera, within ``margin`` m of the box around ``points``; None if too few.
 
         A wall has two sides, of which one faces the camera. ``owners``: whether each keyframe's points may be used.
+        ``weight``: of each keyframe's points.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         (at, normals), near = self._in_map, self._within(low, high, owners)
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
         is_enough = len(near) >= self._config.registration.least_points
-        return Target(at[near], normals[near], self.owner[near]) if is_enough else None
+        if not is_enough:
+            return None
+        owner = self.owner[near]
+        return Target(at[near], normals[near], owner, None if weight is None else weight[owner])
+
+    def surfaces(self, place: Place, reach: float, owners: Mask) -> tuple[Places, Directions]:
+        """Points and normals in ``map`` within ``reach`` m of a place along x and y.
+
+        ``owners``: whether each keyframe's points may be used.
+        """
+        margin = np.array([reach, reach, np.inf])
+        near = self._within(place - margin, place + margin, owners)
+        at, normals = self._in_map
+        return at[near], normals[near]
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
         """Heights of the ground points right below a robot, m in ``base_link``, and the keyframes that own them.

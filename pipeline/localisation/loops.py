@@ -1,21 +1,23 @@
 """Loop closures: keyframes that revisit a place whose position is too uncertain to register frames with it directly.
 
-A single registration may be wrong: two corners look alike, or a frame shows too little. A loop therefore counts only
-if a second keyframe finds the place where the first one did, and if the place looks as it did before. A loop is
-removed if other constraints contradict it later.
+A single registration may be wrong: two corners look alike, or a frame shows too little. A loop is therefore closed
+only once several keyframes along the way have found the old surfaces in the same place (pairwise consistency; Mangelson
+et al., "Pairwise consistent measurement set maximization", 2018). It is removed again if the solved graph contradicts
+it, or if it contradicts others.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.arrays import Covariance, Indices, Information, Places, Points, Pose, Poses, Values
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import Loop
-from pipeline.localisation.pose_graph import PoseGraph, spread
+from pipeline.localisation.pose_graph import Kind, PoseGraph, adjoints, spread
 from pipeline.localisation.registration import Registration, Share, logarithm
 from pipeline.transforms import inverse, transform_points
 
@@ -60,59 +62,79 @@ class Loops:
     def __init__(self, graph: PoseGraph, config: LocalisationConfig) -> None:
         self.closed: list[Loop] = []
         self._graph, self._config, self._lever = graph, config.loops, config.registration.lever
-        self._candidate: Candidate | None = None
-        self._confirmed: tuple[Candidate, ...] = ()
+        self._candidates: list[Candidate] = []
+        self._confirmed: list[Candidate] = []
         self._counted: list[Candidate] = []
+        self._fitted = np.zeros(0, np.bool_)
 
     @property
     def is_due(self) -> bool:
         """Whether a loop was confirmed and will be closed by the next correction."""
         return bool(self._confirmed)
 
-    def propose(self, keyframe: int, found: Registration, shares: Sequence[Share]) -> None:
-        """Propose the newest keyframe's registration as a loop; it is confirmed if the previous proposal agrees."""
-        first = self._candidate
-        self._candidate = Candidate.of(keyframe, found, shares, self._graph.poses)
-        if first is not None and self._agree(first, self._candidate):
-            self._confirmed, self._candidate = (first, self._candidate), None
+    def propose(self, candidate: Candidate) -> None:
+        """Propose the newest keyframe's registration as a loop; it is confirmed if enough others agree with it."""
+        config, oldest = self._config, candidate.keyframe - self._config.remembered
+        self._candidates = [c for c in self._candidates if c.keyframe >= oldest]
+        agree = [c for c in self._candidates if self._agree(c, candidate)]
+        disagree = len(self._candidates) - len(agree)
+        self._candidates.append(candidate)
+        # Neighbours see the same, so that the same alias may mislead them: the robot must have moved between them.
+        moved = np.ptp([self._graph.poses[c.keyframe][:3, 3] for c in (*agree, candidate)], axis=0)
+        is_enough = 1 + len(agree) >= config.agreeing and np.linalg.norm(moved) >= config.apart
+        if is_enough and disagree <= config.most_disagreeing * len(agree):
+            self._confirmed = [*agree, candidate]
+            self._candidates.clear()
 
     def close(self) -> None:
-        """Close a confirmed loop, and move the newest poses to where the loop puts them, to optimise from there."""
+        """Add a confirmed loop to the graph, which its next solution closes."""
         graph = self._graph
+        if self._confirmed:
+            self._fitted = self._fits()
         for candidate in self._confirmed:
-            number, T = candidate.keyframe, candidate.T_map_base(graph.poses)
             for owner, T_owner, (by_owner, information) in zip(
                 candidate.owners, candidate.T_owner_base, candidate.shares, strict=True
             ):
                 # Use the pose from all owners, since a single owner may leave directions undetermined.
-                loop = Loop(int(owner), number, T_owner)
-                graph.connect(loop.first, number, graph.poses[owner] @ by_owner, information, loop)
-                graph.link(loop.first, number, candidate.covariance)
-                self.closed.append(loop)
+                self.closed.append(Loop(int(owner), candidate.keyframe, T_owner))
+                T_map_base = graph.poses[owner] @ by_owner
+                graph.connect(int(owner), candidate.keyframe, T_map_base, information, Kind.LOOP)
             self._counted.append(candidate)
-            # From another initial value, the robust loss would treat the loop as an outlier.
-            graph.poses[number:] = T @ inverse(graph.poses[number]) @ graph.poses[number:]
-        self._confirmed = ()
+            graph.is_unsettled = True
 
     def take_back(self) -> bool:
-        """Remove the loops that the optimised graph contradicts; returns whether there were any."""
+        """Remove the loops that the solved graph contradicts; returns whether there were any.
+
+        If the newest loop has made constraints worse that fitted before, it is false, however well it fits itself.
+        """
         false = [c for c in self._counted if self._is_contradicted(c)]
+        if self._confirmed:
+            bent = self._fitted & ~self._fits()[: len(self._fitted)]
+            if np.count_nonzero(bent) > self._config.most_bent:
+                false += [c for c in self._confirmed if c not in false]
+        self._confirmed = []
         for candidate in false:
             self._counted.remove(candidate)
-            self._graph.disconnect([loop for loop in self.closed if loop.second == candidate.keyframe])
+            graph = self._graph
+            graph.remove((graph.kinds == Kind.LOOP) & (graph.constraints.second == candidate.keyframe))
+            graph.is_unsettled = True
             self.closed[:] = [loop for loop in self.closed if loop.second != candidate.keyframe]
         return bool(false)
 
+    def _fits(self) -> NDArray[np.bool_]:
+        """Which constraints the current poses fulfil."""
+        return self._graph.chi2() <= chi2_gate(6, self._config.confidence)
+
     def _agree(self, first: Candidate, second: Candidate) -> bool:
-        """Whether two candidates agree with the graph about the relative pose of their keyframes."""
-        poses = self._graph.poses
-        deviation = float(self._graph.deviations(second.keyframe)[first.keyframe])
-        if deviation >= self._config.confirmed_deviation:
-            return False
+        """Whether the graph, around the new keyframes and around the old ones, allows both candidates."""
+        graph, poses = self._graph, self._graph.poses
         T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
         off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)
-        covariance = first.covariance + second.covariance + np.diag(spread(deviation, self._lever) ** 2)
-        return self._accepts(off, covariance)
+        new = graph.covariance(second.keyframe, first.keyframe)
+        (back,) = adjoints(inverse(second.T_owner_base[0])[None])
+        old = back @ graph.covariance(int(second.owners[0]), int(first.owners[0])) @ back.T
+        least = np.diag(spread(self._config.tolerance, self._lever) ** 2)
+        return self._accepts(off, first.covariance + second.covariance + new + old + least)
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         poses = self._graph.poses
@@ -148,8 +170,3 @@ def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[In
     pixels, z = pixels[inside], in_camera[inside, 2]
     depth = frame.depth[tuple(pixels.T)]
     return pixels[depth > 0], z[depth > 0], depth[depth > 0]
-
-
-def looks_the_same(frame: Frame, loop: Pose, before: Pose, points: Places, margin: float) -> bool:
-    """Whether a frame looks through no more points, by ``margin`` m, at a loop's pose than at the one before."""
-    return seen_through(frame, loop, points, margin) <= seen_through(frame, before, points, margin)

@@ -77,7 +77,9 @@ class MeasuredMotion:
         slide = config.slide_noise * slope * turn
         translation = config.way_sigma**2 * (way + turn + config.least_way) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
-        return np.asarray(block_diag(heading + tilt, translation * np.eye(3)))
+        # Once in a while the wheels slip unnoticed, anything up to the whole distance.
+        slip = way / config.slip_way * np.outer(self.T[:3, 3], self.T[:3, 3]) / 3
+        return np.asarray(block_diag(heading + tilt, translation * np.eye(3) + slip))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,77 +1,110 @@
-"""The pose graph: the keyframe poses that best fit the constraints from odometry, gravity and registration."""
+"""The pose graph: the keyframe poses that best fit the constraints from odometry, gravity and registration.
 
-from collections.abc import Sequence
+The poses minimise the whitened residuals of all constraints (Grisetti et al., "A tutorial on graph-based SLAM", 2010)
+by Gauss-Newton steps. Any constraint may be wrong: wheels slip, and registration errs. The loss is therefore that of
+Geman and McClure, and each step weighs a constraint by how well it fits. How uncertain the poses are relative to each
+other follows from samples of their distribution (Papandreou and Yuille, "Gaussian sampling by local perturbations",
+2010).
+
+Tangent vectors hold rotation before translation and act on the right: T · (Exp(δ_r), δ_t).
+"""
+
 from dataclasses import dataclass
+from enum import IntEnum, auto
 from typing import NamedTuple
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
-from pipeline.arrays import Covariance, Direction, Directions, Indices, Information, Pose, Poses, Values
-from pipeline.errors import required
-from pipeline.localisation.config import LocalisationConfig, OdometryConfig
-from pipeline.localisation.localisation import Loop, OdometryErrors
+from pipeline.arrays import Covariance, Direction, Directions, Indices, Information, Mask, Pose, Poses, Values
+from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.gates import chi2_gate
+from pipeline.localisation.growing import GrowingArray
+from pipeline.localisation.localisation import OdometryErrors
 from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.transforms import orthonormal
 
-_ERRORS = 1 << 40  # key of the odometry's systematic errors, which all motions share
+ERRORS = 5
+"""Number of systematic errors of the odometry."""
+SAMPLES = 64
+"""Number of samples of the poses' distribution; they give a standard deviation to 9 %."""
+MOST_STEPS = 30
+"""Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
+SMALLEST_STEP = 2.0**-10
+"""A step that increases the error even when it is shortened to this share is not taken."""
 
 
-class Drives(NamedTuple):
-    """Motions from odometry as constraints between keyframes, all evaluated at once.
+LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
+"""Factors of the distance from which a constraint loses its weight, one after another where poses may move far
+(graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
+
+
+class Kind(IntEnum):
+    """Where a constraint comes from."""
+
+    MOTION = 0
+    """A motion that is not known from odometry alone, as when the robot slipped, was carried, or repeated a place."""
+    SURFACE = auto()
+    """Registration with surfaces that another keyframe saw first."""
+    GROUND = auto()
+    """The height of the ground under the robot."""
+    LOOP = auto()
+    """Registration with surfaces of keyframes whose relative position was uncertain."""
+
+
+class Constraints(NamedTuple):
+    """Relative poses of keyframes, evaluated all at once; (N, …) arrays.
 
     Attributes:
-        end: (M,) index of the keyframe at the end of each motion, which starts at the keyframe before it.
-        T: (M, 4, 4) the measured motions.
-        turn, moves, turns, jacobian: see :class:`MeasuredMotion`; their first axis has length M.
-        whitening: (M, 6, 6) square roots of the motions' information, which scale every residual's deviation to 1.
+        first, second: indices of the keyframes.
+        T: measured pose of the second in the frame of the first.
+        whitening: (N, 6, 6) square root of the information, which scales every residual's deviation to 1.
+        turn, moves, turns, jacobian: of motions from odometry, see :class:`MeasuredMotion`; 0 for all others.
     """
 
-    end: Indices
+    first: Indices
+    second: Indices
     T: Poses
+    whitening: NDArray[np.float64]
     turn: NDArray[np.float64]
     moves: NDArray[np.float64]
     turns: NDArray[np.float64]
     jacobian: NDArray[np.float64]
-    whitening: NDArray[np.float64]
 
-    @classmethod
-    def none(cls) -> "Drives":
-        """No motion yet."""
-        shapes = (4, 4), (3,), (3, 5), (3, 5), (6, 5), (6, 6)
-        return cls(np.zeros(0, np.int64), *(np.zeros((0, *shape)) for shape in shapes))
-
-    def appended(self, keyframe: int, motion: MeasuredMotion, config: OdometryConfig) -> "Drives":
-        """These motions, followed by the motion to a keyframe from the one before it."""
-        whitening = np.linalg.inv(np.linalg.cholesky(motion.noise(config)))
-        last = keyframe, motion.T, motion.turn, motion.moves, motion.turns, motion.jacobian, whitening
-        return Drives(*(np.concatenate([those, np.array([this])]) for those, this in zip(self, last, strict=True)))
+    def some(self, chosen: Mask | Indices) -> "Constraints":
+        """A selection of the constraints."""
+        return Constraints(*(values[chosen] for values in self))
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
-        """(M, 6) deviations of the keyframes' poses from the motions, corrected for systematic errors (5,).
-
-        In rad and m in the tangent space after each motion, multiplied by its ``whitening``.
-        """
-        R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix().swapaxes(1, 2)
-        between = self._between(poses)
-        turned = Rotation.from_matrix(R @ between[:, :3, :3]).as_rotvec()
-        moved = R @ (between[:, :3, 3] - self.T[:, :3, 3] - self.moves @ errors)[..., None]
-        return np.asarray(np.squeeze(self.whitening @ np.concatenate([turned[..., None], moved], axis=1), -1))
+        """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (5,)."""
+        turned = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix().swapaxes(1, 2)
+        between = relative(poses, self.first, self.second)
+        rotation = Rotation.from_matrix(turned @ between[:, :3, :3]).as_rotvec()
+        moved = turned @ (between[:, :3, 3] - self.T[:, :3, 3] - self.moves @ errors)[..., None]
+        return np.asarray((self.whitening @ np.concatenate([rotation[..., None], moved], axis=1))[..., 0])
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Jacobians (M, 6, 6 or 5) of the residuals: with respect to the poses before and after, and to the errors.
-
-        Those with respect to a pose are per rad and m in its tangent space.
-        """
-        before = adjoints(np.asarray(np.linalg.inv(self._between(poses)), np.float64))
+        """Jacobians (N, 6, 6 or 5) of the residuals near 0, w.r.t. the first pose, the second and the errors."""
+        before = adjoints(inverses(relative(poses, self.first, self.second)))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
 
-    def _between(self, poses: Poses) -> Poses:
-        return np.asarray(np.linalg.inv(poses[self.end - 1]) @ poses[self.end])
+
+def relative(poses: Poses, first: Indices, second: Indices) -> Poses:
+    """(N, 4, 4) poses of keyframes ``second`` in the frames of keyframes ``first``."""
+    return np.asarray(inverses(poses[first]) @ poses[second])
+
+
+def inverses(T: Poses) -> Poses:
+    """(N, 4, 4) inverses of rigid transforms."""
+    result = np.zeros_like(T)
+    R = T[:, :3, :3].swapaxes(1, 2)
+    result[:, :3, :3] = R
+    result[:, :3, 3] = -np.einsum("nij,nj->ni", R, T[:, :3, 3])
+    result[:, 3, 3] = 1.0
+    return result
 
 
 def adjoints(T: Poses) -> NDArray[np.float64]:
@@ -87,188 +120,390 @@ class PoseGraph:
 
     Attributes:
         poses: current estimate of every keyframe's ``T_map_base``.
-        ups: the vertical in each keyframe's ``base_link``, from the odometry.
         odometry: current estimate of the odometry's systematic errors.
-        drives: motions between keyframes, from the odometry.
+        dropped: number of constraints that were not numbers, or had no information, and were left out.
+        is_unsettled: whether the poses may be far from the best ones, as when a loop was closed or removed.
     """
 
     def __init__(self, config: LocalisationConfig) -> None:
-        self._config, self.poses = config, np.zeros((0, 4, 4))
+        self._config = config
         self.odometry = self._odometry_before = OdometryErrors.expected(config.odometry)
-        self._loops: list[tuple[Loop, gtsam.BetweenFactorPose3]] = []
-        self._factors = gtsam.NonlinearFactorGraph()
-        self.ups: list[Direction] = []
-        self._links: dict[tuple[int, int], NDArray[np.float64]] = {}  # variances of position, m², and rotation, rad²
-        self._posterior: gtsam.GaussianBayesTree | None = None
-        self.drives = Drives.none()
+        self.dropped = 0
+        self._poses = GrowingArray(4, 4)
+        self._ups = GrowingArray(3)
+        self._samples = GrowingArray(6, SAMPLES)
+        shapes = (), (), (4, 4), (6, 6), (3,), (3, ERRORS), (3, ERRORS), (6, ERRORS)
+        types = np.int64, np.int64, *[np.float64] * 6
+        self._rows = [GrowingArray(*shape, dtype=dtype) for shape, dtype in zip(shapes, types, strict=True)]
+        self._kinds = GrowingArray(dtype=np.int64)
+        self._fixed = 0
+        self._rng = np.random.default_rng(0)
+        self._solved = 0
+        self.is_unsettled = False
+        self._settled = 0
 
     def __len__(self) -> int:
         """Number of keyframes."""
-        return len(self.poses)
+        return len(self._poses)
+
+    @property
+    def poses(self) -> Poses:
+        """Current estimate of every keyframe's ``T_map_base``."""
+        return self._poses.values
+
+    @poses.setter
+    def poses(self, poses: Poses) -> None:
+        self._poses.values = poses
+
+    @property
+    def ups(self) -> Directions:
+        """(K, 3) the vertical in each keyframe's ``base_link``, from the odometry."""
+        return self._ups.values
+
+    @property
+    def constraints(self) -> Constraints:
+        """All constraints between keyframes."""
+        return Constraints(*(row.values for row in self._rows))
+
+    @property
+    def kinds(self) -> Indices:
+        """(N,) the :class:`Kind` of each constraint."""
+        return self._kinds.values
 
     def add(self, T_map_base: Pose, up: Direction) -> int:
         """Add a keyframe and return its index; ``up``: the vertical in ``base_link``, from the odometry."""
-        if not len(self):
-            sigmas = np.full(6, self._config.graph.fixed_sigma)
-            sigmas[:2] = 1.0  # gravity determines roll and pitch
-            model = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
-            self._factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(T_map_base), model))
-        self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self.ups.append(up)
+        self._poses.append(T_map_base)
+        self._ups.append(up)
+        self._samples.append(np.zeros((6, SAMPLES)))
         return len(self) - 1
 
     def fix(self, poses: Poses, ups: Directions, odometry: OdometryErrors) -> None:
         """Start with keyframes at fixed poses, the vertical in each, and known systematic errors of the odometry."""
         self.odometry = self._odometry_before = odometry
-        fixed_sigma = self._config.graph.fixed_sigma
-        model = gtsam.noiseModel.Isotropic.Sigma(6, fixed_sigma)
-        for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
+        for T, up in zip(poses, ups, strict=True):
             self.add(T, up)
-            self._factors.add(gtsam.PriorFactorPose3(k, gtsam.Pose3(T), model))
-        self._links |= {(k - 1, k): np.full(2, fixed_sigma**2) for k in range(1, len(poses))}
+        self._fixed = self._solved = len(self)
 
-    def connect(self, i: int, j: int, T_map_base: Pose, information: Information, loop: Loop | None = None) -> None:
+    def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: Kind) -> None:
         """Add a constraint: the pose of keyframe j, given the current pose of keyframe i.
+
+        A constraint that is not a number, or that determines nothing, is left out and counted as ``dropped``.
 
         Args:
             i, j: indices of the keyframes.
             T_map_base: pose of keyframe j.
             information: information of that pose, in its tangent space.
-            loop: the loop that the constraint belongs to, which may be an outlier; :meth:`disconnect` removes it.
+            kind: what the constraint comes from.
         """
-        config = self._config.graph
-        whole = information + config.least_information * np.eye(len(information))
-        model = gtsam.noiseModel.Gaussian.Information(whole)
-        T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
-        if loop is None:
-            self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
-        else:
-            loss = gtsam.noiseModel.mEstimator.GemanMcClure.Create(config.outlier)
-            robust = gtsam.noiseModel.Robust.Create(loss, model)
-            self._loops.append((loop, gtsam.BetweenFactorPose3(i, j, T_i_j, robust)))
-
-    def disconnect(self, loops: Sequence[Loop]) -> None:
-        """Remove the constraints and links of loops."""
-        self._loops = [(loop, factor) for loop, factor in self._loops if loop not in loops]
-        for loop in loops:
-            self._links.pop((loop.first, loop.second), None)
+        if not (np.isfinite(T_map_base).all() and np.isfinite(information).all() and information.any()):
+            self.dropped += 1
+            return
+        strength, directions = np.linalg.eigh(information)
+        whitening = np.sqrt(np.maximum(strength, 0.0))[:, None] * directions.T
+        T = np.linalg.solve(self.poses[i], T_map_base)
+        nothing = (np.zeros((3, ERRORS)), np.zeros((3, ERRORS)), np.zeros((6, ERRORS)))
+        turn = Rotation.from_matrix(T[:3, :3]).as_rotvec()
+        self._append(i, j, T, whitening, turn, *nothing, kind=kind)
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the odometry's motion from the previous keyframe to the newest one."""
-        self.drives = self.drives.appended(len(self) - 1, motion, self._config.odometry)
+        k, whitening = len(self) - 1, np.linalg.inv(np.linalg.cholesky(motion.noise(self._config.odometry)))
+        self._append(
+            k - 1, k, motion.T, whitening, motion.turn, motion.moves, motion.turns, motion.jacobian,
+            kind=Kind.MOTION,
+        )  # fmt: skip
 
-    def link(self, i: int, j: int, covariance: Covariance) -> None:
-        """Store the variances of keyframe j's pose relative to keyframe i; of several, the smallest count."""
-        lever = self._config.registration.lever
-        variances = np.array([variance_of(covariance, lever), np.linalg.eigvalsh(covariance[:3, :3])[-1]])
-        self._links[i, j] = np.minimum(variances, self._links.get((i, j), np.inf))
+    def _append(self, *values: object, kind: Kind) -> None:
+        for row, value in zip(self._rows, values, strict=True):
+            row.append(value)  # type: ignore[arg-type]
+        self._kinds.append(kind)
 
-    def deviations(self, keyframe: int) -> Values:
-        """(K,) standard deviation of each position relative to a keyframe, m, along the best chain of links."""
-        return self._chained(keyframe, 0)
+    def remove(self, chosen: Mask) -> None:
+        """Remove constraints (N,)."""
+        for row in (*self._rows, self._kinds):
+            row.values = row.values[~chosen].copy()
+        self._settled, self.is_unsettled = len(self._kinds), True
 
-    def headings(self, keyframe: int) -> Values:
-        """(K,) standard deviation of each rotation relative to a keyframe, rad, along the best chain of links.
+    def extend_samples(self, reference: int, covariance: Covariance) -> None:
+        """Let the newest keyframe be as uncertain, relative to another one, as a ``covariance`` of its pose says.
 
-        The gyro keeps it small where only the wheels measure the distance, as along a corridor.
+        :meth:`optimise` replaces this by what all constraints say.
         """
-        return self._chained(keyframe, 1)
+        k = len(self) - 1
+        (T,) = adjoints(relative(self.poses, np.array([k]), np.array([reference])))
+        strength, directions = np.linalg.eigh(covariance)
+        noise = directions @ (np.sqrt(np.maximum(strength, 0.0))[:, None] * self._rng.normal(size=(6, SAMPLES)))
+        self._samples.values[k] = T @ self._samples.values[reference] + noise
 
-    def _chained(self, keyframe: int, which: int) -> Values:
-        """(K,) deviations relative to a keyframe along the best chain of links; ``which``: 0 position, 1 rotation."""
-        ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
-        variances = np.array(list(self._links.values())).reshape(-1, 2)[:, which]
-        links = coo_array((variances, tuple(ends)), shape=(len(self), len(self))).tocsr()
-        return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
+    def relative_samples(self, keyframe: int, others: Indices | slice = slice(None)) -> NDArray[np.float64]:
+        """(K, 6, S) samples of the error of other keyframes relative to a keyframe, in its tangent space.
 
-    def covariance(self, keyframe: int) -> Covariance:
-        """Covariance of a keyframe's pose relative to the first one's, in its own tangent space, once optimised."""
-        return np.asarray(required(self._posterior).marginalCovariance(keyframe))
+        They are errors at the keyframe: a rotation of a keyframe far away counts with the lever of its distance.
+        """
+        poses, samples = self.poses[others], self._samples.values
+        between = adjoints(np.asarray(np.linalg.solve(self.poses[keyframe], poses)))
+        return np.asarray(between @ samples[others] - samples[keyframe])
+
+    def covariance(self, keyframe: int, reference: int = 0) -> Covariance:
+        """Covariance of a keyframe's pose relative to another one's, in its own tangent space.
+
+        The inverse of a sample covariance is too large, which the divisor corrects (Hartlap, Simon and Schneider,
+        "Why your model parameter confidences might be too optimistic", 2007).
+        """
+        errors = self.relative_samples(keyframe, np.array([reference]))[0]
+        return np.asarray(errors @ errors.T) / (SAMPLES - 6 - 1)
+
+    def deviations(self, keyframe: int) -> tuple[Values, Values]:
+        """(K,) standard deviations of each keyframe relative to one of them: of the position, m, and rotation, rad.
+
+        That of the position is of a point ``lever`` m away from the one keyframe, as if it were fixed to the other.
+        """
+        errors, lever = self.relative_samples(keyframe), self._config.registration.lever
+        rotation = np.square(errors[:, :3]).mean(axis=2).max(axis=1)
+        position = np.square(errors[:, 3:]).mean(axis=2).sum(axis=1)
+        return np.sqrt(position + lever**2 * rotation), np.sqrt(rotation)
 
     def optimise(self) -> None:
-        """Move the poses to where they best fit all constraints."""
-        problem, values = self._problem(), gtsam.Values()
-        values.insert(_ERRORS, self.odometry.errors)
-        for k, T in enumerate(self.poses):
-            values.insert(k, gtsam.Pose3(T))
-        values, self._posterior = minimise(problem, values, self._config.graph.tolerance)
-        covariance = self._posterior.marginalCovariance(_ERRORS)
-        self.odometry = OdometryErrors(values.atVector(_ERRORS), covariance)
-        self.poses = orthonormal(poses_of(values))
+        """Move the poses to where they best fit all constraints, and sample their distribution anew.
 
-    def _problem(self) -> "Problem":
-        """All constraints; those from loops, gravity and prior knowledge of the odometry change between calls."""
-        graph = gtsam.NonlinearFactorGraph()
-        graph.push_back(self._factors)
-        for _, factor in self._loops:
-            graph.add(factor)
-        model = gtsam.noiseModel.Isotropic.Sigma(2, self._config.odometry.gravity_sigma)
-        vertical = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
-        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # the accelerometer may be mounted askew
-        for k, up in enumerate(self.ups):
-            graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
-        before = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
-        graph.add(gtsam.PriorFactorVector(_ERRORS, self._odometry_before.errors, before))
-        return Problem(graph, self.drives)
+        If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a new
+        constraint contradicts them.
+        """
+        new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
+        off = np.square(new.residuals(self.poses, self.odometry.errors)).sum(axis=1)
+        self.is_unsettled |= bool((off > chi2_gate(6, self._config.registration.confidence)).any())
+        self._settled = len(self._kinds)
+        grown, window = len(self) - self._solved, self._config.graph.window
+        is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
+        free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
+        problem = Problem.of(self, free, is_whole)
+        # If poses may move far, first let all constraints count alike, then trust ever fewer of them.
+        for loosening in LOOSENINGS if self.is_unsettled else LOOSENINGS[-1:]:
+            problem.solve(self._config.graph.tolerance, loosening)
+        self._poses.values[free] = orthonormal(problem.poses[free])
+        self._samples.values[free] = problem.sample(self._rng, self._samples.values)[free]
+        if is_whole:
+            self.odometry = OdometryErrors(problem.errors, problem.error_covariance())
+            self._solved = len(self)
+            self.is_unsettled = False
+
+    def chi2(self) -> Values:
+        """(N,) squared, whitened residual of each constraint at the current poses."""
+        return np.square(self.constraints.residuals(self.poses, self.odometry.errors)).sum(axis=1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Problem:
-    """Constraints on the poses and on the odometry's systematic errors.
+    """The constraints of some free keyframes and, if all are solved for, of the odometry's systematic errors.
 
-    The motions are kept out of the GTSAM graph, which would spend most of its time calling Python for each of them.
+    Attributes:
+        poses: all poses.
+        errors: (5,) systematic errors.
+        constraints: the constraints that involve a free keyframe.
+        free: (K,) which poses may move.
+        frees_errors: whether the systematic errors are variables.
+        ups: (K, 3) vertical in each keyframe, without the accelerometer's mean error.
+        before: what was known of the systematic errors.
+        start: pose of the first keyframe, if it is free: what it is held at.
+        config: weights of the constraints.
     """
 
-    graph: gtsam.NonlinearFactorGraph
-    drives: Drives
+    poses: Poses
+    errors: Values
+    constraints: Constraints
+    free: Mask
+    frees_errors: bool
+    ups: Directions
+    before: OdometryErrors
+    start: Pose
+    config: LocalisationConfig
 
-    def error(self, values: gtsam.Values) -> float:
-        """Half the sum of the squared, whitened residuals."""
-        residuals = self.drives.residuals(poses_of(values), values.atVector(_ERRORS))
-        return float(self.graph.error(values) + np.sum(np.square(residuals)) / 2)
+    @classmethod
+    def of(cls, graph: PoseGraph, free: Mask, frees_errors: bool) -> "Problem":
+        """The problem of moving some of a graph's keyframes."""
+        constraints = graph.constraints
+        involved = free[constraints.first] | free[constraints.second]
+        bias = np.mean(graph.ups - graph.poses[:, 2, :3], axis=0)  # the accelerometer may be mounted askew
+        return cls(
+            graph.poses.copy(), graph.odometry.errors.copy(), constraints.some(involved), free, frees_errors,
+            graph.ups - bias, graph._odometry_before, graph.poses[0].copy(), graph._config,
+        )  # fmt: skip
 
-    def linearised(self, values: gtsam.Values) -> gtsam.GaussianFactorGraph:
-        """The constraints, linearised at ``values``."""
-        linear, poses, unit = self.graph.linearize(values), poses_of(values), gtsam.noiseModel.Unit.Create(6)
-        residuals = self.drives.residuals(poses, values.atVector(_ERRORS))
-        for j, before, after, errors, off in zip(
-            self.drives.end, *self.drives.jacobians(poses), residuals, strict=True
-        ):
-            linear.add(gtsam.JacobianFactor(j - 1, before, j, after, _ERRORS, errors, -off, unit))
-        return linear
+    def __post_init__(self) -> None:
+        self._at = np.cumsum(self.free) - 1
+        self._variables = 6 * int(self.free.sum())
+        self._size = self._variables + (ERRORS if self.frees_errors else 0)
+        self._gravity = 1 / self.config.odometry.gravity_sigma
+        sigmas = np.full(6, self.config.graph.fixed_sigma)
+        sigmas[:2] = 1.0  # gravity determines roll and pitch
+        self._held = 1 / sigmas
+        self._before = np.linalg.inv(np.linalg.cholesky(self.before.covariance))
+
+    def solve(self, tolerance: float, loosening: float = 1.0) -> None:
+        """Move the poses by Gauss-Newton steps, until the error decreases by less than its share ``tolerance``.
+
+        ``loosening``: multiplies the distance from which a constraint loses its weight.
+        """
+        self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
+        error = self._error(self.poses, self.errors)
+        for _ in range(MOST_STEPS):
+            # Linearise, and weigh each constraint by how well it fits.
+            gradient, self._factor = self._linearised()
+            step, length = self._factor.solve(gradient), 1.0
+            # Take the step, shortened as long as it would increase the error.
+            unchanged = tolerance * max(1.0, error)
+            while not (after := self._error(*self._moved(length * step))) <= error + unchanged:
+                length /= 2
+                if length < SMALLEST_STEP:
+                    return
+            self.poses, self.errors = self._moved(length * step)
+            decrease, error = error - after, after
+            if not decrease > unchanged:
+                return
+
+    def sample(self, rng: np.random.Generator, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(K, 6, S) samples of the errors of the poses; those of fixed poses are given.
+
+        Each is the solution with random errors of all constraints.
+        """
+        gradient = np.zeros((self._size, SAMPLES))
+        before, after, errors, weight = self._rows()
+        c, root = self.constraints, np.sqrt(weight)[:, None, None]
+        noise = rng.normal(size=(len(weight), 6, SAMPLES))
+        for ends, J in ((c.first, before), (c.second, after)):
+            fixed = ~self.free[ends]
+            noise[fixed] -= root[fixed] * (J[fixed] @ samples[ends[fixed]])
+        for ends, J in ((c.first, before), (c.second, after)):
+            chosen = self.free[ends]
+            self._add(gradient, ends[chosen], root[chosen] * (J[chosen].swapaxes(1, 2) @ noise[chosen]))
+        if self.frees_errors:
+            gradient[self._variables :] = np.einsum("nri,nrs->is", root * errors, noise)
+            gradient[self._variables :] += self._before.T @ rng.normal(size=(ERRORS, SAMPLES))
+        upright = self._gravity_rows().swapaxes(1, 2) @ rng.normal(size=(int(self.free.sum()), 2, SAMPLES))
+        gradient[: self._variables] += np.concatenate([upright, np.zeros_like(upright)], axis=1).reshape(-1, SAMPLES)
+        if self.free[0]:
+            gradient[:6] += self._held[:, None] * rng.normal(size=(6, SAMPLES))
+        result = samples.copy()
+        result[self.free] = self._factor.solve(gradient)[: self._variables].reshape(-1, 6, SAMPLES)
+        return result
+
+    def error_covariance(self) -> Covariance:
+        """(5, 5) covariance of the systematic errors."""
+        unit = np.zeros((self._size, ERRORS))
+        unit[self._variables :] = np.eye(ERRORS)
+        covariance = self._factor.solve(unit)[self._variables :]
+        return (covariance + covariance.T) / 2
+
+    def _rows(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Values]:
+        """Jacobians of the constraints, and the weight of each."""
+        chi2 = np.square(self.constraints.residuals(self.poses, self.errors)).sum(axis=1)
+        scale = self._scale
+        weight = np.square(scale / (scale + chi2))
+        return *self.constraints.jacobians(self.poses), weight
+
+    def _gravity_rows(self) -> NDArray[np.float64]:
+        """(F, 2, 3) whitened Jacobians of the free keyframes' verticals w.r.t. their rotations."""
+        R, u = self.poses[self.free, :3, :3], self.ups[self.free]
+        cross = np.zeros((len(u), 3, 3))
+        cross[:, [2, 0, 1], [1, 2, 0]] = u
+        cross -= cross.swapaxes(1, 2)
+        return np.asarray(-self._gravity * (R @ cross)[:, :2])
+
+    def _error(self, poses: Poses, errors: Values) -> float:
+        """Half the sum of the losses of all residuals."""
+        chi2 = np.square(self.constraints.residuals(poses, errors)).sum(axis=1)
+        loss = (self._scale * chi2 / (self._scale + chi2)).sum()
+        loss += np.square(
+            self._gravity * np.einsum("nij,nj->ni", poses[self.free, :2, :3], self.ups[self.free])
+        ).sum()
+        if self.free[0]:
+            loss += np.square(self._off_start(poses)).sum()
+        return float(loss + np.square(self._before @ (errors - self.before.errors)).sum()) / 2
+
+    def _off_start(self, poses: Poses) -> Values:
+        T = np.linalg.solve(self.start, poses[0])
+        return np.asarray(self._held * np.append(Rotation.from_matrix(T[:3, :3]).as_rotvec(), T[:3, 3]))
+
+    def _moved(self, step: Values) -> tuple[Poses, Values]:
+        """The poses and errors after a step."""
+        poses, delta = self.poses.copy(), step[: self._variables].reshape(-1, 6)
+        T = poses[self.free]
+        T[:, :3, 3] += np.einsum("nij,nj->ni", T[:, :3, :3], delta[:, 3:])
+        T[:, :3, :3] = T[:, :3, :3] @ Rotation.from_rotvec(delta[:, :3]).as_matrix()
+        poses[self.free] = T
+        return poses, self.errors + step[self._variables :] if self.frees_errors else self.errors
+
+    def _linearised(self) -> tuple[Values, SuperLU]:
+        """The gradient, downhill, and the factorised information of all variables."""
+        c, size = self.constraints, self._size
+        before, after, errors, weight = self._rows()
+        residuals = c.residuals(self.poses, self.errors)
+        gradient, blocks = np.zeros((size, 1)), list[tuple[Indices, Indices, NDArray[np.float64]]]()
+        # Constraints between keyframes.
+        ends = (c.first, before), (c.second, after)
+        for one, J in ends:
+            free = self.free[one]
+            left = weight[free, None, None] * J[free].swapaxes(1, 2)
+            self._add(gradient, one[free], -left @ residuals[free][..., None])
+            for other, K in ends:
+                both = self.free[other[free]]
+                blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
+        # Gravity, and where the first keyframe is.
+        rows, free_keyframes = self._gravity_rows(), np.arange(int(self.free.sum()))
+        upright = self._gravity * np.einsum("nij,nj->ni", self.poses[self.free, :2, :3], self.ups[self.free])
+        whole = np.tile(self.config.graph.least_information * np.eye(6), (len(rows), 1, 1))
+        whole[:, :3, :3] += rows.swapaxes(1, 2) @ rows
+        pull = np.zeros((len(rows), 6))
+        pull[:, :3] = -np.einsum("nri,nr->ni", rows, upright)
+        gradient[: self._variables, 0] += pull.ravel()
+        if self.free[0]:
+            whole[0] += np.diag(self._held**2)
+            gradient[:6, 0] -= self._held * self._off_start(self.poses)
+        blocks.append((free_keyframes, free_keyframes, whole))
+        information = _sparse(blocks, size)
+        if self.frees_errors:
+            information = information + self._error_information(before, after, errors, weight, residuals, gradient)
+        options = {"SymmetricMode": True}
+        factor = splu(information, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return gradient[:, 0], factor
+
+    def _error_information(
+        self,
+        before: NDArray[np.float64],
+        after: NDArray[np.float64],
+        errors: NDArray[np.float64],
+        weight: Values,
+        residuals: NDArray[np.float64],
+        gradient: NDArray[np.float64],
+    ) -> csc_array:
+        """The rows and columns of the information that belong to the systematic errors; adds to the gradient, too."""
+        size, first = self._size, self._variables
+        left = weight[:, None, None] * errors.swapaxes(1, 2)
+        gradient[first:, 0] -= np.einsum("nir,nr->i", left, residuals)
+        gradient[first:, 0] -= self._before.T @ self._before @ (self.errors - self.before.errors)
+        dense = np.zeros((size, ERRORS))
+        for ends, J in ((self.constraints.first, before), (self.constraints.second, after)):
+            free = self.free[ends]
+            self._add(dense, ends[free], (left[free] @ J[free]).swapaxes(1, 2))
+        dense[first:] = (np.einsum("nir,nrj->ij", left, errors) + self._before.T @ self._before) / 2
+        rows, columns = np.nonzero(np.ones_like(dense))
+        part = coo_array((dense.ravel(), (rows, first + columns)), shape=(size, size))
+        return (part + part.T).tocsc()
+
+    def _add(self, target: NDArray[np.float64], keyframes: Indices, values: NDArray[np.float64]) -> None:
+        """Add values (N, 6, C) to the rows of keyframes in (V, C)."""
+        whole = target[: self._variables].reshape(-1, 6, target.shape[1])
+        np.add.at(whole, self._at[keyframes], values)
 
 
-def minimise(
-    problem: Problem, values: gtsam.Values, tolerance: float
-) -> tuple[gtsam.Values, gtsam.GaussianBayesTree]:
-    """The best-fitting values, found by Gauss-Newton steps from initial ``values``, and their posterior distribution.
-
-    A step that would increase the error is halved. ``tolerance``: relative decrease of the error at which to stop.
-    """
-    error = problem.error(values)
-    while True:
-        posterior, unchanged = problem.linearised(values).eliminateMultifrontal(), tolerance * max(1.0, error)
-        step = posterior.optimize()
-        while (after := problem.error(values.retract(step))) > error + unchanged:
-            step = step.scale(0.5)
-        values, decrease, error = values.retract(step), error - after, after
-        if not decrease > unchanged:
-            return values, posterior
-
-
-def poses_of(values: gtsam.Values) -> Poses:
-    """Poses of all keyframes."""
-    rows = gtsam.utilities.extractPose3(values)
-    result = np.tile(np.eye(4), (len(rows), 1, 1))
-    result[:, :3, :3], result[:, :3, 3] = rows[:, :9].reshape(-1, 3, 3), rows[:, 9:]
-    return result
+def _sparse(blocks: list[tuple[Indices, Indices, NDArray[np.float64]]], size: int) -> csc_array:
+    """A sparse matrix from 6 × 6 blocks, each at a block row and column."""
+    row, column, values = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    i, j = np.indices((6, 6))
+    at = (6 * row[:, None, None] + i).ravel(), (6 * column[:, None, None] + j).ravel()
+    return coo_array((values.ravel(), at), shape=(size, size)).tocsc()
 
 
 def spread(deviation: float, lever: float) -> Values:
     """(6,) standard deviations of a pose, rad and m, each moving a point ``lever`` m away by ``deviation`` m."""
     return np.repeat([deviation / lever, deviation], 3)
-
-
-def variance_of(covariance: Covariance, lever: float) -> float:
-    """Variance of the position of a point ``lever`` m away from a pose with this covariance, m²."""
-    return float(np.trace(covariance[3:, 3:]) + lever**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])

@@ -59,11 +59,15 @@ class Target:
         points: the points, in the target's frame.
         normals: surface normals at the points.
         owner: index of the keyframe that owns each point.
+        weight: weight of each point in registration, at most 1: less where it is uncertain.
         tree: k-d tree of the points.
     """
 
-    def __init__(self, points: Places, normals: Directions, owner: Indices) -> None:
+    def __init__(
+        self, points: Places, normals: Directions, owner: Indices, weight: NDArray[np.float64] | None = None
+    ) -> None:
         self.points, self.normals, self.owner = points, normals, owner
+        self.weight = np.ones(len(points)) if weight is None else weight
         self.tree = small_gicp.KdTree(points)
 
 
@@ -142,7 +146,7 @@ def register(
     # Gauss-Newton steps: pair the points, closer and closer together, and weigh what they measure with the priors.
     T = priors[0].T
     for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.rounds):
-        pairs = _Pairs(target, source, T, gate, config)
+        pairs = _Pairs(target, source, T, gate, config, target.weight)
         information, pull = pairs.measure()
         total = information.copy()
         for prior in priors:
@@ -174,7 +178,7 @@ def shares_of(
     Returns:
         The shares, the most informative first, and which source points have no target point within a voxel size.
     """
-    pairs = _Pairs(target, source, T, config.fine, config)
+    pairs = _Pairs(target, source, T, config.fine, config, np.ones(len(target.points)))
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
@@ -200,9 +204,15 @@ class _Pairs:
     """
 
     def __init__(
-        self, target: Target, source: small_gicp.PointCloud, T: Pose, gate: float, config: RegistrationConfig
+        self,
+        target: Target,
+        source: small_gicp.PointCloud,
+        T: Pose,
+        gate: float,
+        config: RegistrationConfig,
+        weight: NDArray[np.float64],
     ) -> None:
-        """Pair the points closer than ``gate`` m, with the source at the pose ``T``."""
+        """Pair the points closer than ``gate`` m, with the source at ``T``; ``weight``: that of each target point."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = transform_places(T, points)
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
@@ -213,8 +223,9 @@ class _Pairs:
         self.source, self.target = near[alike], index[near[alike]]
         away = target.points[self.target] - at[self.source]
         self.rows = []
+        root = np.sqrt(weight[self.target])[:, None] / config.surface_sigma
         for normals in (n[alike], np.sign(cosine[alike])[:, None] * m[alike]):
-            u = normals / config.surface_sigma
+            u = normals * root
             J = np.hstack([np.cross(u @ R, points[self.source]), -u @ R])
             self.rows.append((J, np.einsum("ni,ni->n", u, away)))
         self._scale = np.repeat([config.lever, 1.0], 3)

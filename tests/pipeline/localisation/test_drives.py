@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.localisation.pose_graph import Drives, PoseGraph, adjoints
+from pipeline.localisation.pose_graph import Constraints, PoseGraph, adjoints
 from pipeline.localisation.registration import exponential, logarithm
 from pipeline.transforms import from_yaw, inverse
 
@@ -24,14 +24,14 @@ def motions(seed: int) -> tuple[list[MeasuredMotion], NDArray[np.float64]]:
     return every, rng.normal(0, 0.01, 5)
 
 
-def driven(every: list[MeasuredMotion], errors: NDArray[np.float64]) -> tuple[Drives, NDArray[np.float64]]:
+def driven(every: list[MeasuredMotion], errors: NDArray[np.float64]) -> tuple[Constraints, NDArray[np.float64]]:
     """The constraints of motions, and poses that follow them exactly."""
     graph = PoseGraph(LocalisationConfig())
     graph.add(from_yaw(1, 2, 0, 0.5), every[0].up)
     for motion in every:
         graph.add(graph.poses[-1] @ motion.without(errors), motion.up)
         graph.drive(motion)
-    return graph.drives, graph.poses
+    return graph.constraints, graph.poses
 
 
 @given(st.integers(0, 100))

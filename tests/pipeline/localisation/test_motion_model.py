@@ -110,12 +110,19 @@ def test_what_was_learnt_makes_the_next_motion_surer() -> None:
 def test_a_motion_is_as_unsure_as_the_way_the_turn_and_the_slope_make_it() -> None:
     level, slope = np.array([0.0, 0.0, 1.0]), np.array([0.28, 0.0, 0.96])
     far, near, turn = from_yaw(2, 0, 0, 0), from_yaw(0.5, 0, 0, 0), from_yaw(0, 0, 0, 0.5)
-    sigma = {name: np.sqrt(MeasuredMotion(T, up, 1.0).noise(CONFIG)[3, 3]) for name, T, up in (
+    across = {name: np.sqrt(MeasuredMotion(T, up, 1.0).noise(CONFIG)[4, 4]) for name, T, up in (
         ("far", far, level), ("near", near, level), ("turn", turn, level), ("slides", turn, slope)
     )}  # fmt: skip
-    assert sigma["far"] == pytest.approx(2 * sigma["near"], rel=0.05)
-    assert sigma["turn"] == pytest.approx(sigma["near"])
-    assert sigma["slides"] > 10 * sigma["turn"]
+    assert across["far"] == pytest.approx(2 * across["near"], rel=0.05)
+    assert across["turn"] == pytest.approx(across["near"])
+    assert across["slides"] > 10 * across["turn"]
+
+
+@pytest.mark.parametrize("way", [0.3, 2.0])
+def test_a_slip_takes_away_any_share_of_the_way(way: float) -> None:
+    """Its share is uniform between 0 and 1, so that its mean square is a third."""
+    noise = MeasuredMotion(from_yaw(way, 0, 0, 0), np.array([0.0, 0.0, 1.0]), 1.0).noise(CONFIG)
+    assert noise[3, 3] - noise[4, 4] == pytest.approx(way / CONFIG.slip_way * way**2 / 3)
 
 
 @given(numbers, numbers, numbers, st.integers(0, 4))

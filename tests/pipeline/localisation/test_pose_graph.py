@@ -1,16 +1,19 @@
 """The pose graph against results that can be computed by hand."""
 
+from dataclasses import replace
+
+import gtsam
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.localisation import Loop
+from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.localisation.pose_graph import PoseGraph
+from pipeline.localisation.pose_graph import Kind, PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
 
 CONFIG = LocalisationConfig()
@@ -24,7 +27,7 @@ def chain(edges: list[NDArray[np.float64]], information: NDArray[np.float64] = S
     graph.add(np.eye(4), UP)
     for k, edge in enumerate(edges):
         T = graph.poses[k] @ edge
-        graph.connect(k, graph.add(T, UP), T, information)
+        graph.connect(k, graph.add(T, UP), T, information, Kind.MOTION)
     return graph
 
 
@@ -35,9 +38,9 @@ def tilted(roll: float, pitch: float) -> NDArray[np.float64]:
 def test_a_square_closes() -> None:
     """Each side is 2 m long and measured 2 % too long, each corner 2° too wide."""
     edges = [from_yaw(2.04, 0, 0, np.deg2rad(92))] * 4
-    graph = chain(edges)
+    graph = chain(edges, 1e3 * np.eye(6))
     assert np.linalg.norm(graph.poses[-1][:2, 3]) > 0.19
-    graph.connect(0, 4, graph.poses[0], SURE)
+    graph.connect(0, 4, graph.poses[0], SURE, Kind.MOTION)
     graph.optimise()
     corners = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
     errors = np.linalg.norm(graph.poses[:, :2, 3] - corners, axis=1)
@@ -47,32 +50,32 @@ def test_a_square_closes() -> None:
     np.testing.assert_allclose(graph.poses[0], np.eye(4), atol=1e-6)
 
 
-@given(st.integers(2, 6), st.floats(0.5, 1.5), st.floats(0.1, 10))
+@given(st.integers(2, 6), st.floats(0.97, 1.03), st.floats(0.1, 10))
 def test_what_a_loop_contradicts_is_spread_evenly(edges: int, length: float, ratio: float) -> None:
     """Of n edges d with information 1 and a loop of n m with information r the mean is d + nr (1 - d) / (1 + nr)."""
     graph = chain([from_yaw(length, 0, 0, 0)] * edges, VAGUE)
-    graph.connect(0, edges, from_yaw(edges, 0, 0, 0), ratio * VAGUE)
+    graph.connect(0, edges, from_yaw(edges, 0, 0, 0), ratio * VAGUE, Kind.MOTION)
     graph.optimise()
     share = edges * ratio / (1 + edges * ratio)
     expected = np.arange(edges + 1) * (length + share * (1 - length))
     np.testing.assert_allclose(graph.poses[:, 0, 3], expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("may_be_outlier", [True, False])
-def test_a_false_loop_is_outvoted(may_be_outlier: bool) -> None:
+@pytest.mark.parametrize("kind", Kind)
+def test_a_false_constraint_is_outvoted(kind: Kind) -> None:
     graph = chain([from_yaw(0.5, 0, 0, 0.2)] * 5)
+    for k in range(2, 6):
+        graph.connect(k - 2, k, graph.poses[k], SURE, Kind.SURFACE)
     before = graph.poses.copy()
-    graph.connect(
-        0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, Loop(0, 5, np.eye(4)) if may_be_outlier else None
-    )
+    graph.connect(0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, kind)
     graph.optimise()
     moved = np.linalg.norm(graph.poses[5][:3, 3] - before[5][:3, 3])
-    assert moved < 0.01 if may_be_outlier else moved > 0.3
+    assert moved < 0.01
 
 
 def test_a_true_loop_counts_although_it_may_be_an_outlier() -> None:
     graph = chain([from_yaw(0.51, 0, 0, 0)] * 4)
-    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, Loop(0, 4, np.eye(4)))
+    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, Kind.LOOP)
     graph.optimise()
     assert 2.005 < graph.poses[4][0, 3] < 2.02
 
@@ -89,7 +92,7 @@ def test_a_start_on_a_slope_stays_where_the_odometry_has_it() -> None:
     T, graph = tilted(5, -10), PoseGraph(CONFIG)
     graph.add(T, T[2, :3])
     graph.add(np.eye(4), UP)
-    graph.connect(0, 1, np.eye(4), SURE)
+    graph.connect(0, 1, np.eye(4), SURE, Kind.MOTION)
     graph.optimise()
     np.testing.assert_allclose(graph.poses, [T, np.eye(4)], atol=1e-6)
 
@@ -100,7 +103,7 @@ def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
         T = from_yaw(k, 0, 0, yaw)
         graph.add(T, askew[2, :3])
         if k:
-            graph.connect(k - 1, k, T, SURE)
+            graph.connect(k - 1, k, T, SURE, Kind.MOTION)
     before = graph.poses.copy()
     graph.optimise()
     np.testing.assert_allclose(graph.poses, before, atol=1e-4)
@@ -109,7 +112,7 @@ def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_nothing_moves_where_all_agree(x: float, yaw: float) -> None:
     graph = chain([from_yaw(x, 0.1, 0, yaw), from_yaw(0, x, 0, -yaw)])
-    graph.connect(0, 2, graph.poses[2], SURE, Loop(0, 2, np.eye(4)))
+    graph.connect(0, 2, graph.poses[2], SURE, Kind.LOOP)
     before = graph.poses.copy()
     graph.optimise()
     np.testing.assert_allclose(graph.poses, before, atol=1e-6)
@@ -120,42 +123,118 @@ def test_a_constraint_is_relative_to_where_its_keyframe_is_believed_to_be() -> N
     start = from_yaw(0, 5, 0, np.pi / 2)
     other = PoseGraph(CONFIG)
     other.add(start, UP)
-    other.connect(0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE)
+    other.connect(0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE, Kind.MOTION)
     other.optimise()
     np.testing.assert_allclose(inverse(other.poses[0]) @ other.poses[1], graph.poses[1], atol=1e-4)
 
 
-def test_deviations_are_those_of_the_best_chain() -> None:
-    graph = chain([from_yaw(1, 0, 0, 0)] * 4)
-    far = np.diag([0, 0, 0, 0.09, 0.09, 0.07])
-    near = np.diag([0, 0, 0, 0.01, 0.01, 0.02])
-    turn = np.diag([0.01, 0.03, 0.02, 0, 0, 0])
-    graph.link(0, 1, near)
-    graph.link(1, 3, turn)
-    graph.link(0, 3, far)
-    graph.link(3, 4, near)
-    by_hand = [0.04 + 4 * 0.03 + 0.04, 4 * 0.03 + 0.04, np.inf, 0.04, 0]
-    assert by_hand[0] < 0.25 + 0.04  # the chain over 1 is better than the link
-    np.testing.assert_allclose(graph.deviations(4), np.sqrt(by_hand))
+def test_the_error_of_a_keyframe_has_the_lever_of_its_distance() -> None:
+    """A heading that is unsure by 0.01 rad at the second keyframe moves the first by 0.01 rad times 8 m."""
+    graph = PoseGraph(CONFIG)
+    for x in (0.0, 4.0, 8.0):
+        graph.add(from_yaw(x, 0, 0, 0), UP)
+    sure, turn = 1e8 * np.eye(6), 1e8 * np.eye(6)
+    turn[2, 2] = 0.01**-2
+    graph.connect(0, 1, graph.poses[1], turn, Kind.MOTION)
+    graph.connect(1, 2, graph.poses[2], sure, Kind.MOTION)
+    graph.optimise()
+    errors = graph.relative_samples(2)
+    assert np.std(errors[1]) < 0.001
+    assert np.std(errors[0, 4]) == pytest.approx(0.04, rel=0.3)  # at keyframe 2, 4 m from where the error arose
+    way, rotation = graph.deviations(2)
+    assert rotation[0] == pytest.approx(0.01, rel=0.3)
+    assert way[0] == pytest.approx(np.hypot(0.04, 0.02), rel=0.3)
 
 
-def test_a_heading_is_as_sure_as_the_best_chain_of_rotations_whatever_the_way() -> None:
+@given(st.integers(1, 5))
+@settings(max_examples=5, deadline=None)
+def test_samples_are_as_uncertain_as_the_inverse_of_the_information(seed: int) -> None:
+    """The covariance by samples, against that of GTSAM's marginals of the same graph."""
+    rng, graph, factors, values = np.random.default_rng(seed), PoseGraph(CONFIG), *gtsam_of()
+    for k in range(6):
+        T = from_yaw(*rng.uniform(-2, 2, 2), 0, rng.uniform(-1, 1))
+        graph.add(T, T[2, :3])
+        values.insert(k, gtsam.Pose3(T))
+        factors.add(gtsam.AttitudeFactorPose3(k, gtsam.Unit3(UP), GRAVITY, gtsam.Unit3(T[2, :3])))
+        for i in range(k):
+            information = np.diag(rng.uniform(1e2, 1e4, 6))
+            graph.connect(i, k, T, information, Kind.SURFACE)
+            model = gtsam.noiseModel.Gaussian.Information(information)
+            factors.add(gtsam.BetweenFactorPose3(i, k, gtsam.Pose3(inverse(graph.poses[i]) @ T), model))
+    graph.optimise()
+    expected = gtsam.Marginals(factors, values).marginalCovariance(5)
+    found = graph.covariance(5)
+    level = slice(2, 6)  # roll and pitch of the first keyframe are uncertain, too, of which GTSAM knows nothing here
+    ratio = np.linalg.solve(expected[level, level], found[level, level])
+    assert np.trace(ratio) / 4 == pytest.approx(1.0, abs=0.3)
+
+
+GRAVITY = gtsam.noiseModel.Isotropic.Sigma(2, CONFIG.odometry.gravity_sigma)
+
+
+def gtsam_of() -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    """An empty graph of GTSAM, and its first keyframe's prior."""
+    factors, sigmas = gtsam.NonlinearFactorGraph(), np.full(6, CONFIG.graph.fixed_sigma)
+    sigmas[:2] = 1.0
+    factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Diagonal.Sigmas(sigmas)))
+    return factors, gtsam.Values()
+
+
+def test_the_best_poses_are_those_of_gtsam() -> None:
+    """A chain with a loop that contradicts it, solved by Levenberg-Marquardt with the same loss."""
+    rng, graph, factors, values = np.random.default_rng(0), PoseGraph(CONFIG), *gtsam_of()
+    loss = gtsam.noiseModel.mEstimator.GemanMcClure.Create(np.sqrt(chi2_gate(6, CONFIG.registration.confidence)))
+
+    def connect(i: int, j: int, T: NDArray[np.float64], information: NDArray[np.float64]) -> None:
+        graph.connect(i, j, T, information, Kind.SURFACE)
+        model = gtsam.noiseModel.Robust.Create(loss, gtsam.noiseModel.Gaussian.Information(information))
+        factors.add(gtsam.BetweenFactorPose3(i, j, gtsam.Pose3(inverse(graph.poses[i]) @ T), model))
+
+    for k in range(9):
+        T = graph.poses[-1] @ from_yaw(0.5, 0, 0, 0.7) if k else np.eye(4)
+        graph.add(T, UP)
+        values.insert(k, gtsam.Pose3(T))
+        factors.add(gtsam.AttitudeFactorPose3(k, gtsam.Unit3(UP), GRAVITY, gtsam.Unit3(UP)))
+        if k:
+            connect(k - 1, k, T, np.diag([1e5, 1e5, 1e4, 1e3, 1e3, 1e3]))
+    for i, j in ((0, 8), (1, 7), (2, 6)):
+        T = graph.poses[j] @ from_yaw(*rng.normal(0, 0.03, 2), 0, rng.normal(0, 0.02))
+        connect(i, j, T, np.diag([1e5, 1e5, 1e4, 1e3, 1e3, 1e3]))
+    graph.optimise()
+    best = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
+    for k, T in enumerate(graph.poses):
+        np.testing.assert_allclose(T, best.atPose3(k).matrix(), atol=1e-3)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+def test_a_constraint_that_says_nothing_costs_itself_alone(value: float) -> None:
     graph = chain([from_yaw(1, 0, 0, 0)] * 2)
-    for i, j, turn, way in ((0, 1, 0.01, 9.0), (1, 2, 0.03, 9.0), (0, 2, 0.09, 0.01)):
-        graph.link(i, j, np.diag([turn / 2, 0.0, turn, way, 0.0, 0.0]))
-    np.testing.assert_allclose(graph.headings(2), np.sqrt([0.04, 0.03, 0]))
+    graph.connect(0, 2, graph.poses[2], np.full((6, 6), value), Kind.SURFACE)
+    graph.optimise()
+    assert graph.dropped == 1
+    np.testing.assert_allclose(graph.poses[:, 0, 3], [0, 1, 2], atol=1e-6)
 
 
-def test_of_two_links_the_better_one_counts() -> None:
-    graph = chain([from_yaw(1, 0, 0, 0)])
-    for variance in (0.09, 0.01, 0.04):
-        graph.link(0, 1, np.diag([0, 0, 0, variance, 0, 0]))
-    np.testing.assert_allclose(graph.deviations(1), [0.1, 0])
+def test_old_poses_stay_until_the_graph_has_grown() -> None:
+    """A long chain, solved keyframe by keyframe, ends where solving it at once puts it."""
+    config = replace(CONFIG, graph=replace(CONFIG.graph, window=3))
+    bit_by_bit, at_once = PoseGraph(config), PoseGraph(CONFIG)
+    for graph in (bit_by_bit, at_once):
+        graph.add(np.eye(4), UP)
+        for k in range(1, 20):
+            graph.add(graph.poses[-1] @ from_yaw(0.5, 0, 0, 0.1), UP)
+            graph.connect(k - 1, k, graph.poses[k], SURE, Kind.MOTION)
+            if k > 1:
+                graph.connect(k - 2, k, graph.poses[k - 2] @ from_yaw(0.99, 0.05, 0, 0.2), SURE, Kind.SURFACE)
+            if graph is bit_by_bit:
+                graph.optimise()
+        graph.is_unsettled = True
+        graph.optimise()
+    np.testing.assert_allclose(bit_by_bit.poses, at_once.poses, atol=1e-3)
 
 
 def test_one_keyframe_is_known() -> None:
     graph = chain([])
-    np.testing.assert_allclose(graph.deviations(0), [0])
     graph.optimise()
     np.testing.assert_allclose(graph.poses, [np.eye(4)], atol=1e-9)
 
@@ -174,7 +253,7 @@ def test_a_turn_that_closes_shows_what_is_wrong_with_the_gyro() -> None:
     """24 steps of 15° by a gyro that measures 0.7 % too much; a loop joins the last keyframe to the first."""
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
     graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
-    graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6))
+    graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6), Kind.MOTION)
     graph.optimise()
     assert graph.odometry.errors[1] == pytest.approx(-0.007, abs=0.0003)
     headings = np.unwrap([yaw_of(T) for T in graph.poses])
@@ -187,7 +266,7 @@ def test_a_return_shows_the_tyres_radius_and_every_motion_follows() -> None:
     graph.optimise()
     assert graph.odometry.errors[0] == pytest.approx(0, abs=1e-6)
     unsure = graph.odometry.covariance[0, 0]
-    graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6))
+    graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6), Kind.MOTION)
     graph.optimise()
     assert graph.odometry.errors[0] == pytest.approx(0.02, abs=0.001)
     assert graph.odometry.covariance[0, 0] < unsure / 10
@@ -200,7 +279,7 @@ def test_a_pose_is_stated_as_sure_as_its_drive() -> None:
     graph = driven([motion] * 50)
     graph.optimise()
     deviation = np.sqrt(graph.covariance(50)[3, 3])
-    assert deviation == pytest.approx(np.sqrt(50 * motion.noise(CONFIG.odometry)[3, 3] + (0.02 * 15) ** 2), rel=0.01)
+    assert deviation == pytest.approx(np.sqrt(50 * motion.noise(CONFIG.odometry)[3, 3] + (0.02 * 15) ** 2), rel=0.3)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 5])
@@ -208,11 +287,12 @@ def test_the_same_poses_are_found_from_far_away(seed: int) -> None:
     """Each keyframe begins metres and up to 86° off, from where a whole Gauss-Newton step may lead astray."""
     rng = np.random.default_rng(seed)
     graph = driven([MeasuredMotion(from_yaw(0.5, 0, 0, 0.3), UP, 1.0)] * 20)
-    graph.connect(0, 20, graph.poses[20] @ from_yaw(0.1, 0.05, 0, 0.02), SURE)
+    graph.connect(0, 20, graph.poses[20] @ from_yaw(0.1, 0.05, 0, 0.02), SURE, Kind.MOTION)
     graph.optimise()
     near, odometry = graph.poses.copy(), graph.odometry
     for k in range(1, 21):
         graph.poses[k] = graph.poses[k] @ from_yaw(*rng.uniform(-8, 8, 2), 0, rng.uniform(-1.5, 1.5))
+    graph.is_unsettled = True
     graph.optimise()
     np.testing.assert_allclose(graph.poses, near, atol=1e-3)
     np.testing.assert_allclose(graph.odometry.errors, odometry.errors, atol=1e-3)

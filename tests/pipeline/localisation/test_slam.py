@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
-from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig, SlamConfig
+from pipeline.localisation.config import (
+    KeyframePolicy,
+    LocalisationConfig,
+    LoopConfig,
+    RegistrationConfig,
+    SlamConfig,
+)
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -268,16 +274,15 @@ def test_a_robot_that_was_set_down_where_it_sees_nothing_stays_there_on_the_map(
     assert 0.1 < np.sqrt(slam.covariance[3, 3]) < 0.2  # as uncertain as a place that was found
 
 
-def test_loops_are_of_keyframes_and_not_of_what_was_seen_since() -> None:
-    slam = Slam(config=LocalisationConfig(slam=SlamConfig(local_deviation=0.004)))
-    for frame, later in pairwise(frames()[:9]):
-        slam.add(slam.localise(frame))
-        slam.localise(later)
-        slam.optimise()
+def test_a_robot_that_comes_back_closes_loops_of_keyframes() -> None:
+    """It is to distrust all but its newest keyframes, so that it must recognise the room."""
+    config = LocalisationConfig(slam=SlamConfig(local_deviation=0.006), loops=LoopConfig(least_fit=0.3))
+    slam = driven(len(AROUND), Slam(config=config))
     assert slam.loops
     for loop in slam.loops:
         expected = inverse(AROUND[loop.first]) @ AROUND[loop.second]
         assert distance(loop.T_first_second, expected) < 0.07
+    assert distance(slam.poses[-1], AROUND[-1]) < 0.03
 
 
 def test_where_loops_are_not_closed_there_are_none() -> None:

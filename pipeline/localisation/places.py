@@ -1,0 +1,114 @@
+"""Finds where among surfaces seen long ago the robot is, if its position relative to them is uncertain.
+
+All that was seen recently around the robot, not just one frame, is compared with the old surfaces at every position
+and heading that the uncertainty allows (Olson, "Real-time correlative scan matching", 2009). A place counts only if
+no other one within that range fits nearly as well.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.arrays import Directions, Places, Pose, Values
+from pipeline.geometry.thinning import voxel_means
+from pipeline.localisation.relocalisation_kernels import score
+from pipeline.transforms import from_yaw
+
+RADIUS = 4.0
+"""Distance from the robot up to which recently seen surfaces are compared, m."""
+VOXEL = 0.1
+"""Edge length of the voxels in which surfaces are compared, m."""
+UPRIGHT = 0.5
+"""Maximum vertical component of the normals of the surfaces compared; level ground is alike everywhere."""
+PATCH, LEAST_PATCHES, MOST_PATCHES = 0.15, 80, 400
+"""Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is drawn
+at random if there are more."""
+SIGMAS = 3.0
+"""The search covers this many standard deviations of the position and the heading."""
+STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
+"""Spacing of the positions, m, and of the headings, rad, that are tried: at 4 m, half a step moves a point by 5 cm."""
+WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
+"""Maximum range of the search, m and rad."""
+SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)
+"""Two fits closer together than this, m and rad, are one place."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPlace:
+    """The place that fits best.
+
+    Attributes:
+        T_move: how the robot's pose in ``map`` must be moved, on the left.
+        fit: share of the patches that lie on old surfaces there.
+        rival: the same at the best other place; 0 if there is none.
+    """
+
+    T_move: Pose
+    fit: float
+    rival: float
+
+
+def find_place(
+    recent: tuple[Places, Directions], old: tuple[Places, Directions], T_map_base: Pose, sigmas: Values
+) -> FoundPlace | None:
+    """Where the surfaces seen recently fit the old ones best; None if there are too few.
+
+    Args:
+        recent, old: points and normals (N, 3) in ``map``.
+        T_map_base: estimated pose of the robot.
+        sigmas: (3,) standard deviations of the position along x and y, m, and of the heading, rad, all relative to
+            the old surfaces.
+    """
+    here = T_map_base[:3, 3]
+    patches = voxel_means(upright(*recent) - here, PATCH)
+    patches = patches[np.linalg.norm(patches[:, :2], axis=1) < RADIUS]
+    target = upright(*old) - here
+    if len(patches) < LEAST_PATCHES or len(target) < LEAST_PATCHES:
+        return None
+    patches = np.random.default_rng(0).permutation(patches)[:MOST_PATCHES]
+    # Try every position and heading that is likely enough.
+    x, y = np.minimum(SIGMAS * sigmas[:2], WIDEST)
+    turn = min(SIGMAS * sigmas[2], WIDEST_TURN)
+    dx, dy = np.meshgrid(_around(x, STEP), _around(y, STEP), indexing="ij")
+    moves = np.column_stack([dx.ravel(), dy.ravel(), np.zeros(dx.size)])
+    yaws = _around(turn, TURN_STEP)
+    reach = np.array([x + STEP, y + STEP, 0.0]) + np.array([RADIUS, RADIUS, 0.0]) + 2 * VOXEL
+    heights = np.array([patches[:, 2].min(), patches[:, 2].max()])
+    lower, upper = np.append(-reach[:2], heights[0] - reach[2]), np.append(reach[:2], heights[1] + reach[2])
+    field = _field(target, lower, upper)
+    scores = np.empty((len(moves), len(yaws)), np.float32)
+    cloud, gain = (patches / VOXEL).astype(np.float32), np.zeros((len(patches), 2), np.float32)
+    gain[:, 1] = 1 / len(patches)
+    score(cloud, gain, ((moves - lower) / VOXEL).astype(np.float32), yaws, field, scores)
+    # The best place, and the best one elsewhere.
+    n, m = np.unravel_index(scores.argmax(), scores.shape)
+    far = np.linalg.norm(moves - moves[n], axis=1) > SAME_PLACE
+    turned = np.abs(yaws - yaws[m]) > SAME_TURN
+    rivals = scores[far[:, None] | turned]
+    away, back = np.eye(4), np.eye(4)
+    away[:3, 3], back[:3, 3] = here + moves[n], -here
+    T_move = away @ from_yaw(0.0, 0.0, 0.0, float(yaws[m])) @ back
+    return FoundPlace(T_move, float(scores[n, m]), float(rivals.max()) if rivals.size else 0.0)
+
+
+def upright(points: Places, normals: Directions) -> Places:
+    """The points on upright surfaces."""
+    return points[np.abs(normals[:, 2]) < UPRIGHT]
+
+
+def _around(reach: float, step: float) -> Values:
+    """Evenly spaced values around 0, up to ``reach`` at least."""
+    count = int(np.ceil(reach / step))
+    return step * np.arange(-count, count + 1.0)
+
+
+def _field(points: Places, lower: Values, upper: Values) -> NDArray[np.uint8]:
+    """The voxels in a box that contain a point, or touch one that does."""
+    cells = np.floor((points - lower) / VOXEL).astype(np.int64)
+    shape = np.ceil((upper - lower) / VOXEL).astype(np.int64) + 2
+    inside = ((cells >= 0) & (cells < shape)).all(axis=1)
+    field = np.zeros(shape, np.bool_)
+    field[tuple(cells[inside].T)] = True
+    return ndimage.binary_dilation(field, np.ones((3, 3, 3), np.bool_)).astype(np.uint8)

@@ -1,0 +1,80 @@
+"""Replays a tour with localisation alone: the poses, constraints and times that result."""
+
+from dataclasses import dataclass, field
+from time import process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Poses
+from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.slam import Slam
+from pipeline.metric_map.config import IsolatedReturnsConfig
+from pipeline.metric_map.isolated_returns import remove_isolated_returns
+from scripts.benchmarks.loops.tours import Tour
+
+CORRECTED = 3  # Keyframes between two corrections, as between two steps of an episode
+FOUND = (0.02, 0.02, 0.0, 0.0, 0.0, 0.005)
+"""m and rad, errors of the pose at which a carried robot is found: x, y, z, roll, pitch, yaw."""
+
+
+@dataclass(eq=False)
+class Replay:
+    """What localisation made of a tour.
+
+    Attributes:
+        slam: the localisation at the end.
+        keyframes: index of the frame of each keyframe.
+        online: pose of each frame, as estimated during the tour.
+        stated: for each correction, the number of keyframes, and the newest pose and its covariance then.
+        frame_s, settle_s: processor time of each frame and correction, s, each with the number of keyframes then.
+    """
+
+    slam: Slam
+    keyframes: list[int] = field(default_factory=list)
+    online: list[NDArray[np.float64]] = field(default_factory=list)
+    stated: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
+    frame_s: list[tuple[int, float]] = field(default_factory=list)
+    settle_s: list[tuple[int, float]] = field(default_factory=list)
+
+    def poses(self) -> Poses:
+        """(N, 4, 4) final pose of each frame: as estimated online, moved along with the keyframe before it."""
+        online, keyframes = np.array(self.online), np.array(self.keyframes)
+        last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
+        return np.asarray((self.slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online)
+
+
+def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> Replay:
+    """Localise every frame of a tour; where the robot was carried, it is told roughly where it was set down."""
+    run = Replay(Slam(closes_loops, config=config))
+    slam = run.slam
+    rng = np.random.default_rng(0)
+    for n, frame in enumerate(tour.frames()):
+        frame = remove_isolated_returns(frame, IsolatedReturnsConfig())
+        if tour.was_carried[n]:
+            slam.set_down(tour.true[n] @ found(rng))
+        begin = process_time()
+        localised = slam.localise(frame)
+        if localised.repeats:
+            slam.pass_by(localised)
+        else:
+            slam.add(localised)
+            run.keyframes.append(n)
+        run.frame_s.append((len(slam.graph), process_time() - begin))
+        run.online.append(localised.T_map_base)
+        if run.keyframes and run.keyframes[-1] == n and len(run.keyframes) % CORRECTED == 0:
+            begin = process_time()
+            slam.optimise()
+            run.settle_s.append((len(slam.graph), process_time() - begin))
+            run.stated.append((n, slam.poses[-1].copy(), slam.covariance))
+    slam.optimise()
+    return run
+
+
+def found(rng: np.random.Generator) -> NDArray[np.float64]:
+    """A random small transform: the error with which a carried robot is found."""
+    x, y, z, _, _, yaw = rng.normal(size=6) * FOUND
+    T = np.eye(4)
+    T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    T[:3, 3] = x, y, z
+    return T

@@ -1,0 +1,324 @@
+"""Tours: a robot follows waypoints at its true pose, and its depth images and odometry are kept.
+
+The robot slips a few times, and is carried elsewhere once, so that localisation has something to correct.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.arrays import Places, Pose, Poses, Values
+from pipeline.files import atomic_write
+from pipeline.frame import Frame, Intrinsics
+from pipeline.localisation.config import KeyframePolicy
+from pipeline.planning.pose_paths import PosePaths
+from pipeline.robot import Velocity
+from pipeline.transforms import wrap_angle, yaw_of
+from sarsim.ground_truth.true_surface import Survey
+from sarsim.scoring.oracle import true_traversability
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.loops.worlds import World, world_of
+
+LOOK_AHEAD = 0.4  # m, distance of the point on the path that the robot steers to
+ARRIVED = 0.25  # m
+TURN_IN_PLACE = np.deg2rad(40)
+"""rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
+SLIPS, SLIP_TIME, SLIPPERY = 3, 1.0, 0.002
+"""Number of slips of a tour, duration of a slip, s, and the friction of everything during it."""
+STEEP = np.deg2rad(4)
+"""rad, tilt from which the robot drives slowly."""
+HELD_TIME = 4.0
+"""s without progress after which the robot backs out and drives elsewhere."""
+GREY = 80, 60  # Width and height of the reduced colour images, pixels
+DEPTH_UNIT = 1e-4  # m, of the stored depth images
+SPACING = KeyframePolicy()
+"""Frames are as far apart as keyframes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tour:
+    """What a robot measured on a tour, and where it was.
+
+    Attributes:
+        times: (N,) time of each frame, s.
+        true: (N, 4, 4) true pose of ``base_link`` at each frame.
+        odometry: (N, 4, 4) pose by wheels and gyro.
+        T_base_camera: (N, 4, 4) pose of the camera on the robot.
+        was_carried: (N,) whether the robot was carried between the frame before and this one.
+        intrinsics: (6,) width, height, focal lengths and centre of the camera, pixels.
+        grey: (N, 60, 80) uint8 colour images, reduced to what shows whether the view has changed.
+        ends: (N,) end of each frame's image in ``images``.
+        images: depth images of all frames, as PNG files one after another.
+    """
+
+    times: Values
+    true: Poses
+    odometry: Poses
+    T_base_camera: Poses
+    was_carried: NDArray[np.bool_]
+    intrinsics: Values
+    grey: NDArray[np.uint8]
+    ends: NDArray[np.int64]
+    images: NDArray[np.uint8]
+
+    @classmethod
+    def load(cls, file: Path) -> "Tour":
+        """Read a tour that :func:`record` has written."""
+        with np.load(file) as content:
+            return cls(**content)
+
+    def frames(self) -> Iterator[Frame]:
+        """The frames, with colour images of little detail."""
+        width, height, *rest = self.intrinsics
+        intrinsics = Intrinsics(int(width), int(height), *map(float, rest))
+        for k, (start, end) in enumerate(zip(np.append(0, self.ends), self.ends, strict=False)):
+            image = cv2.imdecode(self.images[start:end], cv2.IMREAD_UNCHANGED)
+            size = intrinsics.width, intrinsics.height
+            grey = cv2.resize(self.grey[k], size, interpolation=cv2.INTER_NEAREST)
+            rgb = np.repeat(grey[..., None], 3, axis=2)
+            depth = np.asarray(image, np.float32) * np.float32(DEPTH_UNIT)
+            yield Frame(
+                time=float(self.times[k]),
+                rgb=rgb,
+                depth=depth,
+                intrinsics=intrinsics,
+                T_base_camera=self.T_base_camera[k],
+                T_odom_base=self.odometry[k],
+            )
+
+
+def record(world: str, seed: int, length: float, file: Path) -> None:
+    """Drive ``length`` m through a world, and write the :class:`Tour`."""
+    place = world_of(world, seed)
+    robot = SimulatedRobot(place.arena, SimulationConfig(odometry="wheel"), seed)
+    try:
+        drive = Drive(robot, np.random.default_rng([seed, 1]), length)
+        ways = GraphWays(place, drive) if place.nodes is not None else GroundWays(drive)
+        drive.along(ways)
+        with atomic_write(file) as part, part.open("wb") as stream:
+            np.savez(stream, **drive.taken())
+    finally:
+        robot.close()
+
+
+class Ways:
+    """Where a tour leads."""
+
+    def next(self) -> Places | None:
+        """(N, 2) m, the path to the next waypoint from the robot's true pose; None if there is none."""
+        raise NotImplementedError
+
+    def moved(self) -> None:
+        """Called when the robot was carried."""
+
+    def lead_on_from(self, place: Places) -> bool:
+        """Whether there is a way on from a place (2,), m."""
+        return True
+
+
+class GraphWays(Ways):
+    """A lap along the world's nodes, then a walk along the least visited edges."""
+
+    def __init__(self, world: World, drive: "Drive") -> None:
+        self._world, self._drive, self._rng = world, drive, drive.rng
+        self._nodes = np.asarray(world.nodes)
+        self._lap = list(world.lap)[1:]
+        self._at, self._before = world.lap[0], -1
+        self._visits = {frozenset(edge): 0 for edge in world.edges}
+
+    def next(self) -> Places | None:
+        """The path to the next node."""
+        if self._lap:
+            there = self._lap.pop(0)
+        else:
+            edges = [edge for edge in self._visits if self._at in edge]
+            weights = [self._visits[edge] + (2 if self._before in edge else 0) + self._rng.random() for edge in edges]
+            (there,) = edges[int(np.argmin(weights))] - {self._at}
+        edge = frozenset((self._at, there))
+        self._visits[edge] = self._visits.get(edge, 0) + 1
+        self._before, self._at = self._at, there
+        return np.array([self._drive.place, self._nodes[there]])
+
+    def lead_on_from(self, place: Places) -> bool:
+        """Whether the place is near a node."""
+        return bool(np.linalg.norm(self._nodes - place, axis=1).min() < 0.5)
+
+    def moved(self) -> None:
+        """Continue from the nearest node of the same storey."""
+        self._lap.clear()
+        self._at = int(np.linalg.norm(self._nodes - self._drive.place, axis=1).argmin())
+        if self._drive.height > 1.0:  # the upper storey's nodes are the last ones
+            self._at = int(
+                len(self._nodes) - 1 - np.linalg.norm(self._nodes[::-1] - self._drive.place, axis=1).argmin()
+            )
+
+
+class GroundWays(Ways):
+    """Paths on the true ground to random places, planned as the robot does."""
+
+    def __init__(self, drive: "Drive") -> None:
+        robot = drive.robot
+        model, data = robot.physics.model.ptr, robot.physics.data.ptr
+        survey = Survey(model, data, robot.base_body, robot.model)
+        surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
+        self._ground, self._drive = true_traversability(surface, robot.model), drive
+        clear = ndimage.binary_erosion(surface.drivable, iterations=2)
+        self._places = surface.grid.centre_of(np.argwhere(clear if clear.any() else surface.drivable))
+
+    def next(self) -> Places | None:
+        """The path to a random place that is neither near nor out of reach."""
+        here, rng = self._drive.place, self._drive.rng
+        paths = PosePaths(self._ground, here, self._drive.heading)
+        for place in rng.permutation(self._places)[:50]:
+            if np.linalg.norm(place - here) > 3 and np.isfinite(paths.cost_to(place)):
+                return np.asarray(paths.path_to(place)[:, :2])
+        return None
+
+
+class Drive:
+    """A robot on its tour, and what it has recorded.
+
+    Attributes:
+        robot: the robot.
+        rng: decides where it goes, slips and is carried to.
+    """
+
+    def __init__(self, robot: SimulatedRobot, rng: np.random.Generator, length: float) -> None:
+        self.robot, self.rng, self._length = robot, rng, length
+        self._way = 0.0
+        self._frames: list[tuple[float, Pose, Pose, Pose, bool]] = []
+        self._images: list[NDArray[np.uint8]] = []
+        self._grey: list[NDArray[np.uint8]] = []
+        self._intrinsics = np.zeros(6)
+        self._carried = False
+        self._slips = sorted(rng.uniform(0.05, 0.95, SLIPS) * length)
+        self._carry = rng.uniform(0.5, 0.8) * length
+
+    @property
+    def T(self) -> Pose:
+        """True pose."""
+        return self.robot.trajectory[-1].T_world_base
+
+    @property
+    def place(self) -> Places:
+        """(2,) true position, m."""
+        return self.T[:2, 3]
+
+    @property
+    def height(self) -> float:
+        """Height above the lowest floor, m."""
+        return float(self.T[2, 3])
+
+    @property
+    def heading(self) -> float:
+        """True heading, rad."""
+        return yaw_of(self.T)
+
+    def along(self, ways: Ways) -> None:
+        """Drive until the tour is long enough."""
+        self._take()
+        while self._way < self._length and (path := ways.next()) is not None:
+            for goal in path[1:]:
+                if not self._drive_to(goal):
+                    break
+                if self._way > self._carry:
+                    self._carry = np.inf
+                    self._be_carried(ways)
+                    break
+
+    def taken(self) -> dict[str, NDArray]:
+        """The content of a :class:`Tour`."""
+        times, true, odometry, T_base_camera, carried = zip(*self._frames, strict=True)
+        return {
+            "times": np.array(times),
+            "true": np.array(true),
+            "odometry": np.array(odometry),
+            "T_base_camera": np.array(T_base_camera),
+            "was_carried": np.array(carried),
+            "intrinsics": self._intrinsics,
+            "grey": np.array(self._grey),
+            "ends": np.cumsum([len(image) for image in self._images]),
+            "images": np.concatenate(self._images),
+        }
+
+    def _drive_to(self, goal: Places) -> bool:
+        """Drive in a straight line; False if the robot does not get there."""
+        model, nearest, since = self.robot.model, np.inf, self.robot.time
+        while (distance := float(np.linalg.norm(goal - self.place))) > ARRIVED:
+            if distance < nearest - 0.05:
+                nearest, since = distance, self.robot.time
+            if self.robot.time - since > HELD_TIME + np.pi / model.turn_rate:
+                for _ in range(round(1.5 / self.robot.control_period)):
+                    self._send(Velocity(-0.2, 0.0))
+                return False
+            if self._slips and self._way > self._slips[0]:
+                self._slips.pop(0)
+                self._slip()
+            ahead = goal - self.place
+            off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - self.heading)
+            is_steep = self.T[2, 2] < np.cos(STEEP)
+            speed, rate = (model.ramp_speed, model.ramp_turn_rate) if is_steep else (model.speed, model.turn_rate)
+            if abs(off) > TURN_IN_PLACE:
+                self._send(Velocity(0.0, float(np.clip(2.0 * off, -rate, rate))))
+            else:
+                v = min(speed, 0.15 + distance) * np.cos(off) ** 2
+                turn = 2 * v * np.sin(off) / max(LOOK_AHEAD, min(distance, 1.0))
+                self._send(Velocity(float(v), float(np.clip(turn, -rate, rate))))
+        return True
+
+    def _send(self, command: Velocity) -> None:
+        before = self.place.copy()
+        self.robot.drive(command)
+        self._way += float(np.linalg.norm(self.place - before))
+        if SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
+            self._take()
+
+    def _slip(self) -> None:
+        """Stop, and let the wheels spin for a while without grip."""
+        for _ in range(round(0.5 / self.robot.control_period)):
+            self._send(Velocity())
+        model = self.robot.physics.model.ptr
+        friction = model.geom_friction.copy()
+        model.geom_friction[:] = SLIPPERY
+        for _ in range(round(SLIP_TIME / self.robot.control_period)):
+            self._send(Velocity(0.4, 0.0))
+        for _ in range(round(0.2 / self.robot.control_period)):
+            self._send(Velocity())
+        model.geom_friction[:] = friction
+
+    def _be_carried(self, ways: Ways) -> None:
+        """Set the robot down at an earlier place of its tour, from where it can drive on."""
+        earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
+        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and ways.lead_on_from(T[:2, 3])]
+        if not level:
+            return
+        T, robot = level[self.rng.integers(len(level))], self.robot
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
+        robot.robot.set_pose(robot.physics, T[:3, 3] + [0, 0, 0.01], quat)
+        robot.physics.velocity()[:] = 0
+        mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
+        for _ in range(round(5.0 / robot.control_period)):
+            robot.drive(Velocity())
+        self._carried = True
+        ways.moved()
+        self._take()
+
+    def _take(self) -> None:
+        """Take a frame."""
+        frame = self.robot.sense()
+        pose = self.robot.trajectory[-1]
+        k = frame.intrinsics
+        self._intrinsics = np.array([k.width, k.height, k.fx, k.fy, k.cx, k.cy])
+        grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
+        self._grey.append(np.asarray(cv2.resize(grey, GREY, interpolation=cv2.INTER_AREA), np.uint8))
+        image = np.rint(frame.depth / DEPTH_UNIT).astype(np.uint16)
+        self._images.append(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].ravel())
+        self._frames.append((pose.time, pose.T_world_base, pose.T_odom_base, frame.T_base_camera, self._carried))
+        self._carried = False

@@ -92,11 +92,8 @@ class Loops:
         if self._confirmed:
             self._fitted = self._fits()
         for candidate in self._confirmed:
-            for owner, T_owner, (by_owner, information) in zip(
-                candidate.owners, candidate.T_owner_base, candidate.shares, strict=True
-            ):
-                # Use the pose from all owners, since a single owner may leave directions undetermined.
-                self.closed.append(Loop(int(owner), candidate.keyframe, T_owner))
+            for owner, (by_owner, information) in zip(candidate.owners, candidate.shares, strict=True):
+                self.closed.append(Loop(int(owner), candidate.keyframe, by_owner))
                 T_map_base = graph.poses[owner] @ by_owner
                 graph.connect(int(owner), candidate.keyframe, T_map_base, information, Kind.LOOP)
             self._counted.append(candidate)

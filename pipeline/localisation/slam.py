@@ -456,7 +456,10 @@ class Slam(Localisation):
         if not found.is_sure or seen_through(frame, found.T, target.points, loops.seen_through) > loops.most_through:
             return
         shares, _ = shares_of(target, cloud, found.T, config)
+        shares = [share for share in shares if is_pinned(share.information, loops.pinned_deviation)]
         shares = shares[: self._config.slam.most_shares]
+        if not shares:
+            return
         points = transform_places(found.T, cloud.points()[:, :3])
         for owner in (share.owner for share in shares):
             view = self._views[owner]
@@ -573,3 +576,9 @@ def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
     tilt = (np.eye(3) - np.outer(up, up)) / sigma**2
     return Prior(level, block_diag(tilt, np.zeros((3, 3))))
+
+
+def is_pinned(information: Information, deviation: float) -> bool:
+    """Whether this information determines position and heading, the latter at 1 m, to within ``deviation`` m."""
+    covariance = np.linalg.inv(information + np.eye(len(information)))
+    return bool(np.linalg.eigvalsh(covariance[2:5, 2:5])[-1] < deviation**2)

@@ -14,7 +14,7 @@ import small_gicp
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from pipeline.arrays import Covariance, Mask, Places, Points, Pose, Poses, Values
+from pipeline.arrays import Covariance, Information, Mask, Places, Points, Pose, Poses, Values
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState, evidence_of_overlap, place_bounded, tiles_covered

@@ -153,8 +153,9 @@ class LoopConfig:
     Attributes:
         least_fit: minimum share of the surfaces seen recently that lie on old ones, as far as these reach.
         rival: maximum fit of any other place, relative to the best one; above it, the place is ambiguous.
-        pinned_deviation: an old keyframe's surfaces must determine position and heading to within this deviation, m and
-            rad.
+        pinned_deviation: the old surfaces must determine position and heading to within this deviation, m and rad.
+        sigma: standard deviation of a loop's pose, m, to which that by registration is added: surfaces that were seen
+            along some metres of path are not quite rigid.
         most_through: maximum share of points that the new frame looks through, or that old frames looked through.
         seen_through: a frame looks through a surface if it has a return more than this behind it, m.
         agreeing: minimum number of keyframes that find the same place.
@@ -170,6 +171,7 @@ class LoopConfig:
     least_fit: float = 0.5
     rival: float = 0.9
     pinned_deviation: float = 0.05
+    sigma: float = 0.02
     most_through: float = 0.05
     seen_through: float = 0.15
     agreeing: int = 3
@@ -184,8 +186,8 @@ class LoopConfig:
     def __post_init__(self) -> None:
         """InputError if no loop could be closed."""
         section = "localisation.loops"
-        require_positive(section, self, "least_fit", "pinned_deviation", "seen_through", "tolerance")
-        require_positive(section, self, "contradiction")
+        require_positive(section, self, "least_fit", "pinned_deviation", "sigma", "seen_through")
+        require_positive(section, self, "tolerance", "contradiction")
         require_at_least(1, section, self, "agreeing", "remembered")
 
 

@@ -5,7 +5,7 @@ import small_gicp
 
 from pipeline.arrays import Directions, Indices, Mask, Place, Places, Points, Pose, Poses, Values
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.registration import Target, front_normals
+from pipeline.localisation.registration import Surfaces, Target, front_normals
 from pipeline.transforms import transform_places
 
 FOOT_RADIUS = 0.25
@@ -62,15 +62,15 @@ class LocalMap:
         owner = self.owner[near]
         return Target(at[near], normals[near], owner, None if weight is None else weight[owner])
 
-    def surfaces(self, place: Place, reach: float, owners: Mask) -> tuple[Places, Directions]:
-        """Points and normals in ``map`` within ``reach`` m of a place along x and y.
+    def surfaces(self, place: Place, reach: float, owners: Mask) -> tuple[Surfaces, Indices]:
+        """The surfaces in ``map`` within ``reach`` m of a place along x and y, and the keyframe that owns each point.
 
         ``owners``: whether each keyframe's points may be used.
         """
         margin = np.array([reach, reach, np.inf])
         near = self._within(place - margin, place + margin, owners)
         at, normals = self._in_map
-        return at[near], normals[near]
+        return Surfaces(at[near], normals[near]), self.owner[near]
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
         """Heights of the ground points right below a robot, m in ``base_link``, and the keyframes that own them.

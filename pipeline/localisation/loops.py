@@ -1,55 +1,45 @@
 """Loop closures: keyframes that revisit a place whose position is too uncertain to register frames with it directly.
 
 A single registration may be wrong: two corners look alike, or a frame shows too little. A loop is therefore closed
-only once several keyframes along the way have found the old surfaces in the same place (pairwise consistency; Mangelson
-et al., "Pairwise consistent measurement set maximization", 2018). It is removed again if the solved graph contradicts
-it, or if it contradicts others.
+only once several keyframes along the way have found the old surfaces in the same place (pairwise consistency;
+Mangelson et al., "Pairwise consistent measurement set maximization", 2018). It is removed again if the solved graph
+contradicts it, or if it contradicts others.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Covariance, Indices, Information, Places, Points, Pose, Poses, Values
+from pipeline.arrays import Covariance, Indices, Places, Points, Pose, Poses, Values
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.pose_graph import Kind, PoseGraph, adjoints, spread
-from pipeline.localisation.registration import Registration, Share, logarithm
+from pipeline.localisation.registration import logarithm
 from pipeline.transforms import inverse, transform_points
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A keyframe registered with older ones that may have seen the same place.
+    """A keyframe that may have come back to the place of an older one.
 
     Attributes:
         keyframe: index of the keyframe.
-        covariance: covariance of the registered pose.
-        owners: indices of the older keyframes, the most informative first.
-        T_owner_base: pose relative to each older keyframe, as registered with all of them.
-        shares: pose relative to each older keyframe, as registered with its points alone, and the pose's information.
+        first: index of the older keyframe.
+        T_first_base: pose of the keyframe relative to the older one, as registered.
+        covariance: covariance of that pose, in its tangent space.
     """
 
     keyframe: int
+    first: int
+    T_first_base: Pose
     covariance: Covariance
-    owners: Indices
-    T_owner_base: Poses
-    shares: Sequence[tuple[Pose, Information]]
-
-    @classmethod
-    def of(cls, keyframe: int, found: Registration, shares: Sequence[Share], poses: Poses) -> "Candidate":
-        """A keyframe registered with others; ``poses``: current poses of all keyframes, which may change later."""
-        owners = np.array([share.owner for share in shares])
-        parts = [(inverse(poses[share.owner]) @ share.T, share.information) for share in shares]
-        return cls(keyframe, found.covariance, owners, np.linalg.inv(poses[owners]) @ found.T, parts)
 
     def T_map_base(self, poses: Poses) -> Pose:
         """Pose of the keyframe according to the loop, given the ``poses`` of all keyframes."""
-        return poses[self.owners[0]] @ self.T_owner_base[0]
+        return poses[self.first] @ self.T_first_base
 
 
 class Loops:
@@ -92,10 +82,10 @@ class Loops:
         if self._confirmed:
             self._fitted = self._fits()
         for candidate in self._confirmed:
-            for owner, (by_owner, information) in zip(candidate.owners, candidate.shares, strict=True):
-                self.closed.append(Loop(int(owner), candidate.keyframe, by_owner))
-                T_map_base = graph.poses[owner] @ by_owner
-                graph.connect(int(owner), candidate.keyframe, T_map_base, information, Kind.LOOP)
+            first, number = candidate.first, candidate.keyframe
+            self.closed.append(Loop(first, number, candidate.T_first_base))
+            information = np.asarray(np.linalg.inv(candidate.covariance))
+            graph.connect(first, number, candidate.T_map_base(graph.poses), information, Kind.LOOP)
             self._counted.append(candidate)
             graph.is_unsettled = True
 
@@ -128,8 +118,8 @@ class Loops:
         T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
         off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)
         new = graph.covariance(second.keyframe, first.keyframe)
-        (back,) = adjoints(inverse(second.T_owner_base[0])[None])
-        old = back @ graph.covariance(int(second.owners[0]), int(first.owners[0])) @ back.T
+        (back,) = adjoints(inverse(second.T_first_base)[None])
+        old = back @ graph.covariance(second.first, first.first) @ back.T
         least = np.diag(spread(self._config.tolerance, self._lever) ** 2)
         return self._accepts(off, first.covariance + second.covariance + new + old + least)
 

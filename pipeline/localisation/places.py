@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Directions, Places, Pose, Values
+from pipeline.arrays import Places, Pose, Values
 from pipeline.geometry.thinning import voxel_means
+from pipeline.localisation.registration import Surfaces
 from pipeline.localisation.relocalisation_kernels import score
 from pipeline.transforms import from_yaw
 
@@ -23,12 +24,14 @@ VOXEL = 0.1
 UPRIGHT = 0.5
 """Maximum vertical component of the normals of the surfaces compared; level ground is alike everywhere."""
 PATCH, LEAST_PATCHES, MOST_PATCHES = 0.15, 80, 400
-"""Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is drawn
-at random if there are more."""
+"""Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is
+drawn at random if there are more."""
+BESIDE = 0.5
+"""What a patch counts in a voxel beside one that holds an old surface; in the voxel itself it counts 1."""
 SIGMAS = 3.0
 """The search covers this many standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
-"""Spacing of the positions, m, and of the headings, rad, that are tried: at 4 m, half a step moves a point by 5 cm."""
+"""Spacing of the positions, m, and headings, rad, that are tried: at 4 m, half a step moves a point by 5 cm."""
 WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
 """Maximum range of the search, m and rad."""
 SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)
@@ -41,7 +44,7 @@ class FoundPlace:
 
     Attributes:
         T_move: how the robot's pose in ``map`` must be moved, on the left.
-        fit: share of the patches that lie on old surfaces there.
+        fit: mean of what the patches count there, up to 1 if all lie on old surfaces.
         rival: the same at the best other place; 0 if there is none.
     """
 
@@ -50,21 +53,19 @@ class FoundPlace:
     rival: float
 
 
-def find_place(
-    recent: tuple[Places, Directions], old: tuple[Places, Directions], T_map_base: Pose, sigmas: Values
-) -> FoundPlace | None:
+def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values) -> FoundPlace | None:
     """Where the surfaces seen recently fit the old ones best; None if there are too few.
 
     Args:
-        recent, old: points and normals (N, 3) in ``map``.
+        recent, old: surfaces in ``map``.
         T_map_base: estimated pose of the robot.
         sigmas: (3,) standard deviations of the position along x and y, m, and of the heading, rad, all relative to
             the old surfaces.
     """
     here = T_map_base[:3, 3]
-    patches = voxel_means(upright(*recent) - here, PATCH)
+    patches = voxel_means(upright(recent) - here, PATCH)
     patches = patches[np.linalg.norm(patches[:, :2], axis=1) < RADIUS]
-    target = upright(*old) - here
+    target = upright(old) - here
     if len(patches) < LEAST_PATCHES or len(target) < LEAST_PATCHES:
         return None
     patches = np.random.default_rng(0).permutation(patches)[:MOST_PATCHES]
@@ -79,8 +80,8 @@ def find_place(
     lower, upper = np.append(-reach[:2], heights[0] - reach[2]), np.append(reach[:2], heights[1] + reach[2])
     field = _field(target, lower, upper)
     scores = np.empty((len(moves), len(yaws)), np.float32)
-    cloud, gain = (patches / VOXEL).astype(np.float32), np.zeros((len(patches), 2), np.float32)
-    gain[:, 1] = 1 / len(patches)
+    cloud = (patches / VOXEL).astype(np.float32)
+    gain = np.tile(np.array([0.0, BESIDE, 1.0], np.float32) / len(patches), (len(patches), 1))
     score(cloud, gain, ((moves - lower) / VOXEL).astype(np.float32), yaws, field, scores)
     # The best place, and the best one elsewhere.
     n, m = np.unravel_index(scores.argmax(), scores.shape)
@@ -93,9 +94,9 @@ def find_place(
     return FoundPlace(T_move, float(scores[n, m]), float(rivals.max()) if rivals.size else 0.0)
 
 
-def upright(points: Places, normals: Directions) -> Places:
+def upright(surfaces: Surfaces) -> Places:
     """The points on upright surfaces."""
-    return points[np.abs(normals[:, 2]) < UPRIGHT]
+    return surfaces.at[np.abs(surfaces.facing[:, 2]) < UPRIGHT]
 
 
 def _around(reach: float, step: float) -> Values:
@@ -105,10 +106,10 @@ def _around(reach: float, step: float) -> Values:
 
 
 def _field(points: Places, lower: Values, upper: Values) -> NDArray[np.uint8]:
-    """The voxels in a box that contain a point, or touch one that does."""
+    """The voxels in a box: 2 if they contain a point, 1 if they touch one that does, else 0."""
     cells = np.floor((points - lower) / VOXEL).astype(np.int64)
     shape = np.ceil((upper - lower) / VOXEL).astype(np.int64) + 2
     inside = ((cells >= 0) & (cells < shape)).all(axis=1)
     field = np.zeros(shape, np.bool_)
     field[tuple(cells[inside].T)] = True
-    return ndimage.binary_dilation(field, np.ones((3, 3, 3), np.bool_)).astype(np.uint8)
+    return field.astype(np.uint8) + ndimage.binary_dilation(field, np.ones((3, 3, 3), np.bool_))

@@ -52,6 +52,31 @@ class Share:
     information: Information
 
 
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Points on surfaces with normals on the side from which they were seen; a source like a frame's cloud.
+
+    Attributes:
+        at: (N, 3) points.
+        facing: (N, 3) normals.
+    """
+
+    at: Places
+    facing: Directions
+
+    def points(self) -> Places:
+        """The points."""
+        return self.at
+
+    def normals(self) -> Directions:
+        """The normals."""
+        return self.facing
+
+    def size(self) -> int:
+        """Number of points."""
+        return len(self.at)
+
+
 class Target:
     """Points that a source is registered with.
 
@@ -129,7 +154,7 @@ def exponential(tangent: NDArray[np.float64]) -> Pose:
 
 def register(
     target: Target,
-    source: small_gicp.PointCloud,
+    source: small_gicp.PointCloud | Surfaces,
     priors: Sequence[Prior],
     farthest: float,
     config: RegistrationConfig,
@@ -206,7 +231,7 @@ class _Pairs:
     def __init__(
         self,
         target: Target,
-        source: small_gicp.PointCloud,
+        source: small_gicp.PointCloud | Surfaces,
         T: Pose,
         gate: float,
         config: RegistrationConfig,
@@ -219,7 +244,8 @@ class _Pairs:
         near = np.flatnonzero(self.squared < gate**2)
         n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
-        alike = np.abs(cosine) > config.same_surface
+        # The normals of a frame's cloud have no side; its target has only surfaces that face the camera.
+        alike = (cosine if isinstance(source, Surfaces) else np.abs(cosine)) > config.same_surface
         self.source, self.target = near[alike], index[near[alike]]
         away = target.points[self.target] - at[self.source]
         self.rows = []

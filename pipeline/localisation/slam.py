@@ -29,6 +29,7 @@ from pipeline.localisation.registration import (
     Prior,
     Registration,
     Share,
+    Surfaces,
     Target,
     cloud_of,
     exponential,
@@ -53,6 +54,8 @@ STOPPED_WAY = 0.05
 """A camera that shows the same image after a longer drive, m, has stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
+MOST_REGISTERED = 4000
+"""Maximum number of recently seen points that are registered with old ones, drawn at random."""
 STOREY = 0.7
 """Old surfaces are sought up to this height above or below the robot's own path, m."""
 SMALL = 80, 60
@@ -440,32 +443,36 @@ class Slam(Localisation):
         sigmas = np.array([x, y, np.sqrt(np.square(turns).mean(axis=1)).max()])
         reach = RADIUS + min(3 * float(max(x, y)), WIDEST)
         here = T[:3, 3]
-        recent, before = self.local_map.surfaces(here, RADIUS, self._local), self.local_map.surfaces(here, reach, old)
+        recent, _ = self.local_map.surfaces(here, RADIUS, self._local)
+        before, owner = self.local_map.surfaces(here, reach, old)
         place = find_place(recent, before, T, sigmas)
         if place is None or place.fit < loops.least_fit or place.rival > loops.rival * place.fit:
             return
-        # Register the keyframe there. It must not look through old surfaces, nor old frames through its own.
+        # Register all of it there with what the keyframes saw that saw most of the place, and are sure of each other.
         guess = place.T_move @ T
-        target = self._target(cloud.points()[:, :3], guess, frame, old, config.widest)
-        if target is None:
+        near = np.linalg.norm(before.at[:, :2] - guess[:2, 3], axis=1) < RADIUS
+        if not near.any():
             return
-        target.weight[:] = 1.0
-        prior = Prior(guess, np.diag(spread(STEP, config.lever) ** -2.0))
+        first = int(np.bincount(owner[near]).argmax())
+        near &= self.graph.deviations(first)[0][owner] < self._config.slam.local_deviation
+        target = Target(before.at[near], before.facing[near], owner[near])
+        some = np.random.default_rng(0).permutation(recent.size())[:MOST_REGISTERED]
+        source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])
+        if len(target.points) < config.least_points:
+            return
+        prior = Prior(guess, np.diag(spread(2 * STEP, config.lever) ** -2.0))
         level = by_gravity(guess, frame, self._config.odometry.gravity_sigma)
-        found = register(target, cloud, [prior, level], config.coarse, config)
-        if not found.is_sure or seen_through(frame, found.T, target.points, loops.seen_through) > loops.most_through:
+        found = register(target, source, [prior, level], config.coarse, config)
+        if not (found.fits and is_pinned(found.information, loops.pinned_deviation)):
             return
-        shares, _ = shares_of(target, cloud, found.T, config)
-        shares = [share for share in shares if is_pinned(share.information, loops.pinned_deviation)]
-        shares = shares[: self._config.slam.most_shares]
-        if not shares:
-            return
-        points = transform_places(found.T, cloud.points()[:, :3])
-        for owner in (share.owner for share in shares):
-            view = self._views[owner]
-            if view and seen_through(view, poses[owner], points, loops.seen_through) > loops.most_through:
-                return
-        self._loops.propose(Candidate.of(number, found, shares, poses))
+        # The frame must not look through old surfaces, nor an old frame through what this one shows.
+        shown = transform_places(found.T, cloud.points()[:, :3])
+        view = self._views[first]
+        through = [seen_through(frame, found.T, target.points, loops.seen_through)]
+        through += [seen_through(view, poses[first], shown, loops.seen_through)] if view else []
+        if max(through) <= loops.most_through:
+            known = np.linalg.inv(found.information + np.eye(6)) + np.diag(spread(loops.sigma, config.lever) ** 2)
+            self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, known))
 
 
 def reduced(frame: Frame) -> Frame:

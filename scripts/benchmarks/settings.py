@@ -184,6 +184,22 @@ class RunsSettings(SubjectSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopsSettings(RunsSettings):
+    """Loop closures and uncertainty of the pose, on tours through worlds in which loops matter.
+
+    Attributes:
+        worlds: ring, wings, storeys, hall and panels, or names or files of arenas.
+        seeds: seeds of the tours in each world.
+        length: length of a tour, m.
+    """
+
+    worlds: tuple[str, ...] = ("ring", "wings", "storeys", "hall", "panels")
+    seeds: tuple[int, ...] = (0, 1, 2)
+    length: float = 160.0
+    runs: Path = Path("runs/benchmark-loops")
+
+
+@dataclass(frozen=True, kw_only=True)
 class DrivesSettings(RunsSettings):
     """Settings of the subjects that drive in many arenas.
 
@@ -362,6 +378,7 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "lanes": LanesSettings,
     "lidar": LidarSettings,
     "localisation": LocalisationSettings,
+    "loops": LoopsSettings,
     "metric-map": MetricMapSettings,
     "networks": NetworksSettings,
     "planning": PlanningSettings,

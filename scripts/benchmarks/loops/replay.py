@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pipeline.arrays import Poses
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.slam import Slam
-from pipeline.metric_map.config import IsolatedReturnsConfig
 from pipeline.metric_map.isolated_returns import remove_isolated_returns
 from scripts.benchmarks.loops.tours import Tour
 
@@ -50,7 +49,7 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
     slam = run.slam
     rng = np.random.default_rng(0)
     for n, frame in enumerate(tour.frames()):
-        frame = remove_isolated_returns(frame, IsolatedReturnsConfig())
+        frame = remove_isolated_returns(frame)
         if tour.was_carried[n]:
             slam.set_down(tour.true[n] @ found(rng))
         begin = process_time()

@@ -36,6 +36,7 @@ STEEP = np.deg2rad(4)
 HELD_TIME = 4.0
 """s without progress after which the robot backs out and drives elsewhere."""
 GREY = 80, 60  # Width and height of the reduced colour images, pixels
+SLOWEST = 8.0  # s per m; a tour ends if it takes longer
 DEPTH_UNIT = 1e-4  # m, of the stored depth images
 SPACING = KeyframePolicy()
 """Frames are as far apart as keyframes."""
@@ -223,7 +224,8 @@ class Drive:
     def along(self, ways: Ways) -> None:
         """Drive until the tour is long enough."""
         self._take()
-        while self._way < self._length and (path := ways.next()) is not None:
+        most = SLOWEST * self._length
+        while self._way < self._length and self.robot.time < most and (path := ways.next()) is not None:
             for goal in path[1:]:
                 if not self._drive_to(goal):
                     break

@@ -1,0 +1,60 @@
+"""Which frames of a tour show places again, from ground truth."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pipeline.arrays import Indices, Values
+from pipeline.localisation.config import RegistrationConfig
+from pipeline.localisation.slam import cloud_of_frame
+from pipeline.transforms import transform_places
+from scripts.benchmarks.localisation_scores import way_driven
+from scripts.benchmarks.loops.tours import Tour
+
+AGAIN = 20.0  # m of path between two passes
+SAME_SURFACE = 0.05  # m
+LEAST_SEEN = 0.4  # Share of a frame's points that were seen in the earlier pass
+DETERMINED = 0.005
+"""Minimum eigenvalue, per point, of the information of heading (with a lever of ``LEVER``), x and y in the normals of
+these points; along a corridor it is 0, in a square room 0.3."""
+LEVER = 2.0  # m
+SPLIT = 3.0  # m of path that end a stretch of revisit
+
+
+def revisits(tour: Tour) -> list[Indices]:
+    """The stretches of revisit, each as the indices of its frames."""
+    way, shown = way_driven(tour.true), np.zeros(len(tour.times), np.bool_)
+    clouds, trees = list[NDArray[np.float64]](), list[cKDTree]()
+    for n, frame in enumerate(tour.frames()):
+        cloud = cloud_of_frame(frame, RegistrationConfig())
+        points = np.zeros((0, 3)) if cloud is None else transform_places(tour.true[n], cloud.points()[:, :3])
+        clouds.append(points)
+        trees.append(cKDTree(points))
+        if cloud is not None:
+            normals = cloud.normals()[:, :3] @ tour.true[n, :3, :3].T
+            shown[n] = _is_seen_again(points, normals, tour.true[:, :3, 3], way, n, trees)
+    frames = np.flatnonzero(shown)
+    return np.split(frames, np.flatnonzero(np.diff(way[frames]) > SPLIT) + 1) if len(frames) else []
+
+
+def _is_seen_again(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    places: NDArray[np.float64],
+    way: Values,
+    frame: int,
+    trees: list[cKDTree],
+) -> bool:
+    """Whether an earlier pass saw enough of a frame's points, and enough of them to determine its pose."""
+    seen = np.zeros(len(points), np.bool_)
+    for k in np.flatnonzero(way[: frame + 1] < way[frame] - AGAIN):
+        if np.linalg.norm(places[k] - places[frame]) < 7 and trees[k].n:
+            left = np.flatnonzero(~seen)
+            seen[left] = np.isfinite(trees[k].query(points[left], distance_upper_bound=SAME_SURFACE)[0])
+            if seen.all():
+                break
+    if not np.mean(seen) >= LEAST_SEEN:
+        return False
+    off, n = points[seen] - places[frame], normals[seen]
+    J = np.column_stack([(off[:, 0] * n[:, 1] - off[:, 1] * n[:, 0]) / LEVER, n[:, 0], n[:, 1]])
+    return bool(np.linalg.eigvalsh(J.T @ J / len(J))[0] > DETERMINED)

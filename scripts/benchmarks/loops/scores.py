@@ -1,0 +1,104 @@
+"""Scores of a replay against the true poses."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Indices, Poses, Values
+from pipeline.localisation.pose_graph import Kind
+from scripts.benchmarks.localisation_scores import errors_of, relative, rms, way_driven
+from scripts.benchmarks.loops.replay import Replay
+from scripts.benchmarks.loops.revisits import AGAIN
+from scripts.benchmarks.loops.tours import Tour
+
+FALSE = 0.2, np.deg2rad(5)
+"""m and rad; a constraint that is off by more in a direction that it determines is false."""
+RIGHT = 0.1, np.deg2rad(2)
+"""m and rad; a constraint that is off by less links two passes."""
+MOST_CLOSURES = 12  # of a drive that count
+LENGTHS = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
+"""m of path, by the name of the NEES."""
+APART = 10, 50, 200
+"""Keyframes between which relative poses are compared."""
+PAIRS = 60  # Relative poses compared, at most, for each
+
+
+def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
+    """The figures of a tour; ``stretches``: of revisit, from :func:`revisits`."""
+    way, true = way_driven(tour.true), tour.true[run.keyframes]
+    graph, path = run.slam.graph, float(way[-1])
+    ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
+    constraints, kinds = graph.constraints, graph.kinds
+    off, angle = _offsets(true, constraints.first, constraints.second, constraints.T, constraints.whitening)
+    registered = (kinds == Kind.SURFACE) | (kinds == Kind.LOOP)
+    is_false = registered & ((off > FALSE[0]) | (angle > FALSE[1]))
+    is_right = registered & (off < RIGHT[0]) & (angle < RIGHT[1])
+    frames = np.array(run.keyframes)
+    ends = frames[constraints.first], frames[constraints.second]
+    linked = closures = false_closures = 0
+    for stretch in stretches:
+        inside = (ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]) & (way[ends[0]] < way[ends[1]] - AGAIN)
+        linked += bool((inside & is_right).any())
+        loops = inside & (kinds == Kind.LOOP)
+        closures += bool(loops.any())
+        false_closures += bool((loops & is_false).any())
+    elsewhere = (kinds == Kind.LOOP) & is_false
+    for stretch in stretches:
+        elsewhere &= ~((ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]))
+    false_closures += bool(elsewhere.any())
+    return {
+        "revisits": len(stretches),
+        "linked": linked,
+        "constraints": int(registered.sum()),
+        "false": int(is_false.sum()),
+        "closures": min(closures, MOST_CLOSURES),
+        "false_closures": false_closures,
+        "ate_m": ate,
+        "ate_percent": 100 * ate / path,
+        "path_m": path,
+        "keyframes": len(frames),
+        "frame_ms": 1e3 * float(np.median([s for _, s in run.frame_s])),
+        "settle_ms": 1e3 * float(np.median([s for _, s in run.settle_s])),
+        "nees": _nees_by_length(tour, run, way),
+        "relative_nees": _relative_nees(true, run),
+    }
+
+
+def _offsets(
+    true: Poses, first: Indices, second: Indices, T: Poses, whitening: NDArray[np.float64]
+) -> tuple[Values, Values]:
+    """How far constraints are off, m and rad, in the directions that they determine.
+
+    A direction counts as far as the constraint's information exceeds that of ``FALSE``.
+    """
+    errors = errors_of(relative(true, first, second), T)
+    information = whitening.swapaxes(1, 2) @ whitening
+    least = np.diag(np.repeat([FALSE[1], FALSE[0]], 3) ** -2.0)
+    kept = np.einsum("nij,nj->ni", np.linalg.solve(information + least, information), errors)
+    return np.linalg.norm(kept[:, 3:], axis=1), np.linalg.norm(kept[:, :3], axis=1)
+
+
+def _nees_by_length(tour: Tour, run: Replay, way: Values) -> dict[str, list[float]]:
+    """The NEES, per dimension, of the newest pose at each correction, by the name of the path's length."""
+    frames, poses, covariances = map(np.array, zip(*run.stated, strict=True))
+    values = _each_nees(errors_of(tour.true[frames], poses), covariances)
+    return {
+        name: values[(way[frames] >= low) & (way[frames] < high)].tolist() for name, (low, high) in LENGTHS.items()
+    }
+
+
+def _relative_nees(true: Poses, run: Replay) -> dict[str, list[float]]:
+    """The NEES, per dimension, of the final poses of keyframes relative to others, by how many are between them."""
+    graph, found = run.slam.graph, dict[str, list[float]]()
+    for apart in APART:
+        first = np.arange(0, max(0, len(true) - apart), max(1, (len(true) - apart) // PAIRS))
+        if len(first):
+            errors = errors_of(relative(true, first, first + apart), relative(graph.poses, first, first + apart))
+            stated = np.array([graph.covariance(int(k) + apart, int(k)) for k in first])
+            found[str(apart)] = _each_nees(errors, stated).tolist()
+    return found
+
+
+def _each_nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> Values:
+    return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]) / 6)

@@ -259,12 +259,12 @@ class Drive:
                 for _ in range(round(1.5 / self.robot.control_period)):
                     self._send(Velocity(-0.2, 0.0))
                 return False
-            if self._slips and self._way > self._slips[0]:
+            is_steep = self.T[2, 2] < np.cos(STEEP)  # where a robot without grip would slide down
+            if self._slips and self._way > self._slips[0] and not is_steep:
                 self._slips.pop(0)
                 self._slip()
             ahead = goal - self.place
             off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - self.heading)
-            is_steep = self.T[2, 2] < np.cos(STEEP)
             speed, rate = (model.ramp_speed, model.ramp_turn_rate) if is_steep else (model.speed, model.turn_rate)
             if abs(off) > TURN_IN_PLACE:
                 self._send(Velocity(0.0, float(np.clip(2.0 * off, -rate, rate))))

@@ -168,20 +168,18 @@ def storeys(rng: np.random.Generator) -> World:
     for level in (0, 1):
         plan = Plan(builder, (-3.0, -3.0), (17.0, 16.0), level * STOREY)
         # The ramp begins at the south-east corner, and ends at the north-east one.
-        landing = (13.0, -1.0, 15.0, 0.6) if level == 0 else (13.0, 11.4, 15.0, 13.0)
-        plan.clear(*rooms, *dents, landing)
-        if level == 0:
-            plan.clear((13.0, 0.6, 15.0, 11.4))
+        landing = (13.0, -1.0, 15.2, 0.6) if level == 0 else (13.0, 11.4, 15.2, 13.0)
+        plan.clear(*rooms, *dents, landing, (13.2, 0.6, 15.2, 11.4))
         plan.add_walls(1.85 if level == 0 else 1.3)
-    for x0, y0, x1, y1 in (*rooms, *dents, (13.0, 11.4, 15.0, 13.0)):
+    for x0, y0, x1, y1 in (*rooms, *dents, (13.0, 11.4, 15.2, 13.0)):
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2, STOREY - 0.05), ((x1 - x0) / 2, (y1 - y0) / 2, 0.05)
         builder.add_geom("terrain", {"type": "box", "pos": middle, "size": half}, GREY)
     corners = np.array(
-        [(x, y, z) for x in (13.0, 15.0) for y, z in ((0.6, -0.05), (0.6, 0.0), (11.4, STOREY), (11.4, STOREY - 0.1))]
+        [(x, y, z) for x in (13.2, 15.2) for y, z in ((0.6, -0.05), (0.6, 0.0), (11.4, STOREY), (11.4, STOREY - 0.1))]
     )
     builder.add_geom("inclined_ramp", {"type": "mesh", "mesh": builder.add_mesh(corners)}, WOOD)
     # Node numbers: storey 0, its corner to the ramp, the ramp's ends, storey 1.
-    nodes = np.vstack([own, [(14, 0), (14, 12)], own])
+    nodes = np.vstack([own, [(14.2, -0.2), (14.2, 12.2)], own])
     ways = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)
     lap = (0, 3, 2, 1, 4, 5, 8, 9, 6, 7, 8, 5, 4, 1)
     return World(finished(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, neighbours(*ways), lap)

@@ -339,7 +339,8 @@ class Slam(Localisation):
     def _find(self, frame: Frame, is_held: bool) -> Match:
         """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
 
-        ``is_held``: whether the view is that of the frame before, so that the wheels must have spun on the spot.
+        ``is_held``: whether the view is that of the frame before. If it shows no surfaces either, the wheels must have
+        spun on the spot; along a plain corridor, it is the same although the robot moves.
         """
         config, start = self._config.registration, self._reference
         # The odometry of the first frame defines the map.
@@ -359,7 +360,7 @@ class Slam(Localisation):
             first = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE])))
         else:
             first = Prior(np.asarray(self._anchor), np.diag(self._found_sigmas() ** -2.0))
-        if odometry and is_held:
+        if odometry and is_held and cloud is None:
             first, _ = held_or_slipping(first, self.T_map_reference)
             odometry = None
             self.slips += 1
@@ -562,7 +563,7 @@ def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
 def shows_no_motion(before: Frame, after: Frame) -> bool:
     """Whether the view is the same although the wheels measured a motion.
 
-    Both images must be the same to within their noise: along a corridor, the depth alone may be.
+    Both images must be the same to within their noise.
     """
     moved = inverse(before.T_odom_base) @ after.T_odom_base
     if np.linalg.norm(moved[:3, 3]) < STOPPED_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.loops import Candidate, Loops, seen_through
 from pipeline.localisation.pose_graph import Kind, PoseGraph
-from pipeline.localisation.registration import Registration, Share, Target
-from pipeline.transforms import from_yaw, transform_points
+from pipeline.localisation.registration import Target
+from pipeline.transforms import from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import seen
 from tests.pipeline.polygon_scene import floor, wall
 
@@ -31,10 +31,9 @@ def there_and_back(drift: float) -> PoseGraph:
     return graph
 
 
-def propose(loops: Loops, graph: PoseGraph, keyframe: int, owner: int, T: NDArray[np.float64]) -> None:
+def propose(loops: Loops, graph: PoseGraph, keyframe: int, first: int, T: NDArray[np.float64]) -> None:
     """Propose that a keyframe is at a pose, according to an older keyframe."""
-    found = Registration(T, SURE, np.linalg.inv(SURE), 1.0, 0.0, SURE, True, True)
-    loops.propose(Candidate.of(keyframe, found, [Share(owner, T, SURE)], graph.poses))
+    loops.propose(Candidate(keyframe, first, inverse(graph.poses[first]) @ T, np.linalg.inv(SURE)))
 
 
 BACK = {6: (2, 0.5), 7: (1, 0.25), 8: (0, 0.0)}

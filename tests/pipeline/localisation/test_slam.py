@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
-from pipeline.localisation.config import (
-    KeyframePolicy,
-    LocalisationConfig,
-    LoopConfig,
-    RegistrationConfig,
-    SlamConfig,
-)
+from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig, SlamConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -274,15 +268,24 @@ def test_a_robot_that_was_set_down_where_it_sees_nothing_stays_there_on_the_map(
     assert 0.1 < np.sqrt(slam.covariance[3, 3]) < 0.2  # as uncertain as a place that was found
 
 
-def test_a_robot_that_comes_back_closes_loops_of_keyframes() -> None:
-    """It is to distrust all but its newest keyframes, so that it must recognise the room."""
-    config = LocalisationConfig(slam=SlamConfig(local_deviation=0.006), loops=LoopConfig(least_fit=0.3))
-    slam = driven(len(AROUND), Slam(config=config))
-    assert slam.loops
-    for loop in slam.loops:
-        expected = inverse(AROUND[loop.first]) @ AROUND[loop.second]
-        assert distance(loop.T_first_second, expected) < 0.07
-    assert distance(slam.poses[-1], AROUND[-1]) < 0.03
+def pictured(frame: Frame, shift: int) -> Frame:
+    """A frame with a colour image of stripes, ``shift`` pixels to the right."""
+    columns = (np.arange(frame.intrinsics.width) + shift) // 20 % 2
+    return replace(frame, rgb=np.broadcast_to(np.uint8(200 * columns)[None, :, None], (*frame.depth.shape, 3)).copy())
+
+
+@pytest.mark.parametrize(("shift", "is_held"), [(0, True), (13, False)])
+def test_wheels_that_spin_while_the_view_stays_do_not_move_the_robot(shift: int, is_held: bool) -> None:
+    """It stands before a wall too near for its camera, so that only the colour image shows whether it moves."""
+    slam, (frame, *_) = Slam(), frames()
+    blind = replace(frame, depth=0 * frame.depth)
+    slam.add(slam.localise(pictured(blind, 0)))
+    for k in range(1, 9):
+        T = frame.T_odom_base @ from_yaw(0.3 * k, 0, 0, 0)
+        slam.add(slam.localise(pictured(replace(blind, time=float(k), T_odom_base=T), k * shift)))
+    way = distance(slam.poses[0], slam.poses[-1])
+    assert way < 0.05 if is_held else way > 2.3
+    assert slam.slips == (8 if is_held else 0)
 
 
 def test_where_loops_are_not_closed_there_are_none() -> None:

@@ -11,7 +11,7 @@ Tangent vectors hold rotation before translation and act on the right: T · (Exp
 
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +76,8 @@ class Constraints(NamedTuple):
 
     def some(self, chosen: Mask | Indices) -> "Constraints":
         """A selection of the constraints."""
-        return Constraints(*(values[chosen] for values in self))
+        values: list[NDArray[Any]] = [of_all[chosen] for of_all in self]
+        return Constraints(*values)
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
         """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (5,)."""
@@ -133,8 +134,9 @@ class PoseGraph:
         self._ups = GrowingArray(3)
         self._samples = GrowingArray(6, SAMPLES)
         shapes = (), (), (4, 4), (6, 6), (3,), (3, ERRORS), (3, ERRORS), (6, ERRORS)
-        types = np.int64, np.int64, *[np.float64] * 6
-        self._rows = [GrowingArray(*shape, dtype=dtype) for shape, dtype in zip(shapes, types, strict=True)]
+        indices, numbers = shapes[:2], shapes[2:]
+        self._rows = [*(GrowingArray(*shape, dtype=np.int64) for shape in indices)]
+        self._rows += [GrowingArray(*shape) for shape in numbers]
         self._kinds = GrowingArray(dtype=np.int64)
         self._fixed = 0
         self._rng = np.random.default_rng(0)

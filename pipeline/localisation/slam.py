@@ -199,7 +199,8 @@ class Slam(Localisation):
                 self.graph.drive(match.prediction.motion)
             else:
                 motion = np.linalg.inv(match.step.information) + reference.covariance
-                self.graph.connect(reference.keyframe, number, match.step.T, np.linalg.inv(motion), Kind.MOTION)
+                information = np.asarray(np.linalg.inv(motion))
+                self.graph.connect(reference.keyframe, number, match.step.T, information, Kind.MOTION)
             known = match.step.information + (match.registration.information if match.registration else 0)
             self.graph.extend_samples(reference.keyframe, np.asarray(np.linalg.inv(known)))
         # Connect it with the keyframes that it was registered with, and with the ground that they saw below it.
@@ -339,8 +340,8 @@ class Slam(Localisation):
     def _find(self, frame: Frame, is_held: bool) -> Match:
         """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
 
-        ``is_held``: whether the view is that of the frame before. If it shows no surfaces either, the wheels must have
-        spun on the spot; along a plain corridor, it is the same although the robot moves.
+        ``is_held``: whether the view is that of the frame before. If it shows no surfaces either, the wheels must
+        have spun on the spot; along a plain corridor, it is the same although the robot moves.
         """
         config, start = self._config.registration, self._reference
         # The odometry of the first frame defines the map.
@@ -473,7 +474,7 @@ class Slam(Localisation):
         through += [seen_through(view, poses[first], shown, loops.seen_through)] if view else []
         if max(through) <= loops.most_through:
             known = np.linalg.inv(found.information + np.eye(6)) + np.diag(spread(loops.sigma, config.lever) ** 2)
-            self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, known))
+            self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, np.asarray(known)))
 
 
 def reduced(frame: Frame) -> Frame:

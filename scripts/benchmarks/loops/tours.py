@@ -6,6 +6,7 @@ The robot slips a few times, and is carried elsewhere once, so that localisation
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import mujoco
@@ -234,7 +235,7 @@ class Drive:
                     self._be_carried(ways)
                     break
 
-    def taken(self) -> dict[str, NDArray]:
+    def taken(self) -> dict[str, Any]:
         """The content of a :class:`Tour`."""
         times, true, odometry, T_base_camera, carried = zip(*self._frames, strict=True)
         return {

@@ -74,7 +74,7 @@ class Plan:
                 for start, stop in zip(starts, stops, strict=True):
                     across = self.low[axis] + line * CELL
                     along = self.low[1 - axis] + (np.array([start, stop]) - 1) * CELL
-                    self._add_wall(axis, across, *along, height)
+                    self._add_wall(axis, across, float(along[0]), float(along[1]), height)
 
     def _add_wall(self, axis: int, across: float, start: float, stop: float, height: float) -> None:
         middle, half = [across, (start + stop) / 2], [WALL, (stop - start) / 2 + WALL]
@@ -93,13 +93,13 @@ def corridor(x0: float, y0: float, x1: float, y1: float, width: float = 2.0) -> 
 
 def niches(rng: np.random.Generator, corridors: list[Rectangle], spacing: float = 3.0) -> list[Rectangle]:
     """Niches in the long walls of corridors, of random widths and depths, on average one every ``spacing`` m."""
-    found = []
+    found: list[Rectangle] = []
     for x0, y0, x1, y1 in corridors:
         is_along_x = x1 - x0 > y1 - y0
         start, stop = (x0, x1) if is_along_x else (y0, y1)
         for _ in range(rng.poisson((stop - start) / spacing)):
-            width, depth = 0.2 * rng.integers(2, 7), 0.2 * rng.integers(1, 5)
-            at = start + 1.0 + 0.2 * rng.integers(0, max(1, int((stop - start - 2.0) / 0.2)))
+            width, depth = 0.2 * int(rng.integers(2, 7)), 0.2 * int(rng.integers(1, 5))
+            at = start + 1.0 + 0.2 * int(rng.integers(0, max(1, int((stop - start - 2.0) / 0.2))))
             if is_along_x:
                 y = (y1, y1 + depth) if rng.random() < 0.5 else (y0 - depth, y0)
                 found.append((at, y[0], at + width, y[1]))

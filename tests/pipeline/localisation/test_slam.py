@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
-from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig, SlamConfig
+from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm

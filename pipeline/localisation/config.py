@@ -118,7 +118,7 @@ class PoseGraphConfig:
     fixed_sigma: float = 1e-4
     least_information: float = 1e-3
     tolerance: float = 1e-7
-    window: int = 60
+    window: int = 30
 
     def __post_init__(self) -> None:
         """InputError if the graph could not be solved."""

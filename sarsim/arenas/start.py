@@ -27,6 +27,7 @@ MOST_PLACES = 2000  # Maximum number of positions that are compared
 MOST_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
 ABOVE = 0.3  # m above a start from which the ground below it is looked for
 ON_GROUND = 0.005  # m; a start at most this far from the ground is on it
+SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
 UPRIGHT = np.radians(0.5)  # Largest tilt of a start that counts as upright, rad
 START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
 
@@ -62,9 +63,16 @@ def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -
         InputError: there is no ground with headroom below or above the start.
     """
     x, y, z = T_world_start[:3, 3]
-    tilt = float(np.arccos(np.clip(T_world_start[2, 2], -1, 1)))
     down = np.array([0.0, 0.0, -1.0])
-    over = mujoco.mj_ray(model, data, np.array([x, y, z + ABOVE]), down, None, 1, -1, np.zeros(1, np.int32)) - ABOVE
+    over, ahead, beside = (
+        mujoco.mj_ray(model, data, np.array([x, y, z + ABOVE]) + off, down, None, 1, -1, np.zeros(1, np.int32))
+        - ABOVE
+        for off in SLOPE * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    )
+    # On a slope, upright is what stands on it.
+    up = np.array([ahead - over, beside - over, SLOPE])
+    on_slope = float(np.arccos(np.clip(T_world_start[:3, 2] @ up / np.linalg.norm(up), -1, 1)))
+    tilt = min(float(np.arccos(np.clip(T_world_start[2, 2], -1, 1))), on_slope)
     if abs(over) > ON_GROUND:
         height = Survey(model, data).place(T_world_start[:3, 3], reach=np.inf)
         if height is None:

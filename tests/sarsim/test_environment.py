@@ -99,7 +99,8 @@ def test_an_arena_of_other_options_loads_and_the_robots_win(compiler, option, si
     environment.drive(Velocity())
     assert (options.timestep, options.impratio) == (0.002, 100)
     assert (options.integrator, options.cone) == (mjtIntegrator.mjINT_IMPLICITFAST, mjtCone.mjCONE_ELLIPTIC)
-    assert [("cone elliptic instead of pyramidal" in line) for line in caplog.messages] == [True] * bool(option)
+    warnings = [line for line in caplog.messages if "cone elliptic instead of pyramidal" in line]
+    assert len(warnings) == bool(option)
     environment.close()
 
 

@@ -104,7 +104,6 @@ class Loops:
             self._counted.remove(candidate)
             graph = self._graph
             graph.remove((graph.kinds == Kind.LOOP) & (graph.constraints.second == candidate.keyframe))
-            graph.is_unsettled = True
             self.closed[:] = [loop for loop in self.closed if loop.second != candidate.keyframe]
         return bool(false)
 

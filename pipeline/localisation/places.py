@@ -15,7 +15,7 @@ from pipeline.arrays import Places, Pose, Values
 from pipeline.geometry.thinning import voxel_means
 from pipeline.localisation.registration import Surfaces
 from pipeline.localisation.relocalisation_kernels import score
-from pipeline.transforms import from_yaw
+from pipeline.transforms import from_rotation, from_yaw
 
 RADIUS = 4.0
 """Distance from the robot up to which recently seen surfaces are compared, m."""
@@ -75,9 +75,10 @@ def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values
     dx, dy = np.meshgrid(_around(x, STEP), _around(y, STEP), indexing="ij")
     moves = np.column_stack([dx.ravel(), dy.ravel(), np.zeros(dx.size)])
     yaws = _around(turn, TURN_STEP)
-    reach = np.array([x + STEP, y + STEP, 0.0]) + np.array([RADIUS, RADIUS, 0.0]) + 2 * VOXEL
-    heights = np.array([patches[:, 2].min(), patches[:, 2].max()])
-    lower, upper = np.append(-reach[:2], heights[0] - reach[2]), np.append(reach[:2], heights[1] + reach[2])
+    margin = 2 * VOXEL
+    reach = np.array([x, y]) + STEP + RADIUS + margin
+    lower = np.append(-reach, patches[:, 2].min() - margin)
+    upper = np.append(reach, patches[:, 2].max() + margin)
     field = _field(target, lower, upper)
     scores = np.empty((len(moves), len(yaws)), np.float32)
     cloud = (patches / VOXEL).astype(np.float32)
@@ -88,9 +89,8 @@ def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values
     far = np.linalg.norm(moves - moves[n], axis=1) > SAME_PLACE
     turned = np.abs(yaws - yaws[m]) > SAME_TURN
     rivals = scores[far[:, None] | turned]
-    away, back = np.eye(4), np.eye(4)
-    away[:3, 3], back[:3, 3] = here + moves[n], -here
-    T_move = away @ from_yaw(0.0, 0.0, 0.0, float(yaws[m])) @ back
+    x, y, z = here + moves[n]
+    T_move = from_yaw(x, y, z, float(yaws[m])) @ from_rotation(np.eye(3), -here)
     return FoundPlace(T_move, float(scores[n, m]), float(rivals.max()) if rivals.size else 0.0)
 
 

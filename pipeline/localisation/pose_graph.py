@@ -35,8 +35,6 @@ MOST_STEPS = 30
 """Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
 SMALLEST_STEP = 2.0**-10
 """A step that increases the error even when it is shortened to this share is not taken."""
-
-
 LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
 """Factors of the distance from which a constraint loses its weight, one after another where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
@@ -87,6 +85,10 @@ class Constraints(NamedTuple):
         moved = turned @ (between[:, :3, 3] - self.T[:, :3, 3] - self.moves @ errors)[..., None]
         return np.asarray((self.whitening @ np.concatenate([rotation[..., None], moved], axis=1))[..., 0])
 
+    def chi2(self, poses: Poses, errors: Values) -> Values:
+        """(N,) squared, whitened deviation from each constraint."""
+        return np.asarray(np.square(self.residuals(poses, errors)).sum(axis=1))
+
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Jacobians (N, 6, 6 or 5) of the residuals near 0, w.r.t. the first pose, the second and the errors."""
         before = adjoints(inverses(relative(poses, self.first, self.second)))
@@ -133,10 +135,9 @@ class PoseGraph:
         self._poses = GrowingArray(4, 4)
         self._ups = GrowingArray(3)
         self._samples = GrowingArray(6, SAMPLES)
-        shapes = (), (), (4, 4), (6, 6), (3,), (3, ERRORS), (3, ERRORS), (6, ERRORS)
-        indices, numbers = shapes[:2], shapes[2:]
-        self._rows = [*(GrowingArray(*shape, dtype=np.int64) for shape in indices)]
-        self._rows += [GrowingArray(*shape) for shape in numbers]
+        shapes = (4, 4), (6, 6), (3,), (3, ERRORS), (3, ERRORS), (6, ERRORS)
+        ends = GrowingArray(dtype=np.int64), GrowingArray(dtype=np.int64)
+        self._rows = [*ends, *(GrowingArray(*shape) for shape in shapes)]
         self._kinds = GrowingArray(dtype=np.int64)
         self._fixed = 0
         self._rng = np.random.default_rng(0)
@@ -223,7 +224,7 @@ class PoseGraph:
     def remove(self, chosen: Mask) -> None:
         """Remove constraints (N,)."""
         for row in (*self._rows, self._kinds):
-            row.values = row.values[~chosen].copy()
+            row.values = row.values[~chosen]
         self._settled, self.is_unsettled = len(self._kinds), True
 
     def extend_samples(self, reference: int, covariance: Covariance) -> None:
@@ -255,15 +256,15 @@ class PoseGraph:
         errors = self.relative_samples(keyframe, np.array([reference]))[0]
         return np.asarray(errors @ errors.T) / (SAMPLES - 6 - 1)
 
-    def deviations(self, keyframe: int) -> tuple[Values, Values]:
-        """(K,) standard deviations of each keyframe relative to one of them: of the position, m, and rotation, rad.
+    def deviations(self, keyframe: int) -> Values:
+        """(K,) standard deviation of each keyframe's position relative to one of them, m.
 
-        That of the position is of a point ``lever`` m away from the one keyframe, as if it were fixed to the other.
+        It is that of a point ``lever`` m away from the one keyframe, as if it were fixed to the other.
         """
         errors, lever = self.relative_samples(keyframe), self._config.registration.lever
         rotation = np.square(errors[:, :3]).mean(axis=2).max(axis=1)
         position = np.square(errors[:, 3:]).mean(axis=2).sum(axis=1)
-        return np.sqrt(position + lever**2 * rotation), np.sqrt(rotation)
+        return np.asarray(np.sqrt(position + lever**2 * rotation))
 
     def optimise(self) -> None:
         """Move the poses to where they best fit all constraints, and sample their distribution anew.
@@ -272,7 +273,7 @@ class PoseGraph:
         constraint contradicts them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
-        off = np.square(new.residuals(self.poses, self.odometry.errors)).sum(axis=1)
+        off = new.chi2(self.poses, self.odometry.errors)
         self.is_unsettled |= bool((off > chi2_gate(6, self._config.registration.confidence)).any())
         self._settled = len(self._kinds)
         grown, window = len(self) - self._solved, self._config.graph.window
@@ -291,7 +292,7 @@ class PoseGraph:
 
     def chi2(self) -> Values:
         """(N,) squared, whitened residual of each constraint at the current poses."""
-        return np.square(self.constraints.residuals(self.poses, self.odometry.errors)).sum(axis=1)
+        return self.constraints.chi2(self.poses, self.odometry.errors)
 
 
 @dataclass(eq=False)
@@ -369,7 +370,8 @@ class Problem:
         Each is the solution with random errors of all constraints.
         """
         gradient = np.zeros((self._size, SAMPLES))
-        before, after, errors, weight = self._rows()
+        before, after, errors = self.constraints.jacobians(self.poses)
+        weight = self._weights(self.constraints.residuals(self.poses, self.errors))
         c, root = self.constraints, np.sqrt(weight)[:, None, None]
         noise = rng.normal(size=(len(weight), 6, SAMPLES))
         for ends, J in ((c.first, before), (c.second, after)):
@@ -396,12 +398,10 @@ class Problem:
         covariance = self._factor.solve(unit)[self._variables :]
         return (covariance + covariance.T) / 2
 
-    def _rows(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Values]:
-        """Jacobians of the constraints, and the weight of each."""
-        chi2 = np.square(self.constraints.residuals(self.poses, self.errors)).sum(axis=1)
-        scale = self._scale
-        weight = np.square(scale / (scale + chi2))
-        return *self.constraints.jacobians(self.poses), weight
+    def _weights(self, residuals: NDArray[np.float64]) -> Values:
+        """(N,) weight of each constraint, by how well it fits."""
+        scale, chi2 = self._scale, np.square(residuals).sum(axis=1)
+        return np.asarray(np.square(scale / (scale + chi2)))
 
     def _gravity_rows(self) -> NDArray[np.float64]:
         """(F, 2, 3) whitened Jacobians of the free keyframes' verticals w.r.t. their rotations."""
@@ -413,14 +413,17 @@ class Problem:
 
     def _error(self, poses: Poses, errors: Values) -> float:
         """Half the sum of the losses of all residuals."""
-        chi2 = np.square(self.constraints.residuals(poses, errors)).sum(axis=1)
+        chi2 = self.constraints.chi2(poses, errors)
         loss = (self._scale * chi2 / (self._scale + chi2)).sum()
-        loss += np.square(
-            self._gravity * np.einsum("nij,nj->ni", poses[self.free, :2, :3], self.ups[self.free])
-        ).sum()
+        loss += np.square(self._off_vertical(poses)).sum()
         if self.free[0]:
             loss += np.square(self._off_start(poses)).sum()
         return float(loss + np.square(self._before @ (errors - self.before.errors)).sum()) / 2
+
+    def _off_vertical(self, poses: Poses) -> NDArray[np.float64]:
+        """(F, 2) whitened horizontal parts of the free keyframes' verticals, in ``map``."""
+        horizontal = np.einsum("nij,nj->ni", poses[self.free, :2, :3], self.ups[self.free])
+        return np.asarray(self._gravity * horizontal)
 
     def _off_start(self, poses: Poses) -> Values:
         T = np.linalg.solve(self.start, poses[0])
@@ -438,8 +441,9 @@ class Problem:
     def _linearised(self) -> tuple[Values, SuperLU]:
         """The gradient, downhill, and the factorised information of all variables."""
         c, size = self.constraints, self._size
-        before, after, errors, weight = self._rows()
+        before, after, errors = c.jacobians(self.poses)
         residuals = c.residuals(self.poses, self.errors)
+        weight = self._weights(residuals)
         gradient, blocks = np.zeros((size, 1)), list[tuple[Indices, Indices, NDArray[np.float64]]]()
         # Constraints between keyframes.
         ends = (c.first, before), (c.second, after)
@@ -452,11 +456,10 @@ class Problem:
                 blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
         # Gravity, and where the first keyframe is.
         rows, free_keyframes = self._gravity_rows(), np.arange(int(self.free.sum()))
-        upright = self._gravity * np.einsum("nij,nj->ni", self.poses[self.free, :2, :3], self.ups[self.free])
         whole = np.tile(self.config.graph.least_information * np.eye(6), (len(rows), 1, 1))
         whole[:, :3, :3] += rows.swapaxes(1, 2) @ rows
         pull = np.zeros((len(rows), 6))
-        pull[:, :3] = -np.einsum("nri,nr->ni", rows, upright)
+        pull[:, :3] = -np.einsum("nri,nr->ni", rows, self._off_vertical(self.poses))
         gradient[: self._variables, 0] += pull.ravel()
         if self.free[0]:
             whole[0] += np.diag(self._held**2)

@@ -23,7 +23,7 @@ from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import Localisation, Localised, LostError, SavedKeyframes, check_odometry
 from pipeline.localisation.loops import Candidate, Loops, in_view, seen_through
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel, Prediction
-from pipeline.localisation.places import RADIUS, STEP, WIDEST, find_place
+from pipeline.localisation.places import RADIUS, SIGMAS, STEP, WIDEST, find_place
 from pipeline.localisation.pose_graph import Kind, PoseGraph, spread
 from pipeline.localisation.registration import (
     Prior,
@@ -140,7 +140,7 @@ class Slam(Localisation):
         self.belief = Belief(config.belief)
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
         self._anchor: Pose | None = None
-        self._deviations = self._headings = np.zeros(0)
+        self._deviations = np.zeros(0)
         self._turned = 0.0
         self._last: Frame | None = None
         self._views: list[Frame | None] = []  # what each keyframe has seen, reduced; None if it is not known
@@ -173,9 +173,8 @@ class Slam(Localisation):
         """
         check_odometry(frame)
         self._pass_time(frame)
-        is_held = self._last is not None and shows_no_motion(self._last, frame)
-        self._last = frame
-        match = self._find(frame, is_held)
+        before, self._last = self._last, frame
+        match = self._find(frame, before)
         self.T_map_odom = match.T_map_base @ inverse(frame.T_odom_base)
         return replace(match, repeats=self._repeats(match))
 
@@ -335,13 +334,12 @@ class Slam(Localisation):
 
     def _judge(self) -> None:
         """Update the uncertainty of each keyframe's pose relative to the reference."""
-        self._deviations, self._headings = self.graph.deviations(self._reference.keyframe)
+        self._deviations = self.graph.deviations(self._reference.keyframe)
 
-    def _find(self, frame: Frame, is_held: bool) -> Match:
+    def _find(self, frame: Frame, before: Frame | None) -> Match:
         """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
 
-        ``is_held``: whether the view is that of the frame before. If it shows no surfaces either, the wheels must
-        have spun on the spot; along a plain corridor, it is the same although the robot moves.
+        ``before``: the frame before it, if the robot has not been carried since.
         """
         config, start = self._config.registration, self._reference
         # The odometry of the first frame defines the map.
@@ -361,7 +359,9 @@ class Slam(Localisation):
             first = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE])))
         else:
             first = Prior(np.asarray(self._anchor), np.diag(self._found_sigmas() ** -2.0))
-        if odometry and is_held and cloud is None:
+        # If the view neither changes nor shows surfaces, the wheels spun on the spot. Along a plain corridor, it does
+        # not change either.
+        if odometry and cloud is None and before is not None and shows_no_motion(before, frame):
             first, _ = held_or_slipping(first, self.T_map_reference)
             odometry = None
             self.slips += 1
@@ -433,17 +433,16 @@ class Slam(Localisation):
             return
         # The keyframes that may have seen what is around the robot.
         off, far = poses[:, :3, 3] - T[:3, 3], RADIUS + frame.sensor.farthest
-        is_near = np.hypot(off[:, 0], off[:, 1]) < far + 3 * self._deviations
-        is_near &= np.abs(off[:, 2]) < STOREY + 3 * self._deviations
+        is_near = np.hypot(off[:, 0], off[:, 1]) < far + SIGMAS * self._deviations
+        is_near &= np.abs(off[:, 2]) < STOREY + SIGMAS * self._deviations
         old = is_near & ~self._local
         if not old.any():
             return
         # Compare all that was seen recently with what they saw, wherever the robot may be relative to them.
-        errors = T[:3, :3] @ self.graph.relative_samples(number, np.flatnonzero(old))[:, 3:]
-        turns = self.graph.relative_samples(number, np.flatnonzero(old))[:, 2]
-        x, y, _ = np.sqrt(np.square(errors).mean(axis=2)).max(axis=0)
-        sigmas = np.array([x, y, np.sqrt(np.square(turns).mean(axis=1)).max()])
-        reach = RADIUS + min(3 * float(max(x, y)), WIDEST)
+        errors = self.graph.relative_samples(number, np.flatnonzero(old))
+        x, y, _ = np.sqrt(np.square(T[:3, :3] @ errors[:, 3:]).mean(axis=2)).max(axis=0)
+        sigmas = np.array([x, y, np.sqrt(np.square(errors[:, 2]).mean(axis=1)).max()])
+        reach = RADIUS + min(SIGMAS * float(max(x, y)), WIDEST)
         here = T[:3, 3]
         recent, _ = self.local_map.surfaces(here, RADIUS, self._local)
         before, owner = self.local_map.surfaces(here, reach, old)
@@ -456,7 +455,7 @@ class Slam(Localisation):
         if not near.any():
             return
         first = int(np.bincount(owner[near]).argmax())
-        near &= self.graph.deviations(first)[0][owner] < self._config.slam.local_deviation
+        near &= self.graph.deviations(first)[owner] < self._config.slam.local_deviation
         target = Target(before.at[near], before.facing[near], owner[near])
         some = np.random.default_rng(0).permutation(recent.size())[:MOST_REGISTERED]
         source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])

@@ -19,7 +19,7 @@ from pipeline.transforms import inverse, orthonormal, transform_points
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.robots.model import robot_model
 from sarsim.scoring.trajectory import is_false
-from scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores, within
+from scripts.benchmarks.localisation_scores import errors_of, moved_along, nees, trajectory_scores, within
 
 STRIDE = 4
 """Pixel stride of the points given to KISS-ICP; they are still denser than its voxels, each of which keeps one."""
@@ -84,9 +84,7 @@ class Ours(Method):
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
         """The online poses, each moved along with the correction of the latest keyframe before it."""
         self._mapper.apply_corrections()
-        keyframes = np.array(self._keyframes)
-        last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
-        return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
+        return moved_along(online, self._keyframes, self._slam.poses)
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
         """Times of keyframes and corrections, loops, the online ATE, and the consistency of the covariances.

@@ -1,5 +1,6 @@
 """Errors of a trajectory, without alignment, because ``map`` coincides with the world frame at the start."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +65,22 @@ def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float
     It is 1 if the errors match the covariances; a larger value means that the covariances are too small
     (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
     """
-    return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
+    return float(each_nees(errors, covariances).mean())
+
+
+def each_nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> Values:
+    """(N,) the same for each of the errors."""
+    return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]) / 6)
+
+
+def moved_along(online: NDArray[np.float64], keyframes: Sequence[int], poses: Poses) -> Poses:
+    """(N, 4, 4) online poses, each moved along with the correction of the latest keyframe before it.
+
+    ``keyframes``: (K,) which of them are keyframes; ``poses``: (K, 4, 4) corrected poses of these.
+    """
+    indices = np.array(keyframes)
+    last = np.searchsorted(indices, np.arange(len(online)), side="right") - 1
+    return np.asarray((poses @ np.linalg.inv(online[indices]))[last] @ online)
 
 
 def within(sigmas: float, errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:

@@ -10,6 +10,8 @@ from pipeline.arrays import Poses
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.isolated_returns import remove_isolated_returns
+from pipeline.transforms import from_yaw
+from scripts.benchmarks.localisation_scores import moved_along
 from scripts.benchmarks.loops.tours import Tour
 
 CORRECTED = 3  # Keyframes between two corrections, as between two steps of an episode
@@ -38,9 +40,7 @@ class Replay:
 
     def poses(self) -> Poses:
         """(N, 4, 4) final pose of each frame: as estimated online, moved along with the keyframe before it."""
-        online, keyframes = np.array(self.online), np.array(self.keyframes)
-        last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
-        return np.asarray((self.slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online)
+        return moved_along(np.array(self.online), self.keyframes, self.slam.poses)
 
 
 def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> Replay:
@@ -73,7 +73,4 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
 def found(rng: np.random.Generator) -> NDArray[np.float64]:
     """A random small transform: the error with which a carried robot is found."""
     x, y, z, _, _, yaw = rng.normal(size=6) * FOUND
-    T = np.eye(4)
-    T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    T[:3, 3] = x, y, z
-    return T
+    return from_yaw(x, y, z, yaw)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Poses, Values
 from pipeline.localisation.pose_graph import Kind
-from scripts.benchmarks.localisation_scores import errors_of, relative, rms, way_driven
+from scripts.benchmarks.localisation_scores import each_nees, errors_of, relative, rms, way_driven
 from scripts.benchmarks.loops.replay import Replay
 from scripts.benchmarks.loops.revisits import AGAIN
 from scripts.benchmarks.loops.tours import Tour
@@ -82,7 +82,7 @@ def _offsets(
 def _nees_by_length(tour: Tour, run: Replay, way: Values) -> dict[str, list[float]]:
     """The NEES, per dimension, of the newest pose at each correction, by the name of the path's length."""
     frames, poses, covariances = map(np.array, zip(*run.stated, strict=True))
-    values = _each_nees(errors_of(tour.true[frames], poses), covariances)
+    values = each_nees(errors_of(tour.true[frames], poses), covariances)
     return {
         name: values[(way[frames] >= low) & (way[frames] < high)].tolist() for name, (low, high) in LENGTHS.items()
     }
@@ -96,9 +96,5 @@ def _relative_nees(true: Poses, run: Replay) -> dict[str, list[float]]:
         if len(first):
             errors = errors_of(relative(true, first, first + apart), relative(graph.poses, first, first + apart))
             stated = np.array([graph.covariance(int(k) + apart, int(k)) for k in first])
-            found[str(apart)] = _each_nees(errors, stated).tolist()
+            found[str(apart)] = each_nees(errors, stated).tolist()
     return found
-
-
-def _each_nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> Values:
-    return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]) / 6)

@@ -19,14 +19,14 @@ class GrowingArray:
 
     @property
     def values(self) -> NDArray[Any]:
-        """All rows; a view that the next :meth:`extend` may leave behind."""
+        """All rows so far; they stay as they are when others are appended, or when all are replaced."""
         return self._space[: self._length]
 
     @values.setter
     def values(self, rows: ArrayLike) -> None:
         """Replace all rows."""
-        self._length = 0
-        self.extend(rows)
+        self._space = np.array(rows, self._space.dtype)
+        self._length = len(self._space)
 
     def append(self, row: ArrayLike) -> None:
         """Append one row."""

@@ -5,6 +5,7 @@ import small_gicp
 
 from pipeline.arrays import Directions, Indices, Mask, Place, Places, Points, Pose, Poses, Values
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.growing import GrowingArray
 from pipeline.localisation.registration import Surfaces, Target, front_normals
 from pipeline.transforms import transform_places
 
@@ -25,25 +26,47 @@ class LocalMap:
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._config = config
-        self.points: Places = np.zeros((0, 3))
-        self.normals: Directions = np.zeros((0, 3))
-        self.owner: Indices = np.zeros(0, np.int64)
-        self._in_map = self.points, self.normals
+        self._points = GrowingArray(3)
+        self._normals = GrowingArray(3)
+        self._owner = GrowingArray(dtype=np.int64)
+        self._at = GrowingArray(3)
+        self._facing = GrowingArray(3)
+
+    @property
+    def points(self) -> Places:
+        """The points, in the ``base_link`` of their keyframe."""
+        return self._points.values
+
+    @property
+    def normals(self) -> Directions:
+        """The normals at the points, in the same frame."""
+        return self._normals.values
+
+    @property
+    def owner(self) -> Indices:
+        """Index of the keyframe that owns each point."""
+        return self._owner.values
+
+    def restore(self, points: Places | Points, normals: Directions, owner: Indices) -> None:
+        """Start with the points of an earlier run, which :meth:`place` then transforms to ``map``."""
+        self._points.values = points
+        self._normals.values = normals
+        self._owner.values = owner
 
     def add(self, owner: int, T_map_base: Pose, cloud: small_gicp.PointCloud, camera: Place, new: Mask) -> None:
         """Add the ``new`` points of a keyframe; ``camera``: the camera's position in ``base_link``."""
         points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
-        at, facing = self._in_map
-        at = np.vstack([at, transform_places(T_map_base, points)])
-        self._in_map = at, np.vstack([facing, normals @ T_map_base[:3, :3].T])
-        self.points, self.normals = np.vstack([self.points, points]), np.vstack([self.normals, normals])
-        self.owner = np.append(self.owner, np.full(len(points), owner))
+        self._at.extend(transform_places(T_map_base, points))
+        self._facing.extend(normals @ T_map_base[:3, :3].T)
+        self._points.extend(points)
+        self._normals.extend(normals)
+        self._owner.extend(np.full(len(points), owner))
 
     def place(self, poses: Poses) -> None:
         """Transform all points to ``map`` again, with the corrected ``poses`` of their keyframes."""
         T = poses[self.owner]
-        points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
-        self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
+        self._at.values = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
+        self._facing.values = np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
 
     def around(
         self, points: Places, camera: Place, owners: Mask, margin: float, weight: Values | None = None
@@ -54,7 +77,7 @@ class LocalMap:
         ``weight``: of each keyframe's points.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-        (at, normals), near = self._in_map, self._within(low, high, owners)
+        at, normals, near = self._at.values, self._facing.values, self._within(low, high, owners)
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
         is_enough = len(near) >= self._config.registration.least_points
         if not is_enough:
@@ -69,7 +92,7 @@ class LocalMap:
         """
         margin = np.array([reach, reach, np.inf])
         near = self._within(place - margin, place + margin, owners)
-        at, normals = self._in_map
+        at, normals = self._at.values, self._facing.values
         return Surfaces(at[near], normals[near]), self.owner[near]
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
@@ -77,7 +100,7 @@ class LocalMap:
 
         ``owners``: whether each keyframe's points may be used.
         """
-        at, normals = self._in_map
+        at, normals = self._at.values, self._facing.values
         near = self._within(T_map_base[:3, 3] - FOOT_RADIUS, T_map_base[:3, 3] + FOOT_RADIUS, owners)
         near = near[normals[near, 2] > GROUND_UPWARD]
         x, y, z = ((at[near] - T_map_base[:3, 3]) @ T_map_base[:3, :3]).T
@@ -86,7 +109,7 @@ class LocalMap:
 
     def _within(self, low: Place, high: Place, owners: Mask) -> Indices:
         """Indices of the usable points in a box, m; the axes are tested in turn, as few points pass the first."""
-        at = self._in_map[0]
+        at = self._at.values
         near = np.flatnonzero((at[:, 0] >= low[0]) & (at[:, 0] <= high[0]))
         for axis in (1, 2):
             near = near[(at[near, axis] >= low[axis]) & (at[near, axis] <= high[axis])]
@@ -94,4 +117,4 @@ class LocalMap:
 
     def all_points(self) -> Points:
         """All points."""
-        return self._in_map[0].astype(np.float32)
+        return self._at.values.astype(np.float32)

@@ -283,7 +283,9 @@ class PoseGraph:
         # If poses may move far, first let all constraints count alike, then trust ever fewer of them.
         for loosening in LOOSENINGS if self.is_unsettled else LOOSENINGS[-1:]:
             problem.solve(self._config.graph.tolerance, loosening)
-        self._poses.values[free] = orthonormal(problem.poses[free])
+        poses = self.poses.copy()  # Others may keep the poses of before
+        poses[free] = orthonormal(problem.poses[free])
+        self.poses = poses
         self._samples.values[free] = problem.sample(self._rng, self._samples.values)[free]
         if is_whole:
             self.odometry = OdometryErrors(problem.errors, problem.error_covariance())

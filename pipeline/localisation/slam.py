@@ -299,9 +299,7 @@ class Slam(Localisation):
         self.graph.fix(keyframes.poses, keyframes.ups, keyframes.odometry)
         self._views = [None] * len(self.graph)
         self.motion.learn(keyframes.odometry)
-        seen = self.local_map
-        seen.points, seen.normals = keyframes.points.astype(np.float64), keyframes.normals
-        seen.owner = keyframes.owner
+        self.local_map.restore(keyframes.points, keyframes.normals, keyframes.owner)
         self._reference = _Reference(len(keyframes.poses) - 1, np.eye(4), 0.0, np.eye(4))
         self._renew()
 

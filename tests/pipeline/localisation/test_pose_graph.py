@@ -295,3 +295,13 @@ def test_the_same_poses_are_found_from_far_away(seed: int) -> None:
     graph.optimise()
     np.testing.assert_allclose(graph.poses, near, atol=1e-3)
     np.testing.assert_allclose(graph.odometry.errors, odometry.errors, atol=1e-3)
+
+
+def test_poses_that_somebody_keeps_stay_when_the_graph_is_solved() -> None:
+    graph = chain([from_yaw(1.1, 0, 0, 0)] * 3, VAGUE)
+    graph.connect(0, 3, from_yaw(3, 0, 0, 0), 1e3 * np.eye(6), Kind.LOOP)
+    kept = graph.poses
+    before = kept.copy()
+    graph.optimise()
+    assert not np.array_equal(graph.poses, before)
+    np.testing.assert_array_equal(kept, before)

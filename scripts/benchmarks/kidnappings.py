@@ -7,8 +7,10 @@ from shutil import rmtree
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Place
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
@@ -18,6 +20,7 @@ from pipeline.transforms import inverse
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot
 
 ROOM = 0.4  # m, radius of free ground needed around the place where the robot is set down
 CARRIED = 0.5  # m, minimum distance by which the robot is carried
@@ -76,10 +79,15 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
         )
     n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
     place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)
-    robot.robot.set_pose(robot.physics, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))
+    set_down(robot, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]), STANDS)
+
+
+def set_down(robot: SimulatedRobot, place: Place, quat: NDArray[np.float64], seconds: float) -> None:
+    """Set the robot down at a place (3,), m, with an orientation (4,), and let it stand still for some time, s."""
+    robot.robot.set_pose(robot.physics, place, quat)
     robot.physics.velocity()[:] = 0
     mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
-    for _ in range(round(STANDS / robot.control_period)):
+    for _ in range(round(seconds / robot.control_period)):
         robot.drive(Velocity())
 
 

@@ -30,7 +30,7 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
     graph, path = run.slam.graph, float(way[-1])
     ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
     constraints, kinds = graph.constraints, graph.kinds
-    off, angle = _offsets(true, constraints.first, constraints.second, constraints.T, constraints.whitening)
+    off, angle = offsets(true, constraints.first, constraints.second, constraints.T, constraints.whitening)
     registered = (kinds == Kind.SURFACE) | (kinds == Kind.LOOP)
     is_false = registered & ((off > FALSE[0]) | (angle > FALSE[1]))
     is_right = registered & (off < RIGHT[0]) & (angle < RIGHT[1])
@@ -65,7 +65,7 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
     }
 
 
-def _offsets(
+def offsets(
     true: Poses, first: Indices, second: Indices, T: Poses, whitening: NDArray[np.float64]
 ) -> tuple[Values, Values]:
     """How far constraints are off, m and rad, in the directions that they determine.

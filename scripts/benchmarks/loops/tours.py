@@ -3,6 +3,7 @@
 The robot slips a few times, and is carried elsewhere once, so that localisation has something to correct.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scoring.oracle import true_traversability
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
 
 LOOK_AHEAD = 0.4  # m, distance of the point on the path that the robot steers to
@@ -32,6 +34,7 @@ TURN_IN_PLACE = np.deg2rad(40)
 """rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
 SLIPS, SLIP_TIME, SLIPPERY = 3, 1.0, 0.002
 """Number of slips of a tour, duration of a slip, s, and the friction of everything during it."""
+STANDS = 5.0  # s that the robot stands still after it was carried
 STEEP = np.deg2rad(4)
 """rad, tilt from which the robot drives slowly."""
 HELD_TIME = 4.0
@@ -109,19 +112,20 @@ def record(world: str, seed: int, length: float, file: Path) -> None:
         robot.close()
 
 
-class Ways:
+class Ways(ABC):
     """Where a tour leads."""
 
+    @abstractmethod
     def next(self) -> Places | None:
         """(N, 2) m, the path to the next waypoint from the robot's true pose; None if there is none."""
-        raise NotImplementedError
 
+    @abstractmethod
     def moved(self) -> None:
         """Called when the robot was carried."""
 
+    @abstractmethod
     def lead_on_from(self, place: Places) -> bool:
         """Whether there is a way on from a place (2,), m."""
-        return True
 
 
 class GraphWays(Ways):
@@ -145,20 +149,16 @@ class GraphWays(Ways):
         edge = frozenset((self._at, there))
         self._visits[edge] = self._visits.get(edge, 0) + 1
         self._before, self._at = self._at, there
-        return np.array([self._drive.place, self._nodes[there]])
+        return np.array([self._drive.place, self._nodes[there, :2]])
 
     def lead_on_from(self, place: Places) -> bool:
         """Whether the place is near a node."""
-        return bool(np.linalg.norm(self._nodes - place, axis=1).min() < 0.5)
+        return bool(np.linalg.norm(self._nodes[:, :2] - place, axis=1).min() < 0.5)
 
     def moved(self) -> None:
-        """Continue from the nearest node of the same storey."""
+        """Continue from the nearest node."""
         self._lap.clear()
-        self._at = int(np.linalg.norm(self._nodes - self._drive.place, axis=1).argmin())
-        if self._drive.height > 1.0:  # the upper storey's nodes are the last ones
-            self._at = int(
-                len(self._nodes) - 1 - np.linalg.norm(self._nodes[::-1] - self._drive.place, axis=1).argmin()
-            )
+        self._at = int(np.linalg.norm(self._nodes - self._drive.T[:3, 3], axis=1).argmin())
 
 
 class GroundWays(Ways):
@@ -181,6 +181,13 @@ class GroundWays(Ways):
             if np.linalg.norm(place - here) > 3 and np.isfinite(paths.cost_to(place)):
                 return np.asarray(paths.path_to(place)[:, :2])
         return None
+
+    def moved(self) -> None:
+        """Do nothing: the next path is planned from wherever the robot is."""
+
+    def lead_on_from(self, place: Places) -> bool:
+        """Always: the robot has driven there."""
+        return True
 
 
 class Drive:
@@ -211,11 +218,6 @@ class Drive:
     def place(self) -> Places:
         """(2,) true position, m."""
         return self.T[:2, 3]
-
-    @property
-    def height(self) -> float:
-        """Height above the lowest floor, m."""
-        return float(self.T[2, 3])
 
     @property
     def heading(self) -> float:
@@ -257,8 +259,7 @@ class Drive:
             if distance < nearest - 0.05:
                 nearest, since = distance, self.robot.time
             if self.robot.time - since > HELD_TIME + np.pi / model.turn_rate:
-                for _ in range(round(1.5 / self.robot.control_period)):
-                    self._send(Velocity(-0.2, 0.0))
+                self._send(Velocity(-0.2, 0.0), 1.5)
                 return False
             is_steep = self.T[2, 2] < np.cos(STEEP)  # where a robot without grip would slide down
             if self._slips and self._way > self._slips[0] and not is_steep:
@@ -275,24 +276,23 @@ class Drive:
                 self._send(Velocity(float(v), float(np.clip(turn, -rate, rate))))
         return True
 
-    def _send(self, command: Velocity) -> None:
-        before = self.place.copy()
-        self.robot.drive(command)
-        self._way += float(np.linalg.norm(self.place - before))
-        if SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
-            self._take()
+    def _send(self, command: Velocity, seconds: float = 0.0) -> None:
+        """Follow a command for some time, at least for one control period, and take the frames that are due."""
+        for _ in range(max(1, round(seconds / self.robot.control_period))):
+            before = self.place.copy()
+            self.robot.drive(command)
+            self._way += float(np.linalg.norm(self.place - before))
+            if SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
+                self._take()
 
     def _slip(self) -> None:
         """Stop, and let the wheels spin for a while without grip."""
-        for _ in range(round(0.5 / self.robot.control_period)):
-            self._send(Velocity())
+        self._send(Velocity(), 0.5)
         model = self.robot.physics.model.ptr
         friction = model.geom_friction.copy()
         model.geom_friction[:] = SLIPPERY
-        for _ in range(round(SLIP_TIME / self.robot.control_period)):
-            self._send(Velocity(0.4, 0.0))
-        for _ in range(round(0.2 / self.robot.control_period)):
-            self._send(Velocity())
+        self._send(Velocity(0.4, 0.0), SLIP_TIME)
+        self._send(Velocity(), 0.2)
         model.geom_friction[:] = friction
 
     def _be_carried(self, ways: Ways) -> None:
@@ -301,14 +301,9 @@ class Drive:
         level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and ways.lead_on_from(T[:2, 3])]
         if not level:
             return
-        T, robot = level[self.rng.integers(len(level))], self.robot
-        quat = np.empty(4)
+        T, quat = level[self.rng.integers(len(level))], np.empty(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
-        robot.robot.set_pose(robot.physics, T[:3, 3] + [0, 0, 0.01], quat)
-        robot.physics.velocity()[:] = 0
-        mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)
-        for _ in range(round(5.0 / robot.control_period)):
-            robot.drive(Velocity())
+        set_down(self.robot, T[:3, 3] + [0, 0, 0.01], quat, STANDS)
         self._carried = True
         ways.moved()
         self._take()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from dm_control import mjcf
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
@@ -27,7 +27,7 @@ class World:
 
     Attributes:
         arena: the world without a robot.
-        nodes: (N, 2) m, places between which the robot may drive in straight lines; None if it plans its paths on
+        nodes: (N, 3) m, places between which the robot may drive in straight lines; None if it plans its paths on
             the true ground.
         edges: pairs of neighbouring nodes.
         lap: nodes of a way around the whole world, along which every tour begins.
@@ -118,6 +118,12 @@ def finished(builder: ArenaBuilder, name: str, plan: Plan, start: tuple[float, f
     return RescueArena(mjcf.from_xml_string(builder.to_xml()), name)
 
 
+def on_floor(nodes: ArrayLike, floor: float = 0.0) -> NDArray[np.float64]:
+    """(N, 3) m, nodes (N, 2) on a floor at this height."""
+    places = np.asarray(nodes, np.float64)
+    return np.column_stack([places, np.full(len(places), floor)])
+
+
 def neighbours(*ways: tuple[int, ...]) -> frozenset[tuple[int, int]]:
     """The pairs of neighbouring nodes along some ways."""
     return frozenset((a, b) for way in ways for a, b in pairwise(way))
@@ -132,7 +138,8 @@ def ring(rng: np.random.Generator) -> World:
     corridors = [corridor(*nodes[a], *nodes[b]) for a, b in ((0, 2), (2, 3), (5, 3), (0, 5), (6, 1), (4, 7))]
     plan.clear(*corridors, *niches(rng, corridors))
     plan.add_walls()
-    return World(finished(builder, "ring", plan, (0, 0, 0)), nodes, neighbours(*ways), (0, 1, 2, 3, 4, 5, 0))
+    arena = finished(builder, "ring", plan, (0, 0, 0))
+    return World(arena, on_floor(nodes), neighbours(*ways), (0, 1, 2, 3, 4, 5, 0))
 
 
 def wings(rng: np.random.Generator) -> World:
@@ -142,7 +149,7 @@ def wings(rng: np.random.Generator) -> World:
     own = np.array([(0, 3), (8, 3), (8, 10), (0, 10)], float)
     rooms = [corridor(*own[a], *own[b]) for a, b in ((0, 1), (1, 2), (3, 2), (0, 3))]
     dents, furniture = niches(rng, rooms), [(rng.uniform(1, 7), s) for s in (2.2, 10.8)]
-    nodes = [(0, 0), (0, 0)]
+    nodes = [(0, 0), (14, 0)]
     for x in (0.0, 14.0):
         shift = np.array([x, 0, x, 0])
         plan.clear(*(tuple(np.add(r, shift)) for r in (*rooms, *dents)), (x - 1, -1, x + 1, 3))
@@ -152,11 +159,10 @@ def wings(rng: np.random.Generator) -> World:
         nodes += [tuple(node) for node in own + np.array([x, 0.0])]
     plan.clear(corridor(0, 0, 28, 0), *niches(rng, [(0.0, -1.0, 28.0, -1.0)]))
     plan.add_walls()
-    nodes[0], nodes[1] = (0, 0), (14, 0)
     nodes.append((27, 0))
     ways = (0, 2, 3, 4, 5, 2), (1, 6, 7, 8, 9, 6), (0, 1, 10)
     lap = (0, 2, 3, 4, 5, 2, 0, 1, 6, 7, 8, 9, 6, 1, 10)
-    return World(finished(builder, "wings", plan, (0, 0, 0)), np.array(nodes, float), neighbours(*ways), lap)
+    return World(finished(builder, "wings", plan, (0, 0, 0)), on_floor(nodes), neighbours(*ways), lap)
 
 
 def storeys(rng: np.random.Generator) -> World:
@@ -179,7 +185,8 @@ def storeys(rng: np.random.Generator) -> World:
     )
     builder.add_geom("inclined_ramp", {"type": "mesh", "mesh": builder.add_mesh(corners)}, WOOD)
     # Node numbers: storey 0, its corner to the ramp, the ramp's ends, storey 1.
-    nodes = np.vstack([own, [(14.2, -0.2), (14.2, 12.2)], own])
+    below, above = np.vstack([own, (14.2, -0.2)]), np.vstack([(14.2, 12.2), own])
+    nodes = np.vstack([on_floor(below), on_floor(above, STOREY)])
     ways = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)
     lap = (0, 3, 2, 1, 4, 5, 8, 9, 6, 7, 8, 5, 4, 1)
     return World(finished(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, neighbours(*ways), lap)

@@ -158,7 +158,7 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: maximum number of exploration steps. By default 160; with --goals and --explore, no limit.
+        steps: maximum number of exploration steps. By default no limit.
         map: folder of an earlier episode in this arena; the robot continues with its map.
         goals: goals to drive to, in any order: x y x y …, m in the map frame.
         explore: explore before visiting goals.
@@ -199,7 +199,7 @@ class MissionConfig:
         """Most steps of exploring: none where the robot drives to goals at once."""
         if self.steps is not None:
             return self.steps
-        return 160 if not self.goals else inf if self.explore else 0
+        return inf if self.explore or not self.goals else 0
 
 
 @dataclass(frozen=True, kw_only=True)

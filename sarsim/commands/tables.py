@@ -78,6 +78,8 @@ def _legs(report: Mapping[str, Any]) -> str:
         parts += [f"{driven['reached']} of {driven['legs']} reached"]
         parts += [f"{way:.1f} m driven" if way >= STILL or not driven["legs"] else "turning in place alone"]
         parts += [_counted(driven["collisions"], "contact") + " with walls, clutter or people"]
+        if people := driven.get("person_contacts"):
+            parts += [f"{people} of them with people"]
         parts += ["the robot tipped over"] if driven["tipped"] else []
     if goals:
         parts += [f"{goals['reached']} of {goals['given']} goals reached"]

@@ -24,6 +24,7 @@ class CollisionCounter:
 
     Attributes:
         collisions: number of collisions so far.
+        with_people: number of these collisions in which the robot met a person or doll, living or not.
         with_living: how often any part of the robot began to touch a living victim.
     """
 
@@ -34,17 +35,21 @@ class CollisionCounter:
         # 1 for a geom of the robot, 2 for an obstacle: only a pair of both adds up to 3. A list suits few contacts.
         self._kind: list[int] = (is_robot + 2 * is_obstacle).tolist()
         self._is_wall: list[bool] = (geom_labels(model) == Label.WALL).tolist()
+        self._is_person: list[bool] = (geom_labels(model) == Label.VICTIM).tolist()
         self._victim_of = {int(geom): number for number, geoms in enumerate(living) for geom in geoms}
         # Time of the last contact of each pair of geoms, and with each living victim, s.
         self._touched: dict[Hashable, float] = {}
-        self.collisions = self.with_living = 0
+        self.collisions = self.with_people = self.with_living = 0
 
     def count(self, data: mujoco.MjData) -> None:
         """Add the contacts of the current time step."""
         touches = enumerate(data.contact.geom.tolist())
         met = [(number, a, b) for number, (a, b) in touches if self._kind[a] + self._kind[b] == 3]
         pairs = {(a, b) for number, a, b in met if not self._carries(a, b, data.contact.frame[number])}
-        self.collisions += self._begun(pairs, data.time)
+        with_people = {(a, b) for a, b in pairs if self._is_person[a] or self._is_person[b]}
+        met_people = self._begun(with_people, data.time)
+        self.with_people += met_people
+        self.collisions += met_people + self._begun(pairs - with_people, data.time)
         if pairs and self._victim_of:
             victims = {self._victim_of[geom] for pair in pairs for geom in pair if geom in self._victim_of}
             self.with_living += self._begun(victims, data.time)

@@ -35,8 +35,9 @@ class NavigationScore:
     def report(self) -> dict[str, Any]:
         """The figures for report.json; speed and times are missing if the robot received no command."""
         trajectory = self._robot.trajectory[self._first :]
-        contacts, motion = self._robot.collisions.collisions, motion_figures(self._robot.trajectory)
-        figures: dict[str, Any] = {"collisions": contacts, **motion}
+        contacts = self._robot.collisions
+        counts = {"collisions": contacts.collisions, "person_contacts": contacts.with_people}
+        figures: dict[str, Any] = {**counts, **motion_figures(self._robot.trajectory)}
         if len(trajectory) > 1:
             figures["mean_speed"] = driven(trajectory) / (trajectory[-1].time - trajectory[0].time)
             figures["time_s"] = time_figures(trajectory, self.ground)

@@ -14,13 +14,13 @@ GOALS = ["--goals", "1", "2"]
 @pytest.mark.parametrize(
     ("flags", "most"),
     [
-        ([], 160),
+        ([], inf),
         (["--steps", "7"], 7),
         (GOALS, 0),
         ([*GOALS, "--steps", "7"], 7),
         ([*GOALS, "--explore"], inf),
         ([*GOALS, "--explore", "--steps", "7"], 7),
-        (["--explore"], 160),
+        (["--explore"], inf),
     ],
 )
 def test_goals_are_driven_to_at_once_unless_exploring_is_asked_for(flags, most):

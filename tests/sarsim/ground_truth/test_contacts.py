@@ -73,6 +73,12 @@ def test_standing_on_a_wall_is_no_collision(where: dict[str, str], label: Label,
     assert counted([1.01], label, where=where).collisions == number
 
 
+@pytest.mark.parametrize(("label", "number"), [(Label.VICTIM, 2), (Label.CLUTTER, 0), (Label.WALL, 0)])
+def test_contacts_with_people_are_counted_among_all(label: Label, number: int) -> None:
+    counter = counted([1.01, 0.5, 1.01], label, CHATTER)
+    assert (counter.collisions, counter.with_people) == (2, number)
+
+
 def test_contacts_with_the_living_are_counted_apart() -> None:
     assert counted([1.01, 0.5, 1.01], Label.VICTIM, CHATTER, is_living=True).with_living == 2
     assert counted([1.01, 1.02], Label.VICTIM).with_living == 0

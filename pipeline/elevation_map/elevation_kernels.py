@@ -288,6 +288,52 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
     return filled
 
 
+@njit(cache=True, nogil=True)
+def fill_pockets(elevation, dropout, most, level):
+    """(nx, ny) m, ``elevation`` with the pockets of unknown cells filled that are too small for a wheel or a wall.
+
+    A pocket is at most ``most`` cells long and wide, and the known cells all around it differ by at most ``level`` m.
+    It gets their mean height. Pockets that contain or touch a ``dropout`` (nx, ny) cell are left.
+
+    Frames that end on all sides of a pocket leave it unseen, and no ray passes over it. A wall that is seen end-on
+    leaves a gap as long as the wall, which no known ground surrounds.
+    """
+    filled = elevation.copy()
+    nx, ny = elevation.shape
+    for i in range(nx):
+        for j in range(ny):
+            if np.isnan(elevation[i, j]) and not dropout[i, j]:
+                low, high, mean = _ring_of_pocket(elevation, dropout, i, j, most)
+                if high - low <= level:
+                    filled[i, j] = mean
+    return filled
+
+
+@njit(cache=True, nogil=True)
+def _ring_of_pocket(elevation, dropout, i, j, most):
+    """Lowest, highest and mean height around the pocket with cell (i, j); infinite if it is no pocket."""
+    nx, ny = elevation.shape
+    i0, i1, j0, j1 = i, i, j, j
+    while True:
+        if i1 - i0 >= most or j1 - j0 >= most or i0 < 1 or j0 < 1 or i1 + 1 >= nx or j1 + 1 >= ny:
+            return -np.inf, np.inf, np.nan
+        low, high, total, is_closed = np.inf, -np.inf, 0.0, True
+        a0, a1, b0, b1 = i0, i1, j0, j1
+        for a in range(a0 - 1, a1 + 2):
+            # The first and the last row of the ring are whole; of the others, it has the ends.
+            step = 1 if a < a0 or a > a1 else b1 - b0 + 2
+            for b in range(b0 - 1, b1 + 2, step):
+                if dropout[a, b]:
+                    return -np.inf, np.inf, np.nan
+                if np.isnan(elevation[a, b]):
+                    i0, i1, j0, j1 = min(i0, a), max(i1, a), min(j0, b), max(j1, b)
+                    is_closed = False
+                    continue
+                low, high, total = min(low, elevation[a, b]), max(high, elevation[a, b]), total + elevation[a, b]
+        if is_closed:
+            return low, high, total / (2 * (i1 - i0 + j1 - j0) + 8)
+
+
 @njit(cache=True)
 def step_hazards(elevation, max_gap, max_step, steepest):
     """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.

@@ -252,15 +252,17 @@ class ElevationMap:
         # No panel stands where the robot has been.
         missing = layers["dropout_direction"][where].any(axis=-1)
         layers.write("dropout", missing & ~layers["swept"][where], where)
-        here, around = box_around(changed, gap), box_around(changed, 2 * gap)
+        # A pocket is filled from cells around it, which may be filled themselves.
+        here, around = box_around(changed, 2 * gap), box_around(changed, 4 * gap)
         names = ("returned", "touched", "assumed", "dropout", "ceiling")
         returned, touched, assumed, dropout, ceiling = (layers[name][around] for name in names)
         doubtful = dropout | self._is_under_something(around)
         measured = np.where(np.isnan(touched), np.where(doubtful, np.float32(np.nan), returned), touched)
         known = np.where(np.isnan(measured) & ~doubtful, assumed, measured)
         bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, RAY_HEIGHT)
+        filled = kernels.fill_pockets(bridged, doubtful, gap - 1, self.config.bin)
         layers.write("measured", measured[inside(here, around)], here)
-        layers.write("elevation", bridged[inside(here, around)], here)
+        layers.write("elevation", filled[inside(here, around)], here)
 
     def _is_under_something(self, box: Box) -> MaskLayer:
         """The cells of a box where something hides part of the headroom, which no keyframe has seen through.

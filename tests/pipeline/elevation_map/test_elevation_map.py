@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
-from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, show, surface_of, wall_points
+from tests.pipeline.worlds import Height, flat, ground_points, ramp_and_deck, show, surface_of, wall_points
 
 
 def column(*heights: float, hits: int = 5) -> np.ndarray:
@@ -96,6 +97,44 @@ def test_a_gap_is_filled_by_a_later_ray_to_ground_behind_it():
     elevation_map = surface_of(ground[(ground[:, 0] < 0.5) | (ground[:, 0] > 0.65)])
     show(elevation_map, ground[ground[:, 0] > 0.95], camera=camera)
     assert elevation_map.grid.at(elevation_map.elevation, [0.575, 0.5], np.nan) == 0
+
+
+def with_pocket(length: float, height: Height = flat) -> ElevationMap:
+    """Ground shown by four keyframes that end at a pocket 0.1 m wide and ``length`` m long: no ray passes over it."""
+    x, y = (-0.1, 0.0), (-length, 0.0)
+    around = [((-1, x[0]), (-1, 1)), ((x[1], 1), (-1, 1)), (x, (-1, y[0])), (x, (y[1], 1))]
+    cameras = [(-2, 0, 0.6), (2, 0, 0.6), (0, -2, 0.6), (0, 2, 0.6)]
+    elevation_map = ElevationMap(PIONEER)
+    for part, camera in zip(around, cameras, strict=True):
+        show(elevation_map, ground_points(height, *part), camera=np.array(camera))
+    assert (elevation_map.grid.at(elevation_map.layers["ceiling"], [-0.05, -0.05]) == np.inf).all()
+    return elevation_map
+
+
+def step_beside(x, y):
+    """Ground that is 0.08 m higher where x is positive."""
+    return np.where(x > 0, 0.08, 0.0)
+
+
+def test_a_pocket_too_small_for_a_wheel_does_not_bar_the_ground_around_it():
+    elevation_map = with_pocket(0.15)
+    assert elevation_map.grid.at(elevation_map.elevation, [-0.05, -0.05], np.nan) == 0
+    assert np.isnan(elevation_map.grid.at(elevation_map.measured, [-0.05, -0.05], np.nan))
+    ground = assess_map(elevation_map)
+    assert ground.grid.at(ground.traversable, [-0.05, -0.05])
+
+
+@pytest.mark.parametrize(("length", "height"), [(0.2, flat), (0.15, step_beside)])
+def test_a_pocket_that_may_hold_a_wheel_or_a_wall_stays_unknown(length, height):
+    elevation_map = with_pocket(length, height)
+    assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [-0.05, -0.05], np.nan))
+
+
+def test_a_pocket_with_a_dropout_stays_unknown():
+    elevation_map = with_pocket(0.15)
+    post = ground_points(flat, (-0.1, -0.05), (-0.05, 0.0))
+    show(elevation_map, ground_points(flat, (-1, -0.5), (-1, 1)), post, camera=np.array([-2.0, 0.0, 0.6]))
+    assert np.isnan(elevation_map.grid.at(elevation_map.elevation, [[-0.075, -0.025], [-0.025, -0.1]], np.nan)).all()
 
 
 STRIPE = ground_points(flat, (-1, 1), (-0.01, 0.01))

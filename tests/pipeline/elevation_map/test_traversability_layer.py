@@ -45,7 +45,8 @@ def test_gaps_are_bridged_keyframe_by_keyframe_as_on_the_whole_map(steps):
     for piece in steps:
         step(elevation_map, piece)
     ceiling, dropout = elevation_map.layers["ceiling"], elevation_map.dropout
-    filled = kernels.bridge_gaps(elevation_map.measured, dropout, ceiling, 3, 0.05, 0.3)
+    bridged = kernels.bridge_gaps(elevation_map.measured, dropout, ceiling, 3, 0.05, 0.3)
+    filled = kernels.fill_pockets(bridged, dropout, 3, 0.05)
     np.testing.assert_array_equal(elevation_map.elevation, filled)
 
 

@@ -116,7 +116,7 @@ class Explorer:
             return "held"
         if context.paths.start is None:
             return "shut_in"
-        return "not_worth_it" if left else "nothing_left"
+        return "not_worth_it" if any(view.is_reachable for view in left) else "nothing_left"
 
     def apply_corrections(self, waits: bool = False) -> bool:
         """Correct the keyframe poses, the maps and everything anchored in them; True if the maps changed.

@@ -340,7 +340,7 @@ class ExplorerRun(Run, ABC):
 
     def _figures(self) -> dict[str, Any]:
         """Figures of exploration, tasks and faults for report.json."""
-        left = [{"position": v.position.tolist(), "area_m2": v.gain, "seconds": v.seconds} for v in self._left]
+        left = [_given_up(view) for view in self._left]
         exploration = {"exploration": {"ended": self.ended, **({"left": left} if left else {})}}
         return {
             **(exploration if self._steps else {}),
@@ -352,3 +352,9 @@ class ExplorerRun(Run, ABC):
     @abstractmethod
     def _time(self) -> float:
         """The robot's time, s."""
+
+
+def _given_up(view: Viewpoint) -> dict[str, Any]:
+    """An entry of ``exploration.left`` in report.json; without a path, it has no ``seconds``."""
+    seconds = {"seconds": view.seconds} if view.is_reachable else {}
+    return {"position": view.position.tolist(), "area_m2": view.gain, **seconds, "why": view.why}

@@ -16,6 +16,8 @@ class VisibilityConfig:
         rays: number of directions, all around a position, in which rays are cast.
         stride: side of the square blocks that each contribute one cell for viewpoints, cells.
         short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
+        close_by: distance by which the robot may come nearer than planned to what it looks at because it bars a path,
+            m.
         nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
         least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
@@ -27,6 +29,7 @@ class VisibilityConfig:
     rays: int = 180
     stride: int = 5
     short_by: float = 0.3
+    close_by: float = 0.2
     nist_slope: float = float(2 * np.tan(RAMP_TILT))
     blocked: float = 0.4
     least_unknown: float = 1.0
@@ -35,6 +38,7 @@ class VisibilityConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration.visibility", self, "level_run")
+        require_at_least(0, "exploration.visibility", self, "short_by", "close_by")
         require_at_least(1, "exploration.visibility", self, "rays", "stride")
 
 
@@ -81,6 +85,8 @@ class ExplorationConfig:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
+        most_left: maximum share of the seen ground that may be given up as not worth the drive.
+        least_piece: minimum area of seen ground without a path to it that is listed among what was given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal counts as reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
@@ -94,6 +100,8 @@ class ExplorationConfig:
     keyframe_time: float = 2.0
     more_ground: float = 1.002
     more_time: float = 1.15
+    most_left: float = 0.01
+    least_piece: float = 0.25
     horizon: float = 1.5
     arrived: float = 0.15
     patience: int = 5
@@ -105,6 +113,7 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
+        require_at_least(0, "exploration", self, "most_left", "least_piece")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "patience", "looks")

@@ -3,20 +3,20 @@
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, MaskLayer
+from pipeline.arrays import Cells, MaskLayer, Values
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import near_ground
 from pipeline.exploration.sightings import Sightings
-from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, Why
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
 from pipeline.planning.pose_paths import bits
@@ -73,8 +73,9 @@ class NextBestView(Strategy):
         self._looks: Counter[tuple[float, float]] = Counter()  # by the position of a cell that blocks a path
         self._promised = np.zeros((0, 2)), 0.0  # centres of the cells that the last viewpoint should show, and area
         self._is_for_ground = False
-        # Rays cast under one assumption about the ground behind crests do not apply under the other.
-        self._gains = {falls: visibility.ViewpointGains(config.visibility.stride) for falls in (True, False)}
+        # Rays cast under one assumption about the ground behind crests, or with one camera, do not apply to another.
+        kinds = product((True, False), repeat=2)
+        self._gains = {kind: visibility.ViewpointGains(config.visibility.stride) for kind in kinds}
 
     def observe(self, context: Context) -> None:
         """Record what the keyframes since the last call showed and missed, and where unseen ground is left."""
@@ -86,12 +87,22 @@ class NextBestView(Strategy):
         self.outlook = Outlook(terrain, camera, seen, seconds)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second, or else one that may open a path; None if neither is worth it."""
-        return self._next(self.outlook, context)
+        """The viewpoint that shows most per second, or else one that may open a path; None if neither is worth it.
+
+        As long as all that would be given up is more than ``most_left`` of the seen ground, any drive is worth it.
+        """
+        if viewpoint := self._next(self.outlook, context):
+            return viewpoint
+        given_up = list(self._in_turn(self._best, self.outlook, context))
+        is_much = sum(view.gain for view in given_up) > self.config.most_left * self.outlook.seen
+        return given_up[0] if is_much else None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """The viewpoints that would show what is left, whatever they cost, each what those before it do not show."""
-        return list(self._in_turn(self._best, self.outlook, context))
+        """What is given up: viewpoints that would show more, and seen ground to which no path leads.
+
+        The viewpoints come first, whatever they cost, each for what those before it do not show.
+        """
+        return [*self._in_turn(self._best, self.outlook, context), *self._unreachable(context)]
 
     def offers(self, context: Context, first: Viewpoint, most: int) -> list[Viewpoint]:
         """``first`` and others worth the drive, up to ``most`` in all, each for what those before it do not show."""
@@ -153,12 +164,9 @@ class NextBestView(Strategy):
         """
         terrain = outlook.terrain
         traversability = context.traversability
-        reachable = context.paths.reachable
         # Pieces of seen ground to which no path leads, and what may bar the way to them.
-        pieces, _ = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
-        areas = np.bincount(pieces.ravel()) * terrain.cell**2
-        areas[0] = 0.0  # no piece
-        bars = terrain.target & near_ground(context, reachable)
+        pieces, areas = _pieces(context)
+        bars = terrain.target & near_ground(context, context.paths.reachable)
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # count as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
         # The largest piece that is worth the look at its bars.
@@ -167,13 +175,48 @@ class NextBestView(Strategy):
             if areas[piece] < self.needed(self.config.keyframe_time):
                 return None
             barred = bars & near_ground(context, pieces == piece)
-            viewpoint = self._best(replace(outlook, terrain=terrain._replace(target=barred)), context, least=0.0)
+            viewpoint = self._look_at(barred, outlook, context)
             if viewpoint is None:
                 continue
             opened = terrain.probability[barred].max() * areas[piece]
             if viewpoint.gain + opened >= self.needed(viewpoint.seconds):
                 return replace(viewpoint, opens=True)
         return None
+
+    def _look_at(self, bars: MaskLayer, outlook: Outlook, context: Context) -> Viewpoint | None:
+        """The best view of what may bar a path; None if no view shows anything of it.
+
+        A cell that stays unseen still bars the path, so only views count that show almost as much as any view does,
+        also if the robot arrives closer than planned: the camera does not see the ground right before it.
+        """
+        outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
+        farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)
+        for camera in (farther, outlook.camera):
+            if view := self._best(replace(outlook, camera=camera), context, least=0.0, share=self.config.shown):
+                return view
+        return None
+
+    def _unreachable(self, context: Context) -> Iterator[Viewpoint]:
+        """The pieces of seen ground to which no path leads, as what is given up, the largest first."""
+        traversability = context.traversability
+        pieces, areas = _pieces(context)
+        reachable = context.paths.reachable
+        near = near_ground(context, reachable)
+        # The ground if slopes were no hazard.
+        steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)
+        is_ground = np.isfinite(traversability.elevation) & (steep | ~traversability.hazard)
+        joined, _ = ndimage.label(is_ground, np.ones((3, 3)))
+        up_to_slopes = np.isin(joined, np.unique(joined[reachable & is_ground]))
+        for piece in np.argsort(-areas):
+            if areas[piece] < self.config.least_piece:
+                return
+            cells = pieces == piece
+            is_barred_by_unseen = (near & near_ground(context, cells) & self.outlook.terrain.target).any()
+            is_barred_by_slopes = (cells & up_to_slopes).any()
+            why: Why = "unseen" if is_barred_by_unseen else "too_steep" if is_barred_by_slopes else "no_way"
+            places = traversability.grid.centre_of(np.argwhere(cells))
+            middle = places[np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()]
+            yield Viewpoint(middle, 0.0, turn=False, gain=float(areas[piece]), seconds=np.inf, why=why)
 
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
@@ -184,10 +227,16 @@ class NextBestView(Strategy):
             yield viewpoint
             outlook = outlook.after(viewpoint)
 
-    def _best(self, outlook: Outlook, context: Context, least: float | None = None) -> Viewpoint | None:
+    def _best(
+        self, outlook: Outlook, context: Context, least: float | None = None, share: float = 0.0
+    ) -> Viewpoint | None:
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
-        ``least``: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
+        Args:
+            outlook: what is left to see.
+            context: what the robot knows.
+            least: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
+            share: minimum share of the highest gain of any viewpoint.
         """
         paths = context.paths
         grid = context.traversability.grid
@@ -200,11 +249,13 @@ class NextBestView(Strategy):
         cells = np.vstack([grid.cell_of(paths.start), spread])
         # Gains: unseen ground in view and rewards, where that is enough and the robot can stand.
         here = visibility.gains(places[:1], outlook.camera, terrain)
-        gains = np.vstack([here, self._gains[terrain.falls].of(spread, outlook.camera, terrain)])
+        cached = self._gains[terrain.falls, outlook.camera == self.outlook.camera]
+        gains = np.vstack([here, cached.of(spread, outlook.camera, terrain)])
         if self.takes_rewards and context.rewards and context.rewards.wanted:
             gains = gains + context.rewards.gains(context.traversability.on_ground(places), ANGLES)
         least = self._robot.width * terrain.cell if least is None else least
         gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= least), gains, 0.0)
+        gains[gains < share * gains.max()] = 0.0
         is_some = gains.any(axis=1)
         if not is_some.any():
             return None
@@ -247,3 +298,12 @@ class NextBestView(Strategy):
         is_one = paths.reachable & ~traversability.turnable & near
         is_one[tuple(spread.T)] = True
         return np.argwhere(is_one)
+
+
+def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
+    """The pieces of seen ground to which no path leads: (nx, ny) their numbers, 0 for none, and their areas, m²."""
+    ground = context.traversability
+    pieces, _ = ndimage.label(ground.traversable & ~context.paths.reachable, np.ones((3, 3)))
+    areas = np.bincount(pieces.ravel()) * ground.grid.cell**2
+    areas[0] = 0.0  # no piece
+    return pieces, areas

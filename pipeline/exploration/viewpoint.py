@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from pipeline.planning.pose_paths import PosePaths
+
+Why = Literal["unseen", "too_steep", "no_way"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +26,11 @@ class Viewpoint:
         heading: rad.
         turn: whether the robot turns to the heading on arrival.
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
-        seconds: expected time until the keyframe is taken, s.
+        seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
         falls: whether the gain assumes that unknown ground behind crests falls.
         opens: whether its purpose is to show what blocks the path to ground that was seen.
+        why: why it is given up, if it is. ``unseen``: no keyframe showed the ground in view, or what bars the path to
+            ground that was seen. ``too_steep``: slopes bar this path. ``no_way``: something else bars it.
         stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
             depends on what it sees.
     """
@@ -39,6 +43,12 @@ class Viewpoint:
     falls: bool = True
     opens: bool = False
     stands: bool = False
+    why: Why = "unseen"
+
+    @property
+    def is_reachable(self) -> bool:
+        """Whether a path leads there."""
+        return bool(np.isfinite(self.seconds))
 
 
 class ViewpointRewards(Protocol):

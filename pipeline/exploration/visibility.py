@@ -33,6 +33,13 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
     return kernels.CameraView(*[*rounded, *edges, sensor.grazing, config.rays])
 
 
+def without_nearest(camera: kernels.CameraView, metres: float) -> kernels.CameraView:
+    """A camera that does not see the nearest ground in its view, so many m of it on level ground."""
+    nearest = camera.height / np.tan(-camera.lower_edge)
+    lower_edge = float(-np.arctan(camera.height / (nearest + metres)))
+    return camera._replace(near=camera.near + metres, lower_edge=lower_edge)
+
+
 def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: VisibilityConfig) -> float:
     """Length of unknown ground that a ray is expected to see through, m, rounded; longer in a hall than among walls.
 

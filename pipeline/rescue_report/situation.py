@@ -159,7 +159,7 @@ class Situation:
         searched: whether a detector looked for people.
         ended: why exploration ended, as in report.json, or ``interrupted``; None without exploration: somebody else
             moved the camera, or the robot had goals.
-        left: viewpoints that would have shown more ground but were not worth the drive.
+        left: what was given up: viewpoints that were not worth the drive, and seen ground to which no path leads.
         trust: how far the map can be trusted.
         can_leave: whether the robot's map has a path out of the entrance.
         knows_camera: whether the camera's pose on the robot was known, not merely measured from a floor in view.
@@ -235,7 +235,7 @@ def situation_of(
         mapper: holds the maps and the victims; without a detector, people were not searched for.
         camera_height: height of the camera above the ground under the robot, m.
         ended: why exploration ended, see :attr:`Situation.ended`.
-        left: viewpoints that would have shown more ground but were not worth the drive.
+        left: what was given up: viewpoints not worth the drive, and seen ground to which no path leads.
         config: parameters of the report.
     """
     traversability = mapper.traversability

@@ -155,7 +155,7 @@ def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_
     monkeypatch.setattr(run.explorer.mission, "left", lambda context: left)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
     run.run()
-    expected = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
+    expected = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0, "why": "unseen"}]} if left else {}
     assert run.report["exploration"] == {"ended": ended} | expected
 
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw, wrap_angle
 from tests.pipeline.exploration.asking import (
@@ -338,7 +340,7 @@ def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_
 
 def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_forever():
     exploration = NextBestView(PIONEER)
-    here, looks = context(barred_corridor(3.0, half=0.06), from_yaw(-2.5, 0, 0, np.pi)), 0
+    here, looks = context(barred_corridor(3.0, half=0.1), from_yaw(-2.5, 0, 0, np.pi)), 0
     exploration.observe(here)
     while viewpoint := exploration.next_viewpoint(here):
         assert viewpoint.opens
@@ -346,3 +348,53 @@ def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_foreve
         assert looks < 10
         exploration.commit(viewpoint, here)
     assert looks > 1
+
+
+@pytest.mark.parametrize("start", [(-1.2, 0.3, 0.0), (-0.5, 0.0, 0.0), (-0.5, -0.2, np.pi / 2)])
+def test_what_bars_a_way_is_looked_at_from_where_the_camera_sees_all_of_it(start):
+    world, exploration = barred_corridor(3.0), NextBestView(PIONEER)
+    x, y, yaw = start
+    view = next_viewpoint(exploration, world, from_yaw(x, y, 0, yaw))
+    camera = view.position + CAMERA.ahead * np.array([np.cos(view.heading), np.sin(view.heading)])
+    to_its_near_side = np.linalg.norm((0.1, 0.0) - camera)
+    assert view.opens
+    assert to_its_near_side > CAMERA.height / np.tan(-CAMERA.lower_edge) + 0.1
+
+
+def test_what_is_given_up_says_why():
+    exploration = NextBestView(PIONEER)
+    pose = from_yaw(-2.5, 0, 0, np.pi)
+    here = context(barred_corridor(3.0), pose)
+    exploration.observe(here)
+    (beyond,) = [view for view in exploration.leftovers(here) if not view.is_reachable]
+    assert beyond.why == "unseen"
+    assert beyond.position[0] > 0.2
+    assert 2 < beyond.gain < 2.8 * 2  # the ground behind the door where the robot has room
+    for sill, why in ((0.3, "no_way"), (None, "too_steep")):
+        here = context(barred_by(sill), pose)
+        exploration = NextBestView(PIONEER)
+        exploration.observe(here)
+        (beyond,) = [view for view in exploration.leftovers(here) if not view.is_reachable]
+        assert beyond.why == why
+
+
+def barred_by(sill):
+    """A corridor with a sill of this height, m, across it; without one, with a slope of 31° up to a deck."""
+
+    def height(x, y):
+        return np.where(np.abs(x) < 0.1, sill, 0.0) if sill else np.clip(0.6 * x, 0, 0.6)
+
+    corners = [(-3, -1), (3, -1), (3, 1), (-3, 1), (-3, -1)]
+    ground = ground_points(height, (-3, 3), (-1, 1))
+    return surface_of(ground, *(wall_points(a, b) for a, b in pairwise(corners)))
+
+
+def test_as_long_as_much_would_be_given_up_every_drive_is_worth_it():
+    config = ExplorationConfig(more_ground=2.0)  # no view is worth its time
+    world, pose = corridor(-6, 2), from_yaw(0, 0, 0, 0)
+    found = [
+        next_viewpoint(NextBestView(PIONEER, config=replace(config, most_left=share)), world, pose)
+        for share in (0.0, 1.0)
+    ]
+    assert found[0] is not None
+    assert found[1] is None

@@ -1,13 +1,33 @@
 """The measuring limits of a depth camera, from which all ranges, noise and angles in the pipeline follow."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
-from typing import TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Depth = TypeVar("Depth", float, NDArray[np.floating])
+GRAZING = radians(8.5)  # Beyond 82° of incidence the simulated camera gives no return
+MARGIN = 5.0  # Standard deviations at the far end, where the limit cuts off half of the noise
+
+
+class DepthNoise(NamedTuple):
+    """How a camera's noise grows with depth: its standard deviation is ``least + growth * (depth - best) ** 2``.
+
+    Attributes:
+        least: standard deviation at the depth ``best``, m.
+        growth: increase with the square of the distance from that depth, 1/m.
+        best: depth of the least noise, m.
+    """
+
+    least: float
+    growth: float
+    best: float = 0.0
+
+
+STRUCTURED_LIGHT = DepthNoise(least=0.0012, growth=0.0019, best=0.4)
+"""Kinect and Xtion, whose depth comes from one chip (Nguyen, Izadi & Lovell, 3DIMPVT 2012)."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +39,7 @@ class SensorModel:
         grazing: smallest angle between ray and surface at which a return is certain, rad.
         margin: width of the bands at both ends of the range in which returns are unreliable, m.
         same_surface: greatest difference in depth between neighbouring returns on one surface, as a share of depth.
+        noise: how the noise grows with depth.
     """
 
     nearest: float
@@ -26,12 +47,23 @@ class SensorModel:
     grazing: float
     margin: float
     same_surface: float = 0.05
+    noise: DepthNoise = STRUCTURED_LIGHT
+
+    @classmethod
+    def measuring(cls, nearest: float, farthest: float, noise: DepthNoise) -> Self:
+        """A camera with a range, m, and a noise, from which the unreliable bands follow."""
+        camera = cls(nearest, farthest, GRAZING, margin=0.0, noise=noise)
+        return replace(camera, margin=MARGIN * camera.sigma(farthest))
 
     def sigma(self, depth: Depth) -> Depth:
-        """Standard deviation at a depth, both m, of a structured-light camera (Nguyen et al., 3DIMPVT 2012)."""
-        return 0.0012 + 0.0019 * (depth - 0.4) ** 2
+        """Standard deviation at a depth, both m."""
+        return self.noise.least + self.noise.growth * (depth - self.noise.best) ** 2
+
+    def in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(H, W) depth image, m, in which returns outside the range have become 0."""
+        return np.where((depth >= self.nearest) & (depth <= self.farthest), depth, np.float32(0))
 
 
-XTION = SensorModel(nearest=0.8, farthest=3.5, grazing=radians(8.5), margin=0.1)
-"""The ASUS Xtion PRO LIVE: the range is the data sheet's. The margin is five standard deviations at the far end,
-where the limit cuts off half of the noise. Beyond 82° of incidence the simulated camera gives no return."""
+XTION = SensorModel(nearest=0.8, farthest=3.5, grazing=GRAZING, margin=0.1)
+"""The simulated ASUS Xtion PRO LIVE: the range is the data sheet's. The margin is five standard deviations at the far
+end, rounded."""

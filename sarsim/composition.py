@@ -1,8 +1,9 @@
 """Assembly of every run from its settings, whether the robot is simulated, recorded, driven by hand or real."""
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pipeline.explorer import Explorer
 from pipeline.files import make_folder
@@ -16,6 +17,7 @@ from pipeline.rescue_report.report import RescueReport
 from pipeline.results import result_sinks
 from pipeline.robot import RobotModel
 from pipeline.run import RunParts
+from pipeline.sensor import XTION, SensorModel
 from pipeline.sink import Sink
 from sarsim.methods.make import make_own
 from sarsim.methods.perception import make_perception, make_readers
@@ -23,6 +25,16 @@ from sarsim.settings import PerceptionConfig, SinkConfig
 
 TRUE_LABELS = PerceptionConfig(labels="truth", detector=None)
 """Labels from the simulator, and no search for people or other finds."""
+Perception = TypeVar("Perception", bound=PerceptionConfig)
+
+
+def reaching(perception: Perception, sensor: SensorModel) -> Perception:
+    """The settings with a metric map that reaches as far as the camera, unless a settings file says how far."""
+    metric_map = perception.pipeline.metric_map
+    if metric_map.max_range != XTION.farthest:
+        return perception
+    metric_map = replace(metric_map, max_range=sensor.farthest)
+    return replace(perception, pipeline=replace(perception.pipeline, metric_map=metric_map))
 
 
 def make_mapper(

@@ -309,6 +309,10 @@ class MapRecording(SinkConfig, PerceptionConfig):
             By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
+        depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
+            recording names, or else 0.5 to 5 m.
+        depth_noise: standard deviation of a depth of 1 m, m; it grows with the square of depth. By default that of
+            the camera that the recording names, or else a Kinect's.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
         mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.
@@ -321,6 +325,8 @@ class MapRecording(SinkConfig, PerceptionConfig):
     camera: Given[tuple[float, float, float, float, float, float]] = None
     intrinsics: Given[tuple[float, float, float, float]] = None
     depth_scale: Given[float] = None
+    depth_range: Given[tuple[float, float]] = None
+    depth_noise: Given[float] = None
     fps: Given[float] = None
     topics: tuple[str, ...] = ()
     mission: str = EXPLORE

@@ -1,7 +1,7 @@
 """A recording: frames, and the known poses at which they were taken."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -10,10 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Direction, Pose
+from pipeline.datasets.depth_cameras import camera_named
 from pipeline.errors import InputError
 from pipeline.files import read_text
 from pipeline.frame import Frame
 from pipeline.localisation.trajectory import Trajectory
+from pipeline.sensor import SensorModel
 from pipeline.transforms import from_rotation
 
 BAG_ENDINGS = ".mcap", ".db3", ".bag"  # Endings of files with ROS messages
@@ -57,6 +59,7 @@ class Recording:
             camera's pose is unknown.
         keyframes: times of the frames that the robot made keyframes, s, and whether it labelled each.
         steps: times of the keyframes at which the robot stopped, corrected its maps and planned, s.
+        sensor: range and noise of the camera that the recording names; None if it names none.
         left_out: number of items that could not be used, by reason.
         notes: assumptions made where the recording is not as expected, one line each.
     """
@@ -69,6 +72,7 @@ class Recording:
     up: Direction | None = None
     keyframes: Mapping[float, bool] | None = None
     steps: Set[float] = frozenset()
+    sensor: SensorModel | None = None
     left_out: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -77,6 +81,16 @@ class Recording:
         if line not in self.notes:
             self.notes.append(line)
             _log.warning("%s: %s", self.path, line)
+
+    def take_sensor(self, names: Iterable[str]) -> None:
+        """Take range and noise from the known camera that one of the names fits, if one does, and say so."""
+        found = camera_named(names)
+        if found is None:
+            return
+        camera, name = found
+        self.sensor = camera.sensor
+        depths = f"depths from {camera.sensor.nearest:g} to {camera.sensor.farthest:g} m"
+        self.note(f"using {depths}, as for {camera.name} (named in {name}); to change them, use --depth-range")
 
     def leave_out(self, reason: str) -> None:
         """Count an item that cannot be used."""

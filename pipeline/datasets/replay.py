@@ -111,7 +111,7 @@ class Replay:
             yield Replayed(frame, self._take(frame), truth)
 
     def _frames(self) -> Iterator[Frame]:
-        """The recording's frames, in which the depth that stands for no return, if there is one, has become 0."""
+        """The recording's frames, in which depths outside the range, or that stand for no return, have become 0."""
         frames, first, broken = self.recording.frames(), list[Frame](), None
         try:
             first.extend(islice(frames, CLIP_FRAMES))
@@ -121,10 +121,10 @@ class Replay:
         if clip is not None:
             self.recording.note(f"a depth of exactly {clip:g} m, which many pixels have, is taken for no return")
         for frame in chain(first, frames):
-            if clip is None:
-                yield frame
-            else:
-                yield replace(frame, depth=np.where(frame.depth < np.float32(clip), frame.depth, np.float32(0)))
+            if clip is not None:
+                frame = replace(frame, depth=np.where(frame.depth < np.float32(clip), frame.depth, np.float32(0)))
+            sensor = self.recording.sensor
+            yield frame if sensor is None else replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor)
         if broken:
             raise broken
 

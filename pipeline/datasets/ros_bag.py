@@ -25,12 +25,13 @@ from pipeline.datasets.cameras import (
 from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.images import DEPTHS, colour_of, depth_of, is_depth, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
-from pipeline.datasets.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.datasets.messages import CAMERA, NANO, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
 from pipeline.errors import InputError, required
 from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
+from pipeline.sensor import XTION
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
@@ -72,6 +73,11 @@ def read_ros_bag(
     recording.steps = beside.steps
     recording.has_camera_pose = mount.T_base_camera is not None
     recording.up = beside.up(camera.frame, config.at_rest)
+    if camera.frame == CAMERA:
+        recording.sensor = XTION  # the frame's name is that of sarsim's own camera
+    else:
+        frames = [source.frame for source in (depth, colour) if source is not None]
+        recording.take_sensor([*beside.devices, chosen.depth, *frames, path.resolve().name])
     for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
     if recording.odometry is None and beside.links.moves:
@@ -230,6 +236,11 @@ class _Beside:
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
             self.links.hang(*extrinsic(name, _first(reader, name)))
+        self.devices = [
+            _first(reader, name).value
+            for name, kind in topics.kinds.items()
+            if kind == "diagnostic_msgs/msg/KeyValue" and name.endswith("/info")
+        ]
         self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
         takers: dict[str | None, Callable[[Any, float], None]] = {

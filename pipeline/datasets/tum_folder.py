@@ -15,9 +15,10 @@ from pipeline.datasets.image_pairs import UNITS, Pair, image_pairs
 from pipeline.datasets.images import metres
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, read_bytes, read_numbers
+from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
 from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
+from pipeline.sensor import XTION
 
 POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In the names of files of poses
 READ = "groundtruth.txt", "odometry.txt"
@@ -64,6 +65,10 @@ def read_tum_folder(
     pairs = image_pairs(path, fps, recording.note)
     _note_missing(recording, pairs)
     camera = calibration or _calibration(path)
+    if (path / "label.txt").exists():  # only sarsim writes true labels
+        recording.sensor = XTION
+    else:
+        recording.take_sensor([path.resolve().name, *_comments(path / "depth.txt")])
     span = pairs[0].time, pairs[-1].time
     recording.truth = _trajectory(path / "groundtruth.txt", recording, span, fps)
     recording.odometry = _trajectory(path / "odometry.txt", recording, span, fps)
@@ -89,6 +94,12 @@ def _note_missing(recording: Recording, pairs: Sequence[Pair]) -> None:
     if not any(pair.depth.exists() and pair.colour and pair.colour.exists() for pair in pairs):
         raise InputError(f"{recording.path}: {found}")
     recording.note(found)
+
+
+def _comments(path: Path) -> list[str]:
+    """The comments in a list of images, if it exists: those of the TUM benchmark name the sequence."""
+    lines = read_text(path).splitlines() if path.exists() else []
+    return [line.strip("# ") for line in lines if line.startswith("#")]
 
 
 def _trajectory(

@@ -23,7 +23,9 @@ def map_recording(config: MapRecording) -> None:
     check_folder(config.out)
     from sarsim.commands.recorded_drive import RecordedDrive
 
-    drive = RecordedDrive(open_recording(config), config)
+    recording = open_recording(config)
+    set_sensor(recording, config)
+    drive = RecordedDrive(recording, config)
     try:
         ended_by = run_watched(drive.run, config.path.name)
     finally:
@@ -66,6 +68,20 @@ def open_recording(config: MapRecording) -> "Recording":
     if holds_bag(path):
         recording.note("the folder also contains a ROS bag, which is ignored; to map the bag, give its path")
     return _without(recording, config, "a folder of images", "topics")
+
+
+def set_sensor(recording: "Recording", config: MapRecording) -> None:
+    """Let the flags, or else what is usual, say what the recording does not say of its camera's range and noise.
+
+    Raises:
+        InputError: no camera measures as the flags say.
+    """
+    from pipeline.datasets.depth_cameras import UNNAMED, with_flags
+
+    if recording.sensor is None and config.depth_range is None:
+        depths = f"depths from {UNNAMED.nearest:g} to {UNNAMED.farthest:g} m"
+        recording.note(f"the recording does not name its camera; using {depths}; to change them, use --depth-range")
+    recording.sensor = with_flags(recording.sensor or UNNAMED, config.depth_range, config.depth_noise)
 
 
 def _without(recording: "Recording", config: MapRecording, kind: str, *useless: str) -> "Recording":

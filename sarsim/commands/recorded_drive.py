@@ -13,9 +13,10 @@ from pipeline.errors import InputError
 from pipeline.localisation.localisation import LostError
 from pipeline.progress import Progress
 from pipeline.run import MappingRun
+from pipeline.sensor import XTION
 from pipeline.sink import Result, Sink
 from pipeline.transforms import inverse
-from sarsim.composition import compose, make_mapper
+from sarsim.composition import compose, make_mapper, reaching
 from sarsim.methods.plugins import make_plugins
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
@@ -51,7 +52,8 @@ class RecordedDrive(MappingRun):
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
         plugins = make_plugins(config)
         localisation = localisation_of(poses, config.pipeline.localisation)
-        mapper = make_mapper(config, model, localisation=localisation, plugins=plugins)
+        settings = reaching(config, recording.sensor or XTION)
+        mapper = make_mapper(settings, model, localisation=localisation, plugins=plugins)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""

@@ -18,6 +18,7 @@ from pipeline.errors import InputError, required
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from pipeline.localisation.trajectory import Trajectory
+from pipeline.sensor import XTION
 from pipeline.transforms import are_poses
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
@@ -340,4 +341,4 @@ def read_scene(path: Path) -> Recording:
 
     with Scene(path) as scene:
         odometry, truth = (Trajectory(scene.time, poses) for poses in (scene.pose_odom, scene.pose_true))
-    return Recording(path, frames, has_camera_pose=True, odometry=odometry, truth=truth)
+    return Recording(path, frames, has_camera_pose=True, odometry=odometry, truth=truth, sensor=XTION)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pipeline.sensor import XTION
+from pipeline.sensor import XTION, DepthNoise, SensorModel
 
 
 def test_noise_grows_as_nguyen_izadi_and_lovell_measured():
@@ -9,3 +9,16 @@ def test_noise_grows_as_nguyen_izadi_and_lovell_measured():
     depth = np.linspace(XTION.nearest, XTION.farthest, 9, dtype=np.float32)
     assert (np.diff(XTION.sigma(depth)) > 0).all()
     assert XTION.sigma(depth).dtype == np.float32
+
+
+def test_the_unreliable_bands_follow_from_range_and_noise():
+    camera = SensorModel.measuring(0.5, 4.0, DepthNoise(least=0.001, growth=0.002, best=1.0))
+    assert camera.sigma(4.0) == pytest.approx(0.019)
+    assert camera.margin == pytest.approx(5 * 0.019)
+
+
+def test_returns_outside_the_range_are_none():
+    depth = np.array([[0.0, 0.7, 0.8], [2.0, 3.5, 3.6]], np.float32)
+    kept = XTION.in_range(depth)
+    np.testing.assert_array_equal(kept, np.array([[0, 0, 0.8], [2.0, 3.5, 0]], np.float32))
+    assert kept.dtype == np.float32

@@ -42,19 +42,24 @@ def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
 
 def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[NDArray[np.float64]]) -> Path:
     """Write the first frames, all by default, and trajectories by name: ``groundtruth`` and ``odometry``."""
+    return write_images(folder, frames()[:number], **files)
+
+
+def write_images(folder: Path, views: list[Frame], **files: Iterable[NDArray[np.float64]]) -> Path:
+    """Write frames of one camera, and trajectories by name."""
     lists: dict[str, list[str]] = {"rgb": [], "depth": []}
     for kind in lists:
         (folder / kind).mkdir(parents=True)
-    for frame in frames()[:number]:
+    for frame in views:
         for kind, image in (("rgb", frame.rgb), ("depth", np.rint(frame.depth * 5000).astype(np.uint16))):
             cv2.imwrite(str(folder / kind / f"{frame.time:.3f}.png"), image)
             lists[kind].append(f"{frame.time:.3f} {kind}/{frame.time:.3f}.png")
     for name, poses in files.items():
         numbers = [[*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()] for T in poses]
-        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(frames()[:number], numbers, strict=True)]
+        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(views, numbers, strict=True)]
     for name, lines in lists.items():
         (folder / f"{name}.txt").write_text("\n".join(["# made by a test", *lines]) + "\n")
-    k = frames()[0].intrinsics
+    k = views[0].intrinsics
     (folder / "calibration.txt").write_text(f"{k.fx} {k.fy} {k.cx - 0.5} {k.cy - 0.5}\n")
     return folder
 

@@ -16,6 +16,9 @@ from pipeline.localisation.trajectory import write_tum
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.plugins.league.brief import HANDED_IN
 from pipeline.plugins.league.validation import validate
+from pipeline.semantic_map.ply import read_ply
+from pipeline.sensor import XTION
+from pipeline.transforms import from_yaw
 from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.exports.tum import Tum
@@ -30,9 +33,11 @@ from tests.pipeline.datasets.recorded_room import (
     camera_poses,
     frames,
     write_bag,
+    write_images,
     write_tum_folder,
 )
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.polygon_scene import HALF, floor, look, wall
 from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.sarsim.dataset.small import InProcess
 
@@ -222,3 +227,68 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
 def test_flags_without_an_effect_are_said(kind: str, flags: dict, said: str, ways_in: dict[str, Path]) -> None:
     notes = open_recording(MapRecording(path=ways_in[kind], out=Path("out"), **flags)).notes
     assert any(f"ignoring {said}, " in note for note in notes)
+
+
+AHEAD = 5.4  # m; at least 4.6 m along the optical axis in the views below
+HALL = [floor(-1, 6, -4, 4), wall((AHEAD, -4), (AHEAD, 4)), *(wall((AHEAD, side), (-1, side)) for side in (-4, 4))]
+"""A hall with a wall ahead of the robot."""
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A TUM folder of a camera that sees 6 m, in which the robot turns left and right on the spot."""
+    folder = tmp_path_factory.mktemp("hall") / "hall"
+    turns = [from_yaw(0.0, 0.0, 0.0, yaw) for yaw in (0.0, 0.15, 0.0, -0.15)]
+    views = [
+        look(HALL, T @ T_BASE_CAMERA, sigma=0.005, seed=k, reach=(0.3, 6.0), camera=HALF) for k, T in enumerate(turns)
+    ]
+    write_images(
+        folder, [replace(view, time=0.5 * k) for k, view in enumerate(views)], groundtruth=camera_poses(turns)
+    )
+    write_tum(folder / "camera.txt", [0.0], [T_BASE_CAMERA])
+    return folder
+
+
+def mapped_ahead(hall: Path, out: Path, *flags: object) -> tuple[int, int]:
+    """Numbers of occupied voxels, and of labelled points, of the wall ahead."""
+    run(hall, "--out", out, "--poses", "truth", "--labels", "rules", *flags)
+    voxels = load_metric_map(out / "metric_map.npz").occupied_centres()
+    cloud = read_ply(out / "semantic_map.ply")
+    return tuple(int(np.count_nonzero(np.abs(x - AHEAD) < 0.2)) for x in (voxels[:, 0], cloud["x"]))
+
+
+def test_a_wall_is_mapped_if_the_camera_sees_that_far(hall: Path, tmp_path: Path) -> None:
+    voxels, points = mapped_ahead(hall, tmp_path / "far", "--depth-range", 0.3, 6)
+    assert voxels > 300 and points > 300
+    assert mapped_ahead(hall, tmp_path / "near", "--depth-range", 0.3, 4) == (0, 0)
+    config = tmp_path / "config.yaml"
+    config.write_text("pipeline: {metric_map: {max_range: 4.0}}")
+    voxels, points = mapped_ahead(hall, tmp_path / "file", "--depth-range", 0.3, 6, "--config", config)
+    assert voxels == 0 and points > 300
+
+
+def test_a_named_camera_gives_the_range(hall: Path, tmp_path: Path) -> None:
+    named = tmp_path / "kinect2_hall"
+    shutil.copytree(hall, named)
+    assert mapped_ahead(named, tmp_path / "out") == (0, 0)  # it sees 4.5 m
+    notes = json.loads((tmp_path / "out" / "report.json").read_text())["recording"]["notes"]
+    assert any("kinect2_hall" in note and "--depth-range" in note for note in notes)
+    voxels, points = mapped_ahead(named, tmp_path / "far", "--depth-range", 0.3, 6)
+    assert voxels > 300 and points > 300
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"), [(("--depth-range", 6, 0.5), "--depth-range 6 0.5"), (("--depth-noise", 3), "--depth-noise 3")]
+)
+def test_a_range_or_noise_of_no_camera_is_refused(
+    flags: tuple, said: str, hall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said in failed(capsys, hall, "--out", tmp_path / "out", *flags)
+    assert not (tmp_path / "out").exists()
+
+
+def test_sarsims_own_recordings_are_of_its_own_camera(ways_in: dict[str, Path]) -> None:
+    for name in ("scene", "tum", "bag"):
+        recording = open_recording(MapRecording(path=ways_in[name], out=Path("out")))
+        assert recording.sensor == XTION
+        assert not [note for note in recording.notes if "--depth-range" in note]

@@ -1,0 +1,95 @@
+"""What is known of the depth cameras with which people record, and which of them a recording names."""
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from pipeline.errors import InputError
+from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
+
+FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
+MOST_NOISE = 0.1  # m, largest standard deviation at 1 m; ten times that of the noisiest camera below
+SUBPIXEL = 0.08  # pixels, noise of a RealSense's disparity on a textured surface (Intel's guide to tuning the D400)
+
+
+class KnownCamera(NamedTuple):
+    """A camera that recordings name.
+
+    Attributes:
+        name: what it is called.
+        pattern: matches the names of files, topics and frames by which it is known.
+        sensor: its range and noise.
+    """
+
+    name: str
+    pattern: re.Pattern[str]
+    sensor: SensorModel
+
+
+def stereo(focal_length: float, baseline: float, subpixel: float = SUBPIXEL) -> DepthNoise:
+    """The noise of a stereo camera: ``depth² · subpixel / (focal length · baseline)``.
+
+    Args:
+        focal_length, subpixel: focal length, and standard deviation of the disparity, pixels.
+        baseline: distance between its two cameras, m.
+    """
+    return DepthNoise(0.0, subpixel / (focal_length * baseline))
+
+
+def _camera(name: str, pattern: str, nearest: float, farthest: float, noise: DepthNoise) -> KnownCamera:
+    return KnownCamera(name, re.compile(pattern, re.IGNORECASE), SensorModel.measuring(nearest, farthest, noise))
+
+
+# Ranges of stereo cameras end where the noise reaches 5 cm, half a voxel; their focal lengths are those of 848 × 480.
+KNOWN = (
+    # Range: Microsoft. Noise, for surfaces seen head-on: Fankhauser et al., ICAR 2015.
+    _camera("a Kinect v2", r"kinect[-_]?(2|v2|one)|\bk4w2\b", 0.5, 4.5, DepthNoise(0.00129, 0.0003, 0.83)),
+    # Range and noise in the narrow mode, binned: Microsoft's hardware specification.
+    _camera("an Azure Kinect", r"azure[-_]?kinect|k4a|femto", 0.5, 5.46, DepthNoise(0.017, 0.0)),
+    # Nearest depths, fields of view and baselines of RealSense cameras: Intel's data sheet of the D400 family.
+    _camera("a RealSense D455", r"d45[0-9]", 0.5, 5.1, stereo(447, 0.095)),
+    _camera("a RealSense D415", r"d41[0-9]", 0.3, 4.8, stereo(665, 0.055)),
+    _camera("a RealSense D435", r"d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo(424, 0.05)),
+    # Range: Khoshelham & Elberink, Sensors 2012. All of these have the same chip or a copy of it.
+    _camera(
+        "a Kinect or Xtion", r"kinect|xtion|primesense|openni|astra|freiburg[123]", *(0.5, 5.0, STRUCTURED_LIGHT)
+    ),
+)
+"""The cameras, of which the first that a name fits is taken; a RealSense of unknown model counts as a D435."""
+UNNAMED = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
+"""Taken if a recording does not name its camera."""
+
+
+def camera_named(names: Iterable[str]) -> tuple[KnownCamera, str] | None:
+    """The first known camera that one of the names fits, and that name; None if none does."""
+    words = list(names)
+    return next(((camera, word) for camera in KNOWN for word in words if camera.pattern.search(word)), None)
+
+
+def with_flags(
+    sensor: SensorModel, depth_range: tuple[float, float] | None = None, depth_noise: float | None = None
+) -> SensorModel:
+    """A camera with the range and the noise that a user gives.
+
+    Args:
+        sensor: the camera; it provides what is not given.
+        depth_range: nearest and farthest depth, m.
+        depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
+
+    Raises:
+        InputError: no camera measures like that.
+    """
+    if depth_range is None and depth_noise is None:
+        return sensor
+    nearest, farthest = depth_range or (sensor.nearest, sensor.farthest)
+    if not 0 < nearest < farthest <= FARTHEST:
+        rule = f"must be above 0 and at most {FARTHEST:g} m, the nearer one first"
+        raise InputError(f"--depth-range {nearest:g} {farthest:g}: {rule}")
+    if depth_noise is not None and not 0 < depth_noise <= MOST_NOISE:
+        raise InputError(f"--depth-noise {depth_noise:g}: must be above 0 and at most {MOST_NOISE:g} m at 1 m")
+    noise = sensor.noise if depth_noise is None else DepthNoise(0.0, depth_noise)
+    given = SensorModel.measuring(nearest, farthest, noise)
+    if not nearest + given.margin < farthest - given.margin:
+        found = f"depths from {nearest:g} to {farthest:g} m, with a noise of {given.sigma(farthest):.2g} m at the end"
+        raise InputError(f"{found}: too short or too noisy; correct --depth-range or --depth-noise")
+    return given

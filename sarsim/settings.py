@@ -307,6 +307,8 @@ class MapRecording(SinkConfig, PerceptionConfig):
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
             By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
+        camera_height: height of the camera, m; it replaces that of the recorded pose.
+        camera_pitch: pitch of the camera, degrees, positive if it looks down; it replaces that of the recorded pose.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
         depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
@@ -323,6 +325,8 @@ class MapRecording(SinkConfig, PerceptionConfig):
     poses: Given[Literal["slam", "registration", "odometry", "truth"]] = None
     robot: Robot = "pioneer3at"
     camera: Given[tuple[float, float, float, float, float, float]] = None
+    camera_height: Given[float] = None
+    camera_pitch: Given[float] = None
     intrinsics: Given[tuple[float, float, float, float]] = None
     depth_scale: Given[float] = None
     depth_range: Given[tuple[float, float]] = None

@@ -47,13 +47,16 @@ def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
 class FrameTree:
     """Transforms between frames, which are identified by name.
 
+    A frame may be sent with several parents, as where a robot's transforms and those of a motion capture system share
+    a topic. Then the parent counts that leads to the robot, or else the newest.
+
     Attributes:
         base: name of the robot's frame according to its odometry messages; empty if they give none.
     """
 
     def __init__(self) -> None:
         self.base = ""
-        self._links: dict[str, tuple[str, Pose]] = {}
+        self._links: dict[str, dict[str, Pose]] = {}  # by child and parent, the newest last
         self._moving: set[str] = set()
         self._odometry: dict[str, list[tuple[float, Pose]]] = {}
 
@@ -61,7 +64,8 @@ class FrameTree:
         """Store a TransformStamped; ``time``, s, is used if it has no stamp."""
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
-        if child in self._links and not np.allclose(self._links[child][1], T, rtol=0, atol=STILL):
+        before = self._links.get(child, {}).get(parent)
+        if before is not None and not np.allclose(before, T, rtol=0, atol=STILL):
             self._moving.add(child)
         self.hang(child, parent, T)
         if _is_called(parent, ODOM):
@@ -69,7 +73,9 @@ class FrameTree:
 
     def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
         """Store the pose of a frame in its parent."""
-        self._links[child] = parent, T_parent_child
+        parents = self._links.setdefault(child, {})
+        parents.pop(parent, None)
+        parents[parent] = T_parent_child
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
         """The times, s, and poses in ``odom`` of its child that carries a camera."""
@@ -99,6 +105,10 @@ class FrameTree:
         pairs = (base, expected), (named, camera.strip("/"))
         taken = [f"using the frame {found} as {wanted}" for found, wanted in pairs if found != wanted]
         moving = [name for name in self._way(base, named) if name in self._moving]
+        for name in self._way(base, named):
+            if len(self._links.get(name, {})) > 1:
+                parents = " and ".join(sorted(self._links[name]))
+                taken.append(f"the frame {name} has the parents {parents} by turns; using {self._parent(name)}")
         taken += [f"the frame {name} moves relative to the robot; using its last pose" for name in moving]
         ground = self._ground(base)
         return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
@@ -136,7 +146,27 @@ class FrameTree:
         return next((name for usual in BASES for name in above if _is_called(name, usual)), expected)
 
     def _known(self) -> set[str]:
-        return self._links.keys() | {parent for parent, _ in self._links.values()}
+        return self._links.keys() | {parent for parents in self._links.values() for parent in parents}
+
+    def _parent(self, child: str) -> str:
+        """The parent of a frame that has one or more: the one that leads to the robot, or else the newest."""
+        parents = list(self._links[child])[::-1]
+        robots = [parent for parent in parents if self._leads_to_robot(parent, child)] if parents[1:] else []
+        return (robots or parents)[0]
+
+    def _leads_to_robot(self, frame: str, child: str) -> bool:
+        """Whether a frame or one of its ancestors is the robot's own, on a way that does not pass its ``child``."""
+        passed, ahead = {child}, {frame}
+        while ahead:
+            if any(self._is_robots(name) for name in ahead):
+                return True
+            passed |= ahead
+            ahead = {parent for name in ahead for parent in self._links.get(name, {})} - passed
+        return False
+
+    def _is_robots(self, frame: str) -> bool:
+        is_driven = frame == self.base.strip("/") or frame in self._odometry
+        return is_driven or any(_is_called(frame, name) for name in BASES)
 
     def named(self, frame: str) -> str:
         """The frame with a name, or the only one whose name differs from it only by a leading namespace."""
@@ -172,15 +202,16 @@ class FrameTree:
         for _ in range(len(self._links)):
             if name not in self._links:
                 return
-            name, step = self._links[name]
-            T = step @ T
+            parent = self._parent(name)
+            name, T = parent, self._links[name][parent] @ T
             yield name, T
 
     def __str__(self) -> str:
         """Each parent with its children."""
         children: dict[str, list[str]] = {}
-        for child, (parent, _) in self._links.items():
-            children.setdefault(parent, []).append(child)
+        for child, parents in self._links.items():
+            for parent in parents:
+                children.setdefault(parent, []).append(child)
         return ", ".join(f"{parent} → {' '.join(names)}" for parent, names in children.items()) or "none"
 
 

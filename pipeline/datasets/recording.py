@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,6 +31,13 @@ class CameraPose(NamedTuple):
     roll: float
     pitch: float
     yaw: float
+
+    @classmethod
+    def of(cls, T_base_camera: Pose) -> Self:
+        """The six numbers of a pose of ``camera_optical``."""
+        R = Rotation.from_matrix(T_base_camera[:3, :3] @ LINK_OPTICAL.T)
+        yaw, pitch, roll = R.as_euler("ZYX", degrees=True).tolist()
+        return cls(*T_base_camera[:3, 3].tolist(), roll, pitch, yaw)
 
     @property
     def T_base_camera(self) -> Pose:

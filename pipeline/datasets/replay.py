@@ -6,6 +6,7 @@ from itertools import chain, dropwhile, islice
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Direction, Pose
 from pipeline.datasets.camera_pose import T_above_floor
@@ -31,6 +32,7 @@ NEAREST, FARTHEST = 0.35, 15.0  # Usual medians of an image's depth, m
 OFF_CENTRE = 0.12  # Greatest usual distance of a principal point from the middle, as a share of the image
 WIDEST = 20.0  # Greatest size of an image in focal lengths; a field of view of 169°
 CLIP_FRAMES = 10  # Number of first frames that show whether a depth stands for no return
+SAME_AXES = np.radians(1.0)  # Angle up to which two poses of the camera on the robot do not contradict each other
 POSELESS = "frames without a known pose"
 
 
@@ -215,10 +217,23 @@ class Replay:
             return DepthOdometry(np.eye(4), config=self._numbers).pose
         return lambda frame: given.at(frame.time, self._numbers.trajectory)
 
+    def _felt(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
+        """The vertical in ``base_link`` by the accelerometer; None without one, or if its axes are in doubt."""
+        up = self.recording.up
+        if up is None or not self.recording.has_camera_pose:
+            return None if up is None else T_base_camera[:3, :3] @ up
+        turned = Rotation.from_matrix(frame.T_base_camera[:3, :3].T @ T_base_camera[:3, :3]).magnitude()
+        if turned < SAME_AXES:
+            return up
+        doubt = "it may be mounted on the camera, whose recorded pose is turned otherwise than the given one"
+        self.recording.note(f"ignoring the accelerometer: {doubt}")
+        return None
+
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
         """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""
-        if self.recording.up is not None:
-            return self.recording.up
+        felt = self._felt(frame, T_base_camera)
+        if felt is not None:
+            return felt
         up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)
         return np.array([0.0, 0.0, 1.0]) if up is None else up
 

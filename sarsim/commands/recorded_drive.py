@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.arrays import Pose as Matrix
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
@@ -24,6 +25,36 @@ from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
 _log = logging.getLogger(__name__)
+
+
+HIGHEST, STEEPEST = 10.0, 90.0  # Greatest height, m, and pitch, degrees, of a camera
+
+
+def camera_pose(recording: Recording, config: MapRecording) -> Matrix | None:
+    """The pose of the camera on the robot that the flags give, in whole or in part; None if they give none.
+
+    Raises:
+        InputError: the flags contradict each other, or the recording lacks the pose of which they replace a part.
+    """
+    parts = {"z": config.camera_height, "pitch": config.camera_pitch}
+    given = {name: value for name, value in parts.items() if value is not None}
+    if config.camera and given:
+        raise InputError("--camera gives height and pitch, too; leave out --camera-height and --camera-pitch")
+    if config.camera:
+        return CameraPose(*config.camera).T_base_camera
+    if not 0 < given.get("z", 1.0) <= HIGHEST:
+        raise InputError(f"--camera-height {given['z']:g}: must be above 0 and at most {HIGHEST:g} m")
+    if not -STEEPEST < given.get("pitch", 0.0) < STEEPEST:
+        raise InputError(f"--camera-pitch {given['pitch']:g}: must be between -90 and 90 degrees")
+    if given and not recording.has_camera_pose:
+        missing = "the recording lacks the camera's pose, of which --camera-height and --camera-pitch replace a part"
+        raise InputError(f"{recording.path}: {missing}; give the whole pose with --camera")
+    if not given:
+        return None
+    left_out = dict(recording.left_out)
+    first = next(recording.frames(), None)
+    recording.left_out = left_out  # The frames are yet to be counted
+    return None if first is None else CameraPose.of(first.T_base_camera)._replace(**given).T_base_camera
 
 
 class _Score(Sink):
@@ -54,7 +85,7 @@ class RecordedDrive(MappingRun):
         localisation = localisation_of(poses, config.pipeline.localisation)
         settings = reaching(config, recording.sensor or XTION)
         mapper = make_mapper(settings, model, localisation=localisation, plugins=plugins)
-        camera = config.camera and CameraPose(*config.camera).T_base_camera
+        camera = camera_pose(recording, config)
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""
         self._poses: list[Pose] = []

@@ -113,3 +113,26 @@ def test_the_odometry_is_that_of_the_robot_with_the_camera() -> None:
 def test_transforms_are_those_of_the_robots_namespace(topics: list[str], beside: str, expected: list[str]) -> None:
     kinds = dict.fromkeys(topics, "tf2_msgs/msg/TFMessage") | {beside: "sensor_msgs/msg/Image"}
     assert tf_topics(kinds, [beside]) == expected
+
+
+TURNS = ("laser", "camera", 1.0), ("kinect", "camera", 7.0)
+
+
+@pytest.mark.parametrize("newest", [0, 1])
+@pytest.mark.parametrize("driven", ["base_link", "robot"])
+def test_of_several_parents_that_which_leads_to_the_robot_counts(driven: str, newest: int) -> None:
+    links = [(driven, "laser", 0.25), ("world", "kinect", 5.0), ("world", "kinect", 6.0), ("camera", "lens", 0.5)]
+    found = tree(*TURNS, *links, *TURNS[newest:], *TURNS[:newest])
+    found.base = driven
+    T, _, note = found.mount("lens")
+    assert T is not None
+    assert T[0, 3] == pytest.approx(1.75)
+    assert "camera" in note and "kinect" in note and "using laser" in note
+    assert "moves" not in note  # a frame does not move because its parents differ
+
+
+def test_a_frame_that_was_handed_over_hangs_where_it_hung_last() -> None:
+    found = tree(("base_link", "hand", 1.0), ("hand", "cup", 0.5), ("base_link", "tray", 3.0), ("tray", "cup", 0.5))
+    T = found.between("base_link", "cup")
+    assert T is not None
+    assert T[0, 3] == pytest.approx(3.5)

@@ -176,6 +176,36 @@ def test_angles_of_a_camera_are_those_of_rep_103() -> None:
     np.testing.assert_allclose(T, T_BASE_CAMERA, atol=1e-12)
 
 
+def test_the_six_numbers_of_a_camera_come_back() -> None:
+    pose = CameraPose(0.1, -0.2, 0.6, 4.0, 12.0, -30.0)
+    assert CameraPose.of(pose.T_base_camera) == pytest.approx(pose)
+
+
+TILTED = CameraPose(0.1, 0.0, 0.6, 0.0, np.degrees(0.25) + 20, 0.0).T_base_camera
+"""A pose that is wrong by 20°."""
+
+
+@pytest.mark.parametrize(
+    ("recorded", "felt"),
+    [
+        (None, T_BASE_CAMERA[2, :3]),
+        (T_BASE_CAMERA, np.array([0.0, 0.0, 1.0])),
+        (TILTED, TILTED[:3, :3] @ T_BASE_CAMERA[2, :3]),
+    ],
+    ids=["unknown", "right", "wrong"],
+)
+def test_the_vertical_fits_the_given_pose_of_the_camera(recorded: np.ndarray | None, felt: np.ndarray) -> None:
+    # A recorded pose that is wrong turns what an accelerometer on the camera measures.
+    place = np.eye(4) if recorded is None else recorded
+    source = recording(odometry=Trajectory(TIMES, np.array(ODOMETRY)), up=felt)
+    taken = [replace(frame, T_base_camera=place) for frame in source.frames()][:6]
+    source = replace(source, frames=lambda: iter(taken), has_camera_pose=recorded is not None)
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=localisation_of("slam"))
+    found = list(Replay(source, mapper, "slam", T_BASE_CAMERA))
+    assert max(tilt(mapper.localisation.T_map_odom @ r.frame.T_odom_base) for r in found) < 1
+    assert any("accelerometer" in note for note in source.notes) == (recorded is TILTED)
+
+
 RAMP = [*ROOM, *wedge(1.9, 1.5, 1.2, 1.5, 0.45)]
 """A room with a ramp of 21° ahead, which takes up more of the view than the floor."""
 

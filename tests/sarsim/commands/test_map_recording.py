@@ -12,14 +12,19 @@ import numpy as np
 import pytest
 from rosbags.convert import convert
 
-from pipeline.localisation.trajectory import write_tum
+from pipeline.datasets.messages import pose_matrix
+from pipeline.datasets.recording import CameraPose
+from pipeline.localisation.trajectory import read_trajectory, write_tum
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.plugins.league.brief import HANDED_IN
 from pipeline.plugins.league.validation import validate
+from pipeline.plugins.ros.messages import header, make, transforms
+from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.semantic_map.ply import read_ply
 from pipeline.sensor import XTION
-from pipeline.transforms import from_yaw
+from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
+from sarsim.commands.recorded_drive import camera_pose
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
@@ -292,3 +297,107 @@ def test_sarsims_own_recordings_are_of_its_own_camera(ways_in: dict[str, Path]) 
         recording = open_recording(MapRecording(path=ways_in[name], out=Path("out")))
         assert recording.sensor == XTION
         assert not [note for note in recording.notes if "--depth-range" in note]
+
+
+TILT = float(np.degrees(0.25))  # degrees, of the camera in the bags
+RENAMED = {
+    "/camera/color/image_raw": "/camera/rgb/image_color",
+    "/camera/color/camera_info": "/camera/rgb/camera_info",
+    "/camera/depth/image_raw": "/camera/depth/image",
+    "/camera/depth/camera_info": "/camera/depth/camera_info",
+    "/odom": "/pose",
+    "/imu": "/imu",
+}
+"""Topics of the benchmark's bags, by those of sarsim."""
+
+
+def pioneer(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """What the Pioneer of the TUM RGB-D benchmark recorded: it takes its camera for level, and 0.3 m high.
+
+    The camera hangs by turns at the robot and at the marker that the motion capture system tracks.
+    """
+    if topic.startswith("/camera/") and topic in RENAMED:
+        message.header.frame_id = "/openni_rgb_optical_frame"
+    elif topic == "/imu":
+        message.header.frame_id = ""
+    elif topic == "/odom":
+        message.header.frame_id, message.child_frame_id = "/odom", "/base_link"
+        level = CameraPose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0).T_base_camera
+        links = {
+            ("/odom", "/base_link"): pose_matrix(message.pose.pose.position, message.pose.pose.orientation),
+            ("/base_link", "/laser"): from_rotation(np.eye(3), [0.1, 0, 0.25]),
+            ("/openni_camera", "/openni_rgb_optical_frame"): level,
+            ("/world", "/kinect"): from_rotation(np.eye(3), [5.0 + time, 2.0, 0.6]),
+        }
+        turns = [("/laser", "/openni_camera"), ("/kinect", "/openni_camera")]
+        T = from_rotation(np.eye(3), [0, 0, 0.05])
+        for link in turns if round(time * 10) % 2 else turns[::-1]:
+            yield "/tf", time, transforms(time, links | {link: T})
+        yield (
+            "/scan",
+            time,
+            make("sensor_msgs/LaserScan", header(time, "/laser"), *[1.0] * 7, *[np.ones(3, "f4")] * 2),
+        )
+    if topic in RENAMED:
+        yield RENAMED[topic], time, message
+
+
+def floor_height(folder: Path) -> float:
+    """m, median height of the labelled points at most 0.3 m above or below the floor."""
+    z = read_ply(folder / "semantic_map.ply")["z"]
+    return float(np.median(z[np.abs(z) < 0.3]))
+
+
+@pytest.mark.parametrize("images", ["32FC1", "16UC1"])
+def test_the_pioneers_bags_are_mapped(images: ImageFormat, tmp_path: Path) -> None:
+    convert([write_bag(tmp_path / "ros2", images, pioneer)], tmp_path / "rgbd_pioneer.bag", **TO_ROS_1)
+    place = "--camera-height", T_BASE_CAMERA[2, 3], "--camera-pitch", TILT
+    run(tmp_path / "rgbd_pioneer.bag", "--out", tmp_path / "out", "--labels", "rules", *place)
+    notes = json.loads((tmp_path / "out" / "report.json").read_text())["recording"]["notes"]
+    assert any("openni_camera" in note and "using laser" in note for note in notes)
+    assert any("Kinect" in note for note in notes)
+    assert abs(floor_height(tmp_path / "out")) < 0.02
+    moves = [inverse(poses[0]) @ poses[-1] for poses in (estimated(tmp_path / "out"), WAY)]
+    np.testing.assert_allclose(moves[0][:2, 3], moves[1][:2, 3], atol=0.05)
+
+
+def estimated(folder: Path) -> np.ndarray:
+    """(N, 4, 4) poses that a run wrote."""
+    return read_trajectory(folder / "trajectory_estimated.tum", of_camera=False).poses
+
+
+def test_wheels_alone_are_those_of_the_topic(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", change=pioneer, number=4)
+    place = "--camera-height", T_BASE_CAMERA[2, 3], "--camera-pitch", TILT
+    run(bag, "--out", tmp_path / "out", "--labels", "rules", "--poses", "odometry", *place)
+    moves = [inverse(poses[0]) @ poses[-1] for poses in (estimated(tmp_path / "out"), ODOMETRY[:4])]
+    np.testing.assert_allclose(moves[0], moves[1], atol=1e-5)
+
+
+def test_height_and_pitch_replace_those_of_the_recorded_pose(tmp_path: Path) -> None:
+    config = MapRecording(path=write_bag(tmp_path / "bag", number=2), out=Path("out"), camera_height=0.5)
+    recorded = CameraPose.of(T_BASE_CAMERA)
+    for flags, expected in (
+        ({}, recorded._replace(z=0.5)),
+        ({"camera_pitch": -3.0}, recorded._replace(z=0.5, pitch=-3)),
+    ):
+        found = camera_pose(open_recording(config), replace(config, **flags))
+        assert found is not None
+        np.testing.assert_allclose(found, expected.T_base_camera, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "flags", "said"),
+    [
+        ("without", ("--camera-height", 0.6), "--camera"),
+        ("tum", ("--camera-height", 0), "--camera-height 0"),
+        ("tum", ("--camera-height", "nan"), "--camera-height nan"),
+        ("tum", ("--camera-pitch", 95), "--camera-pitch 95"),
+        ("tum", ("--camera-pitch", 5, "--camera", *[0.1] * 6), "--camera "),
+    ],
+)
+def test_a_part_of_no_pose_is_refused(
+    kind: str, flags: tuple, said: str, ways_in: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", *flags)
+    assert not (tmp_path / "out").exists()

@@ -50,6 +50,11 @@ Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
+CameraNumbers = Annotated[
+    tuple[float | None, float | None, float | None, float | None, float | None, float | None] | None,
+    tyro.conf.arg(metavar="X Y Z ROLL PITCH YAW", help_behavior_hint=""),
+]
+"""The pose of a camera: m and degrees, None for what is as recorded; None if the flag is not given."""
 NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
@@ -306,9 +311,8 @@ class MapRecording(SinkConfig, PerceptionConfig):
             recorded odometry or true poses uncorrected. By default slam if odometry was recorded, else registration.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
-            By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
-        camera_height: height of the camera, m; it replaces that of the recorded pose.
-        camera_pitch: pitch of the camera, degrees, positive if it looks down; it replaces that of the recorded pose.
+            None in place of a number: as recorded. By default all as recorded; if the pose was not recorded, it is
+            estimated from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
         depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
@@ -324,9 +328,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
     out: Path
     poses: Given[Literal["slam", "registration", "odometry", "truth"]] = None
     robot: Robot = "pioneer3at"
-    camera: Given[tuple[float, float, float, float, float, float]] = None
-    camera_height: Given[float] = None
-    camera_pitch: Given[float] = None
+    camera: CameraNumbers = None
     intrinsics: Given[tuple[float, float, float, float]] = None
     depth_scale: Given[float] = None
     depth_range: Given[tuple[float, float]] = None

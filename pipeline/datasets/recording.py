@@ -37,7 +37,8 @@ class CameraPose(NamedTuple):
         """The six numbers of a pose of ``camera_optical``."""
         R = Rotation.from_matrix(T_base_camera[:3, :3] @ LINK_OPTICAL.T)
         yaw, pitch, roll = R.as_euler("ZYX", degrees=True).tolist()
-        return cls(*T_base_camera[:3, 3].tolist(), roll, pitch, yaw)
+        x, y, z = T_base_camera[:3, 3].tolist()
+        return cls(x, y, z, roll, pitch, yaw)
 
     @property
     def T_base_camera(self) -> Pose:

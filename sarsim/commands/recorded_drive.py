@@ -27,30 +27,22 @@ from sarsim.settings import MapRecording
 _log = logging.getLogger(__name__)
 
 
-HIGHEST, STEEPEST = 10.0, 90.0  # Greatest height, m, and pitch, degrees, of a camera
-
-
 def camera_pose(recording: Recording, config: MapRecording) -> Matrix | None:
-    """The pose of the camera on the robot that the flags give, in whole or in part; None if they give none.
+    """The pose of the camera on the robot that ``--camera`` gives, completed from the recording; None without it.
 
     Raises:
-        InputError: the flags contradict each other, or the recording lacks the pose of which they replace a part.
+        InputError: a number is not finite, or the recording lacks the pose that completes the given one.
     """
-    parts = {"z": config.camera_height, "pitch": config.camera_pitch}
-    given = {name: value for name, value in parts.items() if value is not None}
-    if config.camera and given:
-        raise InputError("--camera gives height and pitch, too; leave out --camera-height and --camera-pitch")
-    if config.camera:
-        return CameraPose(*config.camera).T_base_camera
-    if not 0 < given.get("z", 1.0) <= HIGHEST:
-        raise InputError(f"--camera-height {given['z']:g}: must be above 0 and at most {HIGHEST:g} m")
-    if not -STEEPEST < given.get("pitch", 0.0) < STEEPEST:
-        raise InputError(f"--camera-pitch {given['pitch']:g}: must be between -90 and 90 degrees")
-    if given and not recording.has_camera_pose:
-        missing = "the recording lacks the camera's pose, of which --camera-height and --camera-pitch replace a part"
-        raise InputError(f"{recording.path}: {missing}; give the whole pose with --camera")
-    if not given:
+    if config.camera is None:
         return None
+    given = {name: x for name, x in zip(CameraPose._fields, config.camera, strict=True) if x is not None}
+    words = f"--camera {' '.join('None' if x is None else f'{x:g}' for x in config.camera)}"
+    if not np.isfinite(list(given.values())).all():
+        raise InputError(f"{words}: all numbers must be finite")
+    if len(given) == len(CameraPose._fields):
+        return CameraPose(**given).T_base_camera
+    if not recording.has_camera_pose:
+        raise InputError(f"{words}: {recording.path} lacks the camera's pose; give all six numbers")
     left_out = dict(recording.left_out)
     first = next(recording.frames(), None)
     recording.left_out = left_out  # The frames are yet to be counted

@@ -351,7 +351,7 @@ def floor_height(folder: Path) -> float:
 @pytest.mark.parametrize("images", ["32FC1", "16UC1"])
 def test_the_pioneers_bags_are_mapped(images: ImageFormat, tmp_path: Path) -> None:
     convert([write_bag(tmp_path / "ros2", images, pioneer)], tmp_path / "rgbd_pioneer.bag", **TO_ROS_1)
-    place = "--camera-height", T_BASE_CAMERA[2, 3], "--camera-pitch", TILT
+    place = "--camera", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
     run(tmp_path / "rgbd_pioneer.bag", "--out", tmp_path / "out", "--labels", "rules", *place)
     notes = json.loads((tmp_path / "out" / "report.json").read_text())["recording"]["notes"]
     assert any("openni_camera" in note and "using laser" in note for note in notes)
@@ -368,36 +368,35 @@ def estimated(folder: Path) -> np.ndarray:
 
 def test_wheels_alone_are_those_of_the_topic(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", change=pioneer, number=4)
-    place = "--camera-height", T_BASE_CAMERA[2, 3], "--camera-pitch", TILT
+    place = "--camera", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
     run(bag, "--out", tmp_path / "out", "--labels", "rules", "--poses", "odometry", *place)
     moves = [inverse(poses[0]) @ poses[-1] for poses in (estimated(tmp_path / "out"), ODOMETRY[:4])]
     np.testing.assert_allclose(moves[0], moves[1], atol=1e-5)
 
 
-def test_height_and_pitch_replace_those_of_the_recorded_pose(tmp_path: Path) -> None:
-    config = MapRecording(path=write_bag(tmp_path / "bag", number=2), out=Path("out"), camera_height=0.5)
+def test_what_is_not_given_of_the_cameras_pose_is_as_recorded(tmp_path: Path) -> None:
+    config = MapRecording(path=write_bag(tmp_path / "bag", number=2), out=Path("out"))
     recorded = CameraPose.of(T_BASE_CAMERA)
-    for flags, expected in (
-        ({}, recorded._replace(z=0.5)),
-        ({"camera_pitch": -3.0}, recorded._replace(z=0.5, pitch=-3)),
+    for numbers, expected in (
+        ((None, None, 0.5, None, None, None), recorded._replace(z=0.5)),
+        ((None, None, 0.5, None, -3.0, None), recorded._replace(z=0.5, pitch=-3.0)),
+        ((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), CameraPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)),
     ):
-        found = camera_pose(open_recording(config), replace(config, **flags))
+        found = camera_pose(open_recording(config), replace(config, camera=numbers))
         assert found is not None
         np.testing.assert_allclose(found, expected.T_base_camera, atol=1e-9)
+    assert camera_pose(open_recording(config), config) is None
 
 
 @pytest.mark.parametrize(
-    ("kind", "flags", "said"),
+    ("kind", "numbers", "said"),
     [
-        ("without", ("--camera-height", 0.6), "--camera"),
-        ("tum", ("--camera-height", 0), "--camera-height 0"),
-        ("tum", ("--camera-height", "nan"), "--camera-height nan"),
-        ("tum", ("--camera-pitch", 95), "--camera-pitch 95"),
-        ("tum", ("--camera-pitch", 5, "--camera", *[0.1] * 6), "--camera "),
+        ("without", "None None 0.6 None None None", "--camera None None 0.6 None None None: "),
+        ("tum", "0 0 nan 0 0 0", "--camera 0 0 nan 0 0 0: "),
     ],
 )
-def test_a_part_of_no_pose_is_refused(
-    kind: str, flags: tuple, said: str, ways_in: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_pose_that_cannot_be_completed_is_refused(
+    kind: str, numbers: str, said: str, ways_in: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", *flags)
+    assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", "--camera", *numbers.split())
     assert not (tmp_path / "out").exists()

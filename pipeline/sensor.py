@@ -1,7 +1,7 @@
 """The measuring limits of a depth camera, from which all ranges, noise and angles in the pipeline follow."""
 
 from dataclasses import dataclass, replace
-from math import radians
+from math import inf, radians, sqrt
 from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Depth = TypeVar("Depth", float, NDArray[np.floating])
 GRAZING = radians(8.5)  # Beyond 82° of incidence the simulated camera gives no return
+PRECISE = 0.02  # m; registration suffers from noisier returns, while the map only needs them in the right voxel
+SURE = 3.5  # m, up to where returns are registered with any camera: rooms often show little that is nearer
 MARGIN = 5.0  # Standard deviations at the far end, where the limit cuts off half of the noise
 
 
@@ -58,6 +60,14 @@ class SensorModel:
     def sigma(self, depth: Depth) -> Depth:
         """Standard deviation at a depth, both m."""
         return self.noise.least + self.noise.growth * (depth - self.noise.best) ** 2
+
+    @property
+    def precise(self) -> Self:
+        """The same camera up to the depth at which its noise reaches ``PRECISE``, or to ``SURE`` if that is farther."""
+        least, growth, best = self.noise
+        reached = best + sqrt(max(PRECISE - least, 0) / growth) if growth else inf
+        farthest = max(SURE, reached)
+        return self if self.farthest <= farthest else self.measuring(self.nearest, farthest, self.noise)
 
     def in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
         """(H, W) depth image, m, in which returns outside the range have become 0."""

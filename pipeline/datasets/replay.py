@@ -126,7 +126,10 @@ class Replay:
             if clip is not None:
                 frame = replace(frame, depth=np.where(frame.depth < np.float32(clip), frame.depth, np.float32(0)))
             sensor = self.recording.sensor
-            yield frame if sensor is None else replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor)
+            if sensor is None:
+                yield frame
+            else:  # the maps take the whole range, and what needs precise depth looks at the frame's sensor
+                yield replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor.precise)
         if broken:
             raise broken
 

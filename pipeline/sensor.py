@@ -63,7 +63,7 @@ class SensorModel:
 
     @property
     def precise(self) -> Self:
-        """The same camera up to the depth at which its noise reaches ``PRECISE``, or to ``SURE`` if that is farther."""
+        """The same camera up to the depth where its noise reaches ``PRECISE``, or to ``SURE`` if that is farther."""
         least, growth, best = self.noise
         reached = best + sqrt(max(PRECISE - least, 0) / growth) if growth else inf
         farthest = max(SURE, reached)

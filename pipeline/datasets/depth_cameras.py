@@ -2,9 +2,11 @@
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 from pipeline.errors import InputError
+from pipeline.frame import Frame
 from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
 
 FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
@@ -66,8 +68,19 @@ def camera_named(names: Iterable[str]) -> tuple[KnownCamera, str] | None:
     return next(((camera, word) for camera in KNOWN for word in words if camera.pattern.search(word)), None)
 
 
+def measured_by(sensor: SensorModel, frame: Frame) -> Frame:
+    """A frame as its camera measured it: without returns outside the range.
+
+    The maps take the whole range; the frame's own sensor ends where depth is no longer precise enough to register.
+    """
+    return replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor.precise)
+
+
 def with_flags(
-    sensor: SensorModel, depth_range: tuple[float, float] | None = None, depth_noise: float | None = None
+    sensor: SensorModel,
+    depth_range: tuple[float, float] | None = None,
+    depth_noise: float | None = None,
+    names: tuple[str, str] = ("--depth-range", "--depth-noise"),
 ) -> SensorModel:
     """A camera with the range and the noise that a user gives.
 
@@ -75,6 +88,7 @@ def with_flags(
         sensor: the camera; it provides what is not given.
         depth_range: nearest and farthest depth, m.
         depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
+        names: what the user calls both, for error messages.
 
     Raises:
         InputError: no camera measures like that.
@@ -84,12 +98,12 @@ def with_flags(
     nearest, farthest = depth_range or (sensor.nearest, sensor.farthest)
     if not 0 < nearest < farthest <= FARTHEST:
         rule = f"must be above 0 and at most {FARTHEST:g} m, the nearer one first"
-        raise InputError(f"--depth-range {nearest:g} {farthest:g}: {rule}")
+        raise InputError(f"{names[0]} {nearest:g} {farthest:g}: {rule}")
     if depth_noise is not None and not 0 < depth_noise <= MOST_NOISE:
-        raise InputError(f"--depth-noise {depth_noise:g}: must be above 0 and at most {MOST_NOISE:g} m at 1 m")
+        raise InputError(f"{names[1]} {depth_noise:g}: must be above 0 and at most {MOST_NOISE:g} m at 1 m")
     noise = sensor.noise if depth_noise is None else DepthNoise(0.0, depth_noise)
     given = SensorModel.measuring(nearest, farthest, noise)
     if not nearest + given.margin < farthest - given.margin:
         found = f"depths from {nearest:g} to {farthest:g} m, with a noise of {given.sigma(farthest):.2g} m at the end"
-        raise InputError(f"{found}: too short or too noisy; correct --depth-range or --depth-noise")
+        raise InputError(f"{found}: too short or too noisy; correct {names[0]} or {names[1]}")
     return given

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Direction, Pose
 from pipeline.datasets.camera_pose import T_above_floor
+from pipeline.datasets.depth_cameras import measured_by
 from pipeline.datasets.images import clip_of
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError, required
@@ -125,11 +126,7 @@ class Replay:
         for frame in chain(first, frames):
             if clip is not None:
                 frame = replace(frame, depth=np.where(frame.depth < np.float32(clip), frame.depth, np.float32(0)))
-            sensor = self.recording.sensor
-            if sensor is None:
-                yield frame
-            else:  # the maps take the whole range, and what needs precise depth looks at the frame's sensor
-                yield replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor.precise)
+            yield frame if self.recording.sensor is None else measured_by(self.recording.sensor, frame)
         if broken:
             raise broken
 

@@ -41,6 +41,10 @@ class LiveConfig:
             computing, s. A frame may be older than the newest odometry by half of this time.
         starting: number of odometry messages from which their period is estimated.
         trajectory: how long odometry is valid.
+        depth_range: nearest and farthest depth that the camera measures, m. None: those of the camera that topics or
+            frames name; if they name none, those of an Xtion are assumed, and no returns are left out.
+        depth_noise: standard deviation of a depth of 1 m, m; it grows with the square of depth. None: that of the
+            camera that topics or frames name, or else of an Xtion.
         nav2: parameters of drives performed by a robot's Nav2 stack.
     """
 
@@ -56,6 +60,8 @@ class LiveConfig:
     hold: float = 0.2
     starting: int = 5
     trajectory: TrajectoryConfig = TrajectoryConfig()
+    depth_range: tuple[float, float] | None = None
+    depth_noise: float | None = None
     nav2: Nav2Config = Nav2Config()
 
 

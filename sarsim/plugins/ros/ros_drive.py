@@ -24,8 +24,9 @@ from pipeline.plugins.ros.topics import MapTopics, Send
 from pipeline.progress import Progress
 from pipeline.robot import Motion
 from pipeline.run import ExplorerRun
+from pipeline.sensor import XTION
 from pipeline.sink import Result, Sink, Step
-from sarsim.composition import compose, make_mapper
+from sarsim.composition import compose, make_mapper, reaching
 from sarsim.methods.make import make_exploration
 from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.ros.settings import RosExploration
@@ -117,7 +118,8 @@ class RosDrive(ExplorerRun):
             config=config.ros.live,
         )
         plugins = make_plugins(config)
-        mapper = make_mapper(config, model, earlier=config.map, plugins=plugins)
+        settings = reaching(config, self.robot.sensor or XTION)
+        mapper = make_mapper(settings, model, earlier=config.map, plugins=plugins)
         strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
         navigator = None
         if isinstance(self.robot, Nav2Robot):

@@ -31,6 +31,7 @@ class RosRobot:
     Attributes:
         model: the robot's size and abilities.
         control_period: control period, s.
+        sensor: range and noise of the camera; None if neither its name nor the settings say.
     """
 
     def __init__(
@@ -72,6 +73,9 @@ class RosRobot:
         self._find(wait)
         self._camera = self._senses.camera(topics.depth, topics.color)
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
+        self.sensor = self._senses.sensor
+        if self.sensor is not None:
+            _log.warning("using depths from %g to %g m", self.sensor.nearest, self.sensor.farthest)
         if self._camera.note:
             _log.warning("%s", self._camera.note)
         self.control_period = round(max(config.least_period, self._senses.period), 4)

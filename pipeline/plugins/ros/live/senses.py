@@ -10,6 +10,7 @@ from scipy.constants import g
 
 from pipeline.arrays import Pose
 from pipeline.datasets.cameras import ImageSource, RgbdCamera
+from pipeline.datasets.depth_cameras import UNNAMED, camera_named, measured_by, with_flags
 from pipeline.datasets.images import colour_of, depth_of
 from pipeline.datasets.links import FrameTree
 from pipeline.datasets.messages import ODOM, Message, pose_matrix, seconds, vector_of
@@ -19,6 +20,9 @@ from pipeline.localisation.trajectory import Trajectory
 from pipeline.plugins.ros.config import LiveConfig
 from pipeline.plugins.ros.messages import decode, time_of
 from pipeline.robot import Motion
+from pipeline.sensor import SensorModel
+
+SETTINGS = "ros.live.depth_range", "ros.live.depth_noise"  # In a settings file
 
 
 class Senses:
@@ -30,6 +34,7 @@ class Senses:
         colour_info: the camera_info of the colour images; None if there is none.
         odom_frame: name of the frame in which the odometry is given.
         T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry is received.
+        sensor: range and noise of the camera, if it is known or given; known after :meth:`camera`.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
@@ -38,6 +43,8 @@ class Senses:
         self.links = FrameTree()
         self.info: Message | None = None
         self.colour_info: Message | None = None
+        self.sensor: SensorModel | None = None
+        self._given_sensor = config.depth_range, config.depth_noise
         self._camera_frame = ""
         self.imu_frame, self.odom_frame = "", ODOM
         self.T_driven_base = np.eye(4)
@@ -125,7 +132,8 @@ class Senses:
         """The camera of the depth and colour images of two topics.
 
         Raises:
-            InputError: its intrinsics are missing or invalid, or depth cannot be registered to colour.
+            InputError: its intrinsics are missing or invalid, depth cannot be registered to colour, or no camera
+                measures as the settings say.
         """
         of_depth, of_colour = (
             ImageSource(topic, info, info.header.frame_id if info else "")
@@ -133,6 +141,10 @@ class Senses:
         )
         camera = RgbdCamera(Path(depth), of_depth, of_colour, self.links)
         self._camera_frame = camera.frame
+        named = camera_named([depth, of_depth.frame, of_colour.frame])
+        if named is not None or any(self._given_sensor):
+            sensor = UNNAMED if named is None else named[0].sensor
+            self.sensor = with_flags(sensor, *self._given_sensor, names=SETTINGS)
         return camera
 
     def newest(self, after: float) -> float | None:
@@ -155,7 +167,8 @@ class Senses:
         _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
         T = required(self._pose(time))
         metres, rgb = camera.images(depth_of(decode(depth, kind)), colour_of(decode(colour, colour_kind)))
-        return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
+        frame = Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
+        return frame if self.sensor is None else measured_by(self.sensor, frame)
 
     def motion(self) -> Motion:
         """The newest motion, with the mean of the inertial measurements since the last call.

@@ -9,6 +9,7 @@ from scipy.constants import g
 
 from pipeline.errors import InputError
 from pipeline.plugins.ros import messages
+from pipeline.plugins.ros.config import LiveConfig
 from pipeline.plugins.ros.live.ros_robot import RosRobot
 from pipeline.plugins.ros.live.topic_names import TopicNames
 from pipeline.plugins.ros.messages import command_of
@@ -32,10 +33,15 @@ def met_on(wire: Wire, kind: str = "geometry_msgs/msg/Twist") -> tuple[RoomRobot
 class Pair:
     """A robot in a room, and what drives it by topics."""
 
-    def __init__(self, kind: str = "geometry_msgs/msg/Twist", T_base_camera: Any = T_BASE_CAMERA):
+    def __init__(
+        self,
+        kind: str = "geometry_msgs/msg/Twist",
+        T_base_camera: Any = T_BASE_CAMERA,
+        config: LiveConfig = LiveConfig(),
+    ):
         self.wire = Wire()
         self.room, self.end = met_on(self.wire, kind)
-        self.robot = RosRobot(self.end, PIONEER, TopicNames(), T_base_camera, patience=2.0)
+        self.robot = RosRobot(self.end, PIONEER, TopicNames(), T_base_camera, patience=2.0, config=config)
 
     @property
     def commands(self) -> list[Velocity]:
@@ -68,6 +74,15 @@ def test_it_senses_what_the_robot_sent_and_where_that_was(pair: Pair) -> None:
     np.testing.assert_allclose(frame.T_odom_base, sent.T_odom_base, atol=1e-6)
     assert frame.intrinsics == sent.intrinsics
     assert pair.robot.sense().time > frame.time
+
+
+def test_settings_say_how_far_the_camera_sees() -> None:
+    robot = Pair(config=LiveConfig(depth_range=(1.0, 2.5), depth_noise=0.003)).robot
+    depth = robot.sense().depth
+    assert 1.0 <= depth[depth > 0].min() and 2.0 < depth.max() <= 2.5
+    assert robot.sensor is not None and robot.sense().sensor.sigma(2.0) == pytest.approx(0.012)
+    with pytest.raises(InputError, match=r"ros\.live\.depth_range 3 1: "):
+        Pair(config=LiveConfig(depth_range=(3.0, 1.0)))
 
 
 def test_motions_carry_what_is_felt(pair: Pair) -> None:

@@ -37,6 +37,7 @@ from pipeline.localisation.registration import (
     register,
     shares_of,
 )
+from pipeline.localisation.unchanged_view import shows_no_motion
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_places, transform_points
 
 REGISTERED_DEVIATION = 0.01
@@ -58,12 +59,6 @@ MOST_REGISTERED = 4000
 """Maximum number of recently seen points that are registered with old ones, drawn at random."""
 STOREY = 0.7
 """Old surfaces are sought up to this height above or below the robot's own path, m."""
-SMALL = 80, 60
-"""Width and height, pixels, to which colour images are reduced to see whether the view has changed."""
-MOST_SAME, SAME_GREY, SAME_DEPTH, LEAST_CONTRAST = 0.95, 1.2, 0.05, 20.0
-"""The view is the same if this share of the pixels differs by less than this, in grey levels and in m, and if the
-image has at least this contrast. While the wheels of a wedged robot spun, 1 grey level was measured; in 2,300 motions
-of 0.3 m, all but one at least 2."""
 VIEW_STRIDE = 8
 """Step between the pixels of a keyframe's depth image that are kept to see what it looked through."""
 LEAST_GROUND_POINTS = 20
@@ -556,24 +551,6 @@ def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
     still = HELD_SIGMA**2 * np.eye(3)
     held = Prior(stayed, block_diag(rotation, np.linalg.inv(still)))
     return held, Prior(odometry.T, block_diag(rotation, np.linalg.inv(still + np.outer(way, way))))
-
-
-def shows_no_motion(before: Frame, after: Frame) -> bool:
-    """Whether the view is the same although the wheels measured a motion.
-
-    Both images must be the same to within their noise.
-    """
-    moved = inverse(before.T_odom_base) @ after.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) < STOPPED_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:
-        return False
-    greys = [
-        cv2.resize(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY), SMALL, interpolation=cv2.INTER_AREA).astype(float)
-        for frame in (before, after)
-    ]
-    if np.ptp(greys[1]) < LEAST_CONTRAST or np.quantile(np.abs(greys[1] - greys[0]), MOST_SAME) > SAME_GREY:
-        return False
-    depths = [np.where(frame.returns, frame.depth, 0.0)[::VIEW_STRIDE, ::VIEW_STRIDE] for frame in (before, after)]
-    return bool(np.quantile(np.abs(depths[1] - depths[0]), MOST_SAME) < SAME_DEPTH)
 
 
 def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:

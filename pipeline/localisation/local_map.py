@@ -7,7 +7,6 @@ from pipeline.arrays import Directions, Indices, Mask, Place, Places, Points, Po
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.growing import GrowingArray
 from pipeline.localisation.registration import Surfaces, Target, front_normals
-from pipeline.transforms import transform_places
 
 FOOT_RADIUS = 0.25
 """Radius of the disc under the robot in which ground is searched for, m."""
@@ -31,6 +30,7 @@ class LocalMap:
         self._owner = GrowingArray(dtype=np.int64)
         self._at = GrowingArray(3)
         self._facing = GrowingArray(3)
+        self._placed = np.zeros((0, 4, 4))  # the poses with which the points are in ``map``
 
     @property
     def points(self) -> Places:
@@ -52,21 +52,28 @@ class LocalMap:
         self._points.values = points
         self._normals.values = normals
         self._owner.values = owner
+        self._at.values = self._facing.values = np.zeros_like(points)
+        self._placed = np.zeros((0, 4, 4))
 
     def add(self, owner: int, T_map_base: Pose, cloud: small_gicp.PointCloud, camera: Place, new: Mask) -> None:
         """Add the ``new`` points of a keyframe; ``camera``: the camera's position in ``base_link``."""
         points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
-        self._at.extend(transform_places(T_map_base, points))
-        self._facing.extend(normals @ T_map_base[:3, :3].T)
+        at, facing = _in_map(np.broadcast_to(T_map_base, (len(points), 4, 4)), points, normals)
+        self._at.extend(at)
+        self._facing.extend(facing)
         self._points.extend(points)
         self._normals.extend(normals)
         self._owner.extend(np.full(len(points), owner))
 
     def place(self, poses: Poses) -> None:
-        """Transform all points to ``map`` again, with the corrected ``poses`` of their keyframes."""
-        T = poses[self.owner]
-        self._at.values = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
-        self._facing.values = np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
+        """Transform points to ``map`` again, with the corrected ``poses`` of their keyframes, where these moved."""
+        has_moved = np.ones(len(poses), np.bool_)
+        known = len(self._placed)
+        has_moved[:known] = (poses[:known] != self._placed).any(axis=(1, 2))
+        self._placed = poses.copy()
+        moved = np.flatnonzero(has_moved[self.owner])
+        T = poses[self.owner[moved]]
+        self._at.values[moved], self._facing.values[moved] = _in_map(T, self.points[moved], self.normals[moved])
 
     def around(
         self, points: Places, camera: Place, owners: Mask, margin: float, weight: Values | None = None
@@ -118,3 +125,9 @@ class LocalMap:
     def all_points(self) -> Points:
         """All points."""
         return self._at.values.astype(np.float32)
+
+
+def _in_map(T: Poses, points: Places, normals: Directions) -> tuple[Places, Directions]:
+    """Points and normals, each transformed by the pose of its keyframe (N, 4, 4)."""
+    R = T[:, :3, :3]
+    return np.einsum("nij,nj->ni", R, points) + T[:, :3, 3], np.einsum("nij,nj->ni", R, normals)

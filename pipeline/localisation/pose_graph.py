@@ -244,7 +244,7 @@ class PoseGraph:
         They are errors at the keyframe: a rotation of a keyframe far away counts with the lever of its distance.
         """
         poses, samples = self.poses[others], self._samples.values
-        between = adjoints(np.asarray(np.linalg.solve(self.poses[keyframe], poses)))
+        between = adjoints(np.asarray(inverses(self.poses[[keyframe]]) @ poses))
         return np.asarray(between @ samples[others] - samples[keyframe])
 
     def covariance(self, keyframe: int, reference: int = 0) -> Covariance:

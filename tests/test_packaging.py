@@ -33,12 +33,16 @@ shutil.unpack_archive(os.path.join("dist", build_meta.build_wheel("dist")), targ
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that a wheel, built from an sdist of a copy of the checkout, is unpacked into."""
     copy, target = (tmp_path_factory.mktemp(name) for name in ("copy", "target"))
+    copy_of_checkout(copy)
+    subprocess.run([sys.executable, "-c", BUILD, copy, target], check=True, stdout=subprocess.DEVNULL)
+    return target
+
+
+def copy_of_checkout(copy: Path) -> None:
     for name in ("pipeline", "sarsim", "assets"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "setup.py", PROJECT["readme"], *PROJECT["license-files"]):
         shutil.copy(ROOT / name, copy)
-    subprocess.run([sys.executable, "-c", BUILD, copy, target], check=True, stdout=subprocess.DEVNULL)
-    return target
 
 
 def run_installed(installed: Path, code: str) -> list[str]:
@@ -188,3 +192,22 @@ def test_a_script_outside_the_environment_says_how_to_enter_it(script: Path) -> 
     assert done.returncode and not done.stdout
     (line,) = done.stderr.splitlines()
     assert ".venv/bin/activate" in line
+
+
+EDITABLE = """
+import os, shutil, sys
+from setuptools import build_meta
+copy, target = sys.argv[1:]
+os.chdir(copy)
+shutil.unpack_archive(os.path.join("dist", build_meta.build_editable("dist")), target, "zip")
+"""
+
+
+def test_an_editable_checkout_called_sarsim_is_imported_from_beside_it(tmp_path: Path) -> None:
+    """Python finds the folder ``sarsim`` in the current one first, but that is the checkout, not the package."""
+    checkout, target = tmp_path / "sarsim", tmp_path / "site"
+    copy_of_checkout(checkout)
+    subprocess.run([sys.executable, "-c", EDITABLE, checkout, target], check=True, stdout=subprocess.DEVNULL)
+    code = f"import site; site.addsitedir({str(target)!r}); from sarsim.assets import asset; print(asset().is_dir())"
+    clean = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {code}"]
+    assert subprocess.check_output(clean, cwd=tmp_path, env={"HOME": str(tmp_path)}, text=True) == "True\n"

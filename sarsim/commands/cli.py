@@ -67,7 +67,7 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
     def action() -> None:
         words = common(args)  # before tyro's stderr is captured
         about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
-        bound = parse(lambda: tyro.cli(bind, args=words, description=about))
+        bound = parse(lambda: tyro.cli(bind, prog=program(), args=words, description=about))
         check_names(bound.keywords)
         bound()
 
@@ -109,6 +109,12 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     logging.getLogger("absl").setLevel(logging.ERROR)  # hides messages of MuJoCo and dm_control below errors
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
     return rest
+
+
+def program() -> str:
+    """Name of the command for messages: as it was called, but without the place of an installation."""
+    called = Path(sys.argv[0])
+    return called.name if called.is_absolute() else str(called)
 
 
 def _is_text(word: str) -> bool:

@@ -16,7 +16,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from sarsim.commands.cli import COMMON, check_names, common, guarded, parse
+from sarsim.commands.cli import COMMON, check_names, common, guarded, parse, program
 from sarsim.methods.plugins import is_portable, settings_of, shipped_plugin, split_flags, summary
 from sarsim.settings import chooses_code
 
@@ -58,7 +58,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
     """Like :func:`run_with_settings`, for the command that the first word of the command line names."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:
-        run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
+        run_with_settings(*commands[name], words, f"{program()} {name}")
         return
     kinds: dict[str, Callable[..., Any]] = {name: kind for name, (_, kind) in commands.items()}
     about = f"{description}\n\n{COMMON}"
@@ -68,7 +68,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
             meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
             raise InputError(f"unknown subcommand {name!r}: must be one of {', '.join(commands)}{meant}")
         words = common()
-        parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
+        parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, prog=program(), args=words, description=about))
 
     guarded(run)
 
@@ -95,9 +95,8 @@ def settings_from(
             ("config", Annotated[Path | None, CONFIG], field(default=None)),
         ],
     )
-    settings = parse(
-        lambda: tyro.cli(flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,))
-    ).settings
+    parser = partial(tyro.cli, flags, prog=prog or program(), description=description, args=args)
+    settings = parse(partial(parser, config=(tyro.conf.SuppressFixed,))).settings
     for name, words_of in asked.items():
         one = partial(settings_of, name, words_of, settings.plugins.get(name))
         settings = replace(settings, plugins={**settings.plugins, name: parse(one)})

@@ -84,7 +84,7 @@ def settings() -> set[str]:
     plugins = {name for group in PROJECT["entry-points"].values() for name in group}
     names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)} | plugins
     names |= {f"{plugin}-{field}" for plugin in plugins for field in fields}
-    return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}
+    return {f"--{name.replace('_', '-')}" for name in names} | {"--help", "--tyro-print-completion"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)

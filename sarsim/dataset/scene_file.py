@@ -284,6 +284,10 @@ class Scene(ExitStack):
     def __iter__(self) -> Iterator[Frame]:
         return map(self.frame, range(len(self)))
 
+    def __getitem__(self, index: int) -> Frame:
+        """One frame, counted from the end if the index is negative; IndexError if there is none."""
+        return self.frame(range(len(self))[index])
+
     def frame(self, index: int) -> Frame:
         """One frame, with its labels; InputError if the file is broken."""
         return Frame(

@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -26,14 +26,15 @@ from sarsim.flags import Given
 from sarsim.jobs import FolderLock, locked, make_engine
 from sarsim.methods.names import OWN_CLASS, load_own
 from sarsim.opengl import check_rendering, without_opengl
-from sarsim.settings import METHODS
+from sarsim.robots.names import ROBOTS
+from sarsim.settings import DETECTOR, METHODS, NETWORK, Labels, LightingName, Networks, Robot
 
 if TYPE_CHECKING:
     from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob
     from sarsim.commands.sweeps.leaderboard import Entry
 
 MANIFEST = "sweep.json"
-"""File that records the version, code and steps with which a folder's episodes were run."""
+"""File that records the version, code and settings with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
 """Columns of a leaderboard's table that are printed, because all of them would not fit; the page has them all."""
@@ -51,7 +52,11 @@ class SweepSettings:
         engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray).
         workers: number of episodes to run at the same time. By default one per core.
         out: folder for the results: the episodes, a Parquet table, leaderboard entries and an HTML page.
-        steps: maximum number of steps of an episode.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        lighting: light in the arenas; if it is dark, the robot switches on its lamp.
+        steps: maximum number of exploration steps of an episode.
+        labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
+        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
         limit: wall-clock limit of an episode, s.
     """
 
@@ -61,8 +66,17 @@ class SweepSettings:
     engine: Literal["local", "ray"] = "local"
     workers: Given[int] = None
     out: Path = Path("runs/sweep")
-    steps: Fixed[int] = 300
+    robot: Robot = ROBOTS[0]
+    lighting: LightingName = "normal"
+    steps: int = 300
+    labels: Labels = NETWORK
+    detector: Networks = DETECTOR
     limit: Fixed[float] = 14400.0
+
+    @property
+    def of_episodes(self) -> dict[str, Any]:
+        """The settings of every episode, as fields of :class:`sarsim.settings.EpisodeConfig`."""
+        return {name: getattr(self, name) for name in ("robot", "lighting", "steps", "labels", "detector")}
 
 
 def sweep(settings: SweepSettings) -> None:
@@ -73,7 +87,7 @@ def sweep(settings: SweepSettings) -> None:
         raise InputError(f"--seeds {' '.join(map(str, settings.seeds))}: must not be negative")
     if settings.limit <= 0:
         raise InputError(f"limit {settings.limit:g}: must be positive")
-    for flag, number in (("steps", settings.steps), ("--workers", settings.workers)):
+    for flag, number in (("--steps", settings.steps), ("--workers", settings.workers)):
         if number is not None and number < 1:
             raise InputError(f"{flag} {number}: must be at least 1")
     check_names(settings.methods, settings.arenas)
@@ -130,7 +144,9 @@ def begin(settings: SweepSettings) -> str:
     except InputError:  # not a git checkout
         code = ""
     file = settings.out / MANIFEST
-    current = {"version": importlib.metadata.version("sarsim"), "code": code, "steps": str(settings.steps)}
+    current = {"version": importlib.metadata.version("sarsim"), "code": code}
+    for name, value in settings.of_episodes.items():
+        current[name] = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     if not file.exists():
         with atomic_write(file) as part:
             part.write_text(json.dumps(current) + "\n")
@@ -156,7 +172,7 @@ def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: Folde
 
     todo = [job for job in jobs if result_of(job, lock.folder) is None]
     failed: dict[SweepJob, str] = {}
-    work = partial(run_episode, settings.steps, settings.limit)
+    work = partial(run_episode, settings.of_episodes, settings.limit)
     engine = make_engine(settings.engine, settings.workers)
     with progress() as bars, closing(engine(work, todo, lock)) as outcomes:
         bar = bars.add_task("episodes", total=len(todo))

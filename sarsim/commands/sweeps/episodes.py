@@ -9,7 +9,7 @@ import re
 import signal
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,10 +81,10 @@ class SweepJob:
         return {"method": self.method, "arena": self.arena, "seed": self.seed}
 
 
-def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
+def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder: Path) -> None:
     """Run an episode, and write its row to a sweep's folder.
 
-    ``steps`` is the episode's maximum number of steps, ``limit`` its wall-clock limit, s.
+    ``settings`` are fields of :class:`EpisodeConfig`, ``limit`` is the episode's wall-clock limit, s.
 
     Raises:
         InputError: the method or the arena fails; the message is one line.
@@ -92,7 +92,7 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     start = time.process_time()
     try:
         with limited(limit):
-            figures, curve = driven(job, steps)
+            figures, curve = driven(job, settings)
         failure = ""
     except Exception as error:
         failure = str(error) if isinstance(error, InputError) else one_line(error)
@@ -133,14 +133,14 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
     return {name: values[is_new].tolist() for name, values in rounded.items()}
 
 
-def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
+def driven(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
     """Run an episode with ``--exploration`` set to the method; returns figures, and the explored share over time."""
     from sarsim.episode import Episode  # here, because only the workers need it
 
     found = checked(job.arena)
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         config = EpisodeConfig(
-            arena=job.arena, seed=job.seed, steps=steps, exploration=job.method, oracle=True, out=Path(out)
+            arena=job.arena, seed=job.seed, exploration=job.method, oracle=True, out=Path(out), **settings
         )
         episode = Episode(config)
         episode.run(show_progress=False)

@@ -1,6 +1,7 @@
 """The command that sweeps: complete, resumable, the same bytes again."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from tests.sarsim.dataset.small import InProcess
 OWN = "class Own:\n    pass\n"
 
 
-def driven(job: SweepJob, steps: int) -> Any:
+def driven(job: SweepJob, settings: Mapping[str, Any]) -> Any:
     """An episode that is made up: a class of one's own fails."""
     if ":" in job.method:
         raise ValueError("no")
@@ -70,6 +71,15 @@ def test_what_was_run_is_kept_and_another_version_refused(settings: SweepSetting
         sweep(few)
 
 
+def test_episodes_of_other_settings_are_not_mixed(settings: SweepSettings) -> None:
+    few = replace(settings, methods=("nearest_frontier",))
+    sweep(few)
+    changes: list[dict[str, Any]] = [{"robot": "jackal"}, {"labels": "rules"}, {"detector": None}, {"steps": 7}]
+    for change in changes:
+        with pytest.raises(InputError, match="".join(change)):
+            sweep(replace(few, **change))
+
+
 def test_a_sweep_in_which_every_episode_failed_ends_with_status_1(settings: SweepSettings) -> None:
     with pytest.raises(SystemExit) as ended:
         sweep(replace(settings, methods=("mine_too:Own",)))
@@ -91,7 +101,7 @@ def test_printed_columns_are_columns_of_the_tables() -> None:
         ({"seeds": ()}, "--seeds: give at least one"),
         ({"seeds": (0, -1)}, "--seeds 0 -1: must not be negative"),
         ({"limit": 0.0}, "limit 0: must be positive"),
-        ({"steps": 0}, "steps 0: must be at least 1"),
+        ({"steps": 0}, "--steps 0: must be at least 1"),
         ({"workers": 0}, "--workers 0"),
     ],
 )

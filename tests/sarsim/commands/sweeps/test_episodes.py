@@ -2,6 +2,7 @@
 
 import json
 import signal
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ BROKEN = [WHOLE | {"row": 3}, WHOLE | {"curve": {}}, WHOLE | {"curve": WHOLE["cu
 def test_a_row_has_the_figures_of_a_report_and_a_curve_that_fits_them(tmp_path: Path) -> None:
     (tmp_path / "room.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
     job = SweepJob("nearest_frontier", str(tmp_path / "room.xml"), 0)
-    run_episode(2, 600.0, job, tmp_path)
+    run_episode({"steps": 2, "labels": "rules", "detector": None}, 600.0, job, tmp_path)
     row, curve, seconds = result_of(job, tmp_path)
     assert (row["method"], row["arena"], row["seed"], row["steps"]) == (*job.row.values(), 2)
     assert seconds > 0 and row["checksum"] and row["exploration.ended"] == "steps"
@@ -35,11 +36,11 @@ def test_a_row_has_the_figures_of_a_report_and_a_curve_that_fits_them(tmp_path: 
     assert not any(episodes.OF_THE_RUN.match(key) for key in set(row) - set(job.row))
 
 
-def throws(job: SweepJob, steps: int) -> Any:
+def throws(job: SweepJob, settings: Mapping[str, Any]) -> Any:
     raise ValueError("a line\nand another")
 
 
-def hangs(job: SweepJob, steps: int) -> Any:
+def hangs(job: SweepJob, settings: Mapping[str, Any]) -> Any:
     while True:
         pass
 
@@ -53,7 +54,7 @@ def test_what_is_wrong_with_a_method_is_said_in_one_line(
 ) -> None:
     monkeypatch.setattr(episodes, "driven", driven)
     with pytest.raises(InputError, match=complaint):
-        run_episode(1, 1.0, SweepJob("m", "nist_6x4", 0), tmp_path)
+        run_episode({}, 1.0, SweepJob("m", "nist_6x4", 0), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
+from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw, yaw_of
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.things.warmth import temperatures
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.model import paced_model
+from sarsim.robots.model import paced_model, robot_sensor
 from sarsim.robots.names import ROBOTS
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
@@ -81,6 +82,7 @@ class SimulatedRobot:
     Attributes:
         arena: the arena that contains the robot.
         model: the robot's size and abilities.
+        sensor: range and noise of its camera; its frames' sensor ends where depth is no longer precise.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
         true_frame: the newest frame without noise; None before the first.
@@ -94,7 +96,11 @@ class SimulatedRobot:
         """Place the robot at the arena's start; InputError if it cannot stand there."""
         self.arena, self.config = arena, config
         lighting = Lighting[config.lighting]
-        self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
+        self.sensor = robot_sensor(config.robot) or XTION
+        nearest, farthest = self.sensor.nearest, self.sensor.farthest
+        self._ideal = replace(SENSORS["ideal"], min_range=nearest, max_range=farthest)
+        sensor = replace(SENSORS[config.sensor], min_range=nearest, max_range=farthest)
+        self._conditions = Conditions(sensor, lighting, Air(config.dust))
         warn_of_symptoms(config.robot)
         self._environment = RescueEnvironment(arena, config.robot)
         self.robot = self._environment.robot
@@ -165,11 +171,11 @@ class SimulatedRobot:
         """Take a frame at the robot's current pose."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
-        clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
+        clipped = self._ideal.apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
         self.true_frame = TrueFrame(pose.T_world_base, clipped)
         thermal = self._thermal.image(truth, self._thermal_rng)
-        return replace(image.frame(pose.time, pose.T_odom_base), thermal=thermal)
+        return replace(image.frame(pose.time, pose.T_odom_base), thermal=thermal, sensor=self.sensor.precise)
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""

@@ -71,17 +71,22 @@ def open_recording(config: MapRecording) -> "Recording":
 
 
 def set_sensor(recording: "Recording", config: MapRecording) -> None:
-    """Let the flags, or else what is usual, say what the recording does not say of its camera's range and noise.
+    """Let the flags, the robot's file or else what is usual say what the recording does not say of its camera.
 
     Raises:
         InputError: no camera measures as the flags say.
     """
     from pipeline.datasets.depth_cameras import UNNAMED, with_flags
+    from sarsim.robots.model import robot_sensor
 
-    if recording.sensor is None and config.depth_range is None:
-        depths = f"depths from {UNNAMED.nearest:g} to {UNNAMED.farthest:g} m"
-        recording.note(f"the recording does not name its camera; using {depths}; to change them, use --depth-range")
-    recording.sensor = with_flags(recording.sensor or UNNAMED, config.depth_range, config.depth_noise)
+    if recording.sensor is None:
+        recording.sensor = robot_sensor(config.robot) or UNNAMED
+        if config.depth_range is None:
+            depths = f"depths from {recording.sensor.nearest:g} to {recording.sensor.farthest:g} m"
+            recording.note(
+                f"the recording does not name its camera; using {depths}; to change them, use --depth-range"
+            )
+    recording.sensor = with_flags(recording.sensor, config.depth_range, config.depth_noise)
 
 
 def _without(recording: "Recording", config: MapRecording, kind: str, *useless: str) -> "Recording":

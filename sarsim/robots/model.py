@@ -4,12 +4,15 @@ import sys
 from dataclasses import fields, replace
 from typing import TypeVar
 
+from pipeline.datasets.depth_cameras import with_flags
 from pipeline.errors import InputError
 from pipeline.robot import RobotModel
+from pipeline.sensor import XTION, SensorModel
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.skid_steer import DriveModel
 from sarsim.vetting.model_files import parse_mjcf
 
+DEPTH_RANGE = "depth_range"  # Name of the only numbers that a file need not have
 PLAUSIBLE = 1e-3, 10.0
 """Smallest and largest plausible parameter of a robot that drives through buildings; m, rad and their rates."""
 Model = TypeVar("Model", RobotModel, DriveModel)
@@ -33,17 +36,41 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
     return model if speed is None else replace(model, speed=min(speed, top))
 
 
-def _filled(kind: type[Model], robot: str) -> Model:
-    """A ``kind`` whose fields are the ``<numeric>`` elements of the same names."""
+def robot_sensor(robot: str = ROBOTS[0]) -> SensorModel | None:
+    """The robot's camera by the ``<numeric name="depth_range">`` in its file, nearest and farthest depth in m.
+
+    Returns:
+        The camera, with the noise of an Xtion; None if the file does not give its range.
+
+    Raises:
+        InputError: the file is missing or invalid, or no camera has such a range.
+    """
+    given = _numbers(robot).get(DEPTH_RANGE)
+    if given is None:
+        return None
+    if len(given) != 2:
+        raise InputError(f'--robot {robot}: <numeric name="{DEPTH_RANGE}"> needs two numbers; found {len(given)}')
+    try:
+        return with_flags(XTION, (given[0], given[1]), names=(DEPTH_RANGE, "the noise"))
+    except InputError as error:
+        raise InputError(f"--robot {robot}: {error}") from error
+
+
+def _numbers(robot: str) -> dict[str, list[float]]:
+    """The ``<numeric>`` elements of a robot's file, by name."""
     path = robot_file(robot)
     try:
         elements = [e for root in parse_mjcf(path).values() for e in root.iter("numeric")]
-        numbers = {e.get("name", ""): [float(number) for number in e.get("data", "").split()] for e in elements}
+        return {e.get("name", ""): [float(number) for number in e.get("data", "").split()] for e in elements}
     except InputError as error:
         raise InputError(f"--robot {error}") from error
     except ValueError as error:
         raise InputError(f"--robot {robot}: the data of a <numeric> must be numbers: {error}") from error
-    least, most = PLAUSIBLE
+
+
+def _filled(kind: type[Model], robot: str) -> Model:
+    """A ``kind`` whose fields are the ``<numeric>`` elements of the same names."""
+    numbers, (least, most) = _numbers(robot), PLAUSIBLE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():
         if len(value) != 1 or not least <= value[0] <= most:

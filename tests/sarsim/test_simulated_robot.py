@@ -1,11 +1,15 @@
 import numpy as np
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.robot import Velocity
+from pipeline.sensor import XTION
 from pipeline.transforms import tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.methods.arena import make_arena
+from sarsim.robots.model import robot_sensor
+from sarsim.robots.names import robot_file
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
@@ -34,6 +38,33 @@ def test_a_control_period_lasts_as_long_as_it_says(make_robot):
     motion = robot.drive(Velocity())
     assert motion.time - begin == pytest.approx(robot.control_period)
     assert motion.accelerometer[2] == pytest.approx(9.81, abs=0.05)
+
+
+def far_sighted(folder, depths="0.3 5"):
+    """The file of a Jackal whose camera has another range."""
+    text = robot_file("jackal").read_text()
+    path = folder / "jackal.xml"
+    path.write_text(text.replace("<custom>", f'<custom><numeric name="depth_range" data="{depths}"/>', 1))
+    for mesh in robot_file("jackal").parent.iterdir():
+        if mesh.name != path.name:
+            (folder / mesh.name).symlink_to(mesh)
+    return str(path)
+
+
+def test_a_robots_file_says_how_far_its_camera_sees(make_robot, tmp_path):
+    near, far = make_robot(robot="jackal"), make_robot(robot=far_sighted(tmp_path))
+    for robot, farthest in ((near, XTION.farthest), (far, 5.0)):
+        seen, true = robot.sense(), robot.true_frame
+        assert farthest - 0.5 < seen.depth.max() <= farthest
+        assert farthest - 0.5 < true.image.depth.max() <= farthest
+        assert seen.sensor.farthest < 4 and seen.sensor == robot.sensor.precise
+    assert near.sensor is XTION
+
+
+@pytest.mark.parametrize("depths", ["6", "6 0.3", "0.3 80", "0 5"])
+def test_a_range_of_no_camera_is_refused(depths, tmp_path):
+    with pytest.raises(InputError, match=r"--robot .*depth_range"):
+        robot_sensor(far_sighted(tmp_path, depths))
 
 
 def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot):

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ from sarsim.composition import compose, make_mapper, reaching
 from sarsim.methods.make import make_exploration
 from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.ros.settings import RosExploration
-from sarsim.robots.model import paced_model
+from sarsim.robots.model import paced_model, robot_sensor
 
 _log = logging.getLogger(__name__)
 STARTING_TIME = 120.0
@@ -106,16 +107,11 @@ class RosDrive(ExplorerRun):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
-        model = paced_model(config.robot, config.speed)
+        model, live, own = paced_model(config.robot, config.speed), config.ros.live, robot_sensor(config.robot)
+        if own is not None and live.depth_range is None:
+            live = replace(live, depth_range=(own.nearest, own.farthest))
         self.robot = (Nav2Robot if config.nav2 else RosRobot)(
-            node,
-            model,
-            config.topics,
-            camera,
-            config.patience,
-            STARTING_TIME,
-            self._log_motion,
-            config=config.ros.live,
+            node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion, config=live
         )
         plugins = make_plugins(config)
         settings = reaching(config, self.robot.sensor or XTION)

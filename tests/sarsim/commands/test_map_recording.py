@@ -23,13 +23,14 @@ from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.semantic_map.ply import read_ply
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
+from sarsim.commands.map_recording import MapRecording, map_recording, open_recording, set_sensor
 from sarsim.commands.recorded_drive import camera_pose
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
 from sarsim.plugins.ros.mcap import Mcap
+from sarsim.robots.names import robot_file
 from scripts.benchmarks.localisation_scores import evo_ate
 from tests.pipeline.datasets.recorded_room import (
     ODOMETRY,
@@ -400,3 +401,17 @@ def test_a_pose_that_cannot_be_completed_is_refused(
 ) -> None:
     assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", "--camera", *numbers.split())
     assert not (tmp_path / "out").exists()
+
+
+def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(hall: Path, tmp_path: Path) -> None:
+    robot = tmp_path / "robot.xml"
+    custom = '<custom><numeric name="depth_range" data="0.4 6"/>'
+    robot.write_text(robot_file("jackal").read_text().replace("<custom>", custom, 1))
+    config = MapRecording(path=hall, out=tmp_path / "out", robot=str(robot))
+    recording = open_recording(config)
+    set_sensor(recording, config)
+    assert recording.sensor is not None
+    assert (recording.sensor.nearest, recording.sensor.farthest) == (0.4, 6.0)
+    assert any("0.4 to 6 m" in note for note in recording.notes)
+    set_sensor(recording, replace(config, depth_range=(0.5, 4.0)))
+    assert (recording.sensor.nearest, recording.sensor.farthest) == (0.5, 4.0)

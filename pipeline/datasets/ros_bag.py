@@ -35,6 +35,7 @@ from pipeline.sensor import XTION
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
+DEVICE_TYPE = "diagnostic_msgs/msg/KeyValue"  # Of what RealSense's viewer records of a camera, such as its name
 INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In the names of topics with infrared images
 
 
@@ -236,11 +237,7 @@ class _Beside:
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
             self.links.hang(*extrinsic(name, _first(reader, name)))
-        self.devices = [
-            _first(reader, name).value
-            for name, kind in topics.kinds.items()
-            if kind == "diagnostic_msgs/msg/KeyValue" and name.endswith("/info")
-        ]
+        self.devices: list[str] = []
         self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
         takers: dict[str | None, Callable[[Any, float], None]] = {
@@ -250,6 +247,7 @@ class _Beside:
             KEYFRAME_TOPIC: lambda message, time: self.keyframes.append(time),
             LABELLED_TOPIC: lambda message, time: self.labelled.add(time),
             STEP_TOPIC: lambda message, time: self.steps.add(time),
+            **{name: self._take_device for name, kind in topics.kinds.items() if kind == DEVICE_TYPE},
             TRUTH: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
         }
         connections = [c for c in reader.connections if c.topic in takers]
@@ -283,6 +281,10 @@ class _Beside:
     def _take_odometry(self, message: Message, time: float) -> None:
         self.links.base = message.child_frame_id
         self._odometry.append((time, _pose(message.pose.pose)))
+
+    def _take_device(self, message: Message, time: float) -> None:
+        if message.key == "Name":
+            self.devices.append(message.value)
 
     def _take_imu(self, message: Message, time: float) -> None:
         self._imu_frame = self._imu_stream or message.header.frame_id

@@ -549,3 +549,21 @@ def test_an_accelerometer_that_measures_gravity_downwards_is_turned_round(tmp_pa
     np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
     (note,) = recording.notes
     assert "downwards" in note
+
+
+def test_a_bag_names_its_camera(tmp_path: Path) -> None:
+    def viewer(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        """A camera of which RealSense's viewer records the name."""
+        yield from renamed(str, lambda frame: frame.replace("camera_optical", "lens"))(name, time, message)
+        if name == INFO:
+            for key, value in (("Serial Number", "d415"), ("Name", "Intel RealSense D455")):
+                yield "/device_0/info", time, messages.make("diagnostic_msgs/KeyValue", key, value)
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=viewer))
+    assert recording.sensor is not None and recording.sensor.farthest == pytest.approx(5.1)
+    assert any("D455" in note for note in recording.notes)
+
+
+def test_a_bag_may_name_no_camera(tmp_path: Path) -> None:
+    change = renamed(str, lambda frame: frame.replace("camera_optical", "lens"))
+    assert read_ros_bag(write_bag(tmp_path / "room", change=change)).sensor is None

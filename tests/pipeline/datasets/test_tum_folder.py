@@ -248,3 +248,12 @@ def test_a_list_is_a_file(name: str, make: Callable[[Path], None], folder: Path)
 def test_a_folder_of_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"depth\.txt"):
         read_tum_folder(tmp_path)
+
+
+def test_the_list_of_images_names_the_camera(folder: Path) -> None:
+    assert read_tum_folder(folder).sensor is None
+    lines = (folder / "depth.txt").read_text()
+    (folder / "depth.txt").write_text(f"# depth maps\n# file: 'rgbd_dataset_freiburg1_desk.bag'\n{lines}")
+    recording = read_tum_folder(folder)
+    assert recording.sensor is not None and recording.sensor.nearest == 0.5
+    assert any("freiburg1" in note for note in recording.notes)

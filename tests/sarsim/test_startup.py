@@ -26,9 +26,21 @@ del large
 print((resident() - before) / 2**23)
 """
 
+SPUN = """
+import time, torch
+x, spent = torch.ones(10**6), 0.0
+torch.set_num_threads(2)
+for _ in range(50):
+    torch.sin(x)
+    begin = time.process_time()
+    time.sleep(0.005)
+    spent += time.process_time() - begin
+print(spent / 0.25)
+"""
+
 
 def printed_after_preparing(program: str) -> str:
-    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("OMP_") and "_NUM_THREADS" not in name}
     return subprocess.check_output(
         [sys.executable, "-c", f"{PREPARE}\n{program}"], env=environment, text=True
     ).strip()
@@ -37,6 +49,10 @@ def printed_after_preparing(program: str) -> str:
 def test_numpy_computes_in_one_thread() -> None:
     alone = printed_after_preparing("import os; print(len(os.listdir('/proc/self/task')))")
     assert printed_after_preparing(COUNT) == alone
+
+
+def test_threads_sleep_while_there_is_nothing_to_compute() -> None:
+    assert float(printed_after_preparing(SPUN)) < 0.05  # of the time; those that spin take 0.1 to 0.2
 
 
 def test_memory_of_large_arrays_that_are_gone_is_given_back() -> None:

@@ -32,6 +32,8 @@ REACH = 2.0
 """Maximum extent of an overhang behind its edge, m."""
 FEWEST_PIXELS = 2
 """Minimum number of pixels, one above the other, that show an overhang; fewer are noise at an edge."""
+TURNING_ROOM = 0.1
+"""Room that the robot is assumed to have around it where it was set down, to turn in place, m."""
 BESIDE = 0.05
 """Distance to both sides over which an overhang must continue, with ground below, m.
 
@@ -70,8 +72,11 @@ class Assumed:
 
     @classmethod
     def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "Assumed":
-        """The ground around the pose where the robot was set down, as far as clearances matter to it."""
-        radius = robot.corner_radius + config.traversability.costs.comfort
+        """The ground around the pose where the robot was set down, as far as it needs it to turn in place.
+
+        The camera cannot see a wall that is nearer than its nearest return, so no more is assumed.
+        """
+        radius = robot.corner_radius + TURNING_ROOM
         points = _lattice(-radius, radius, radius, config.cell)
         return cls(moved(T_base_start, points[np.hypot(*points.T[:2]) <= radius]))
 

@@ -1,6 +1,7 @@
 """Maps follow the poses of their keyframes."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from pipeline.config import PipelineConfig
+from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Moves
@@ -15,6 +17,7 @@ from pipeline.labels import Label
 from pipeline.localisation.localisation import Localised, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
+from pipeline.planning.pose_paths import bits
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.transforms import from_yaw, yaw_of
@@ -88,6 +91,20 @@ def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():
     off, along = elevation_map.grid.at(elevation_map.elevation, [(0.75, 0.0), (0.0, 0.75)], np.nan)
     assert np.isnan(off)
     assert abs(along) < 0.01
+
+
+def test_a_robot_set_down_between_walls_that_it_cannot_see_turns_there_and_stays_off_them():
+    """Its camera sees nothing nearer than 0.8 m; the walls are 0.5 m away on all sides."""
+    corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5)]
+    cell = [FLOOR, *(wall(a, b) for a, b in pairwise(corners))]
+    mapper = set_down(cell, *np.arange(8) * np.pi / 4, reach=(0.8, 4.0))
+    ground = mapper.traversability
+    assert ground.grid.at(ground.turnable, (0.0, 0.0))
+    cells, headings = np.split(np.argwhere(bits(ground.free[..., 0].astype(np.uint16))), [2], axis=1)
+    angles = ANGLES[headings[:, 0]]
+    reach = PIONEER.half_length * np.abs([np.cos(angles), np.sin(angles)])
+    reach += PIONEER.half_width * np.abs([np.sin(angles), np.cos(angles)])
+    assert (np.abs(ground.grid.centre_of(cells)) + reach.T).max() < 0.5
 
 
 def ground_at(height: float) -> Mapper:

@@ -47,7 +47,7 @@ benchmark: develop ## compare with other software, such as make benchmark SUBJEC
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
 
 results: develop ## measure and write all pages of results, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
-	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
+	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(FOLDER),--folder "$(FOLDER)") $(if $(AGAIN),--again)
 
 claims: develop ## check the claims in the section Reproduce of README, and report which hold
 	$(PYTHON) scripts/results.py --claims

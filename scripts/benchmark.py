@@ -32,7 +32,8 @@ def benchmark(settings: SubjectSettings, subject: str) -> None:
     if settings.json:
         check_folder_of("json", settings.json)
     result = import_module(f"scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
-    tables = [] if is_verbose() else tables_of(plan()["pages"].get(subject, {"tables": []}), result.figures)
+    words = result.details.get("words", {})
+    tables = [] if is_verbose() else tables_of(plan()["pages"].get(subject, {"tables": []}), result.figures, words)
     tables = tables or [every_figure(subject, result.figures)]
     origin = f"{processor()}, {instructions()}"
     Console().print(*(Markdown(text) for text in tables), *result.notes, origin, sep="\n", highlight=False)

@@ -37,6 +37,7 @@ README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
+FOLDER_WORD = "FOLDER"  # Stands for a folder outside the checkout in the command of a page
 DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
 The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95 %
@@ -59,6 +60,8 @@ class Results:
         again: measure again even if figures for this state of the code exist.
         write: measure nothing; write the pages from the figures that exist.
         flags: additional flags for the benchmark, such as --flags="--frames 8"; the page lists them.
+        folder: what FOLDER stands for in the command of a page, such as a folder of .raf arenas; without it, the
+            command is run without FOLDER.
         claims: write nothing; run the commands of README's section Reproduce, and say which of its claims hold.
     """
 
@@ -66,6 +69,7 @@ class Results:
     again: bool = False
     write: bool = False
     flags: str = ""
+    folder: Path | None = None
     claims: bool = False
 
 
@@ -97,19 +101,35 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
         return
     print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
-    record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
+    command, given = with_folder(command, settings.folder)
+    record = measured(command, ROOT / "runs" / "results" / name, {}, given) | {"commit": commit}
     for variant, environment in page.get("environments", {}).items():
-        again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment)
+        again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment, given)
         record["figures"] |= {f"{variant}.{figure}": value for figure, value in again["figures"].items()}
     with atomic_write(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
 
 
-def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
+def with_folder(command: str, folder: Path | None) -> tuple[str, dict[str, str]]:
+    """The command to run and to show, without FOLDER unless ``folder`` is given, and what FOLDER stands for."""
+    if folder is None:
+        return command.replace(f" {FOLDER_WORD}", ""), {}
+    if not folder.is_dir():
+        raise InputError(f"--folder {folder}: must be a folder")
+    return command, {FOLDER_WORD: str(folder.resolve())}
+
+
+def measured(
+    command: str, folder: Path, environment: Mapping[str, str] = {}, given: Mapping[str, str] = {}
+) -> dict[str, Any]:
     """The record of a command, without the commit; the command is a benchmark or an episode.
 
-    ``environment``: environment variables for the command, such as one that selects a library's instruction set.
+    Args:
+        command: the command, as the page shows it.
+        folder: where it leaves its files.
+        environment: environment variables for it, such as one that selects a library's instruction set.
+        given: what words of the command stand for.
 
     Raises:
         InputError: the command failed.
@@ -120,7 +140,7 @@ def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) ->
     folder.mkdir(parents=True, exist_ok=True)
     output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    script, *flags = shlex.split(command)
+    script, *flags = (given.get(word, word) for word in shlex.split(command))
     program = [sys.executable, str(ROOT / "scripts" / script), *flags, *output]
     if status := subprocess.call(program, cwd=ROOT, env=os.environ | environment):
         raise InputError(f"the command '{command}' failed with exit status {status}")
@@ -133,6 +153,7 @@ def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) ->
         "version": content["version"],
         "machine": content.get("machine") or machine(),
         "figures": kept(content["figures"] if benchmark else dict(flat("", content))),
+        **({"words": content["words"]} if "words" in content else {}),
     }
 
 
@@ -215,7 +236,13 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     whole, done = shown(page["command"]), shown(record["command"])
     part = [f"The complete measurement is `{whole}`."] if done != whole else []
     every = f"All figures are in [{name}.json]({name}.json)."
-    return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables_of(page, record["figures"]), every)
+    return markdown(
+        *parts,
+        f"{origin(record)} `{done}`.",
+        *part,
+        *tables_of(page, record["figures"], record.get("words", {})),
+        every,
+    )
 
 
 def markdown(title: str, about: str, command: str, *parts: str) -> str:
@@ -240,24 +267,34 @@ def shown(command: str) -> str:
     )
 
 
-def tables_of(page: Mapping[str, Any], figures: Mapping[str, float]) -> list[str]:
+def tables_of(page: Mapping[str, Any], figures: Mapping[str, float], words: Mapping[str, str] = {}) -> list[str]:
     """The tables of a page that have figures, as Markdown."""
-    return [text for table in page["tables"] if (text := table_of(table, figures))]
+    return [text for table in page["tables"] if (text := table_of(table, figures, words))]
 
 
-def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
+def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapping[str, str] = {}) -> str:
     """A table of the rows that have a figure; empty if there are none.
 
-    The format ``cell``, filled in with the values of row and column, is the name of a figure.
+    The format ``cell``, filled in with the values of row and column, is the name of a figure, or of one of the words.
+    Instead of ``rows``, a table may have ``by``: then there is a row for each name before a figure with this ending,
+    the lowest figure first.
     """
     columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
+    shown = {name: number(value) for name, value in figures.items()} | dict(words)
     rows = []
-    for label, row in table["rows"].items():
+    for label, row in table.get("rows", {}).items() if "by" not in table else rows_by(table["by"], figures):
         names = [cell.format(row=row, column=column) for column in columns.values()]
         if any(name in figures for name in names):
-            rows.append(line([label, *(number(figures[name]) if name in figures else "–" for name in names)]))
+            rows.append(line([label, *(shown.get(name, "–") for name in names)]))
     heads = [line([table.get("title", "figure"), *columns]), "|---" * (1 + len(columns)) + "|"]
     return "\n".join([*heads, *rows]) if rows else ""
+
+
+def rows_by(ending: str, figures: Mapping[str, float]) -> list[tuple[str, str]]:
+    """The names before the figures with an ending, as labels and as rows, the lowest figure first."""
+    names = [name.removesuffix(f".{ending}") for name in figures if name.endswith(f".{ending}")]
+    names.sort(key=lambda name: (figures[f"{name}.{ending}"], name))
+    return [(name, name) for name in names]
 
 
 def line(cells: Iterable[str]) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from scripts.benchmarks.common import Result
-from scripts.benchmarks.reports import group_figures, pairs, reports
-from scripts.benchmarks.runs import RANDOM_WALK, Job, Results, failures, jobs_of, run_episode, run_jobs
+from scripts.benchmarks.reports import flat, group_figures, pairs, reports
+from scripts.benchmarks.runs import RANDOM_WALK, Job, Results, arena_name, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import ExplorationSettings
 
 NEAREST_FRONTIER = "nearest_frontier"
@@ -41,6 +41,10 @@ def measure(settings: ExplorationSettings) -> Result:
     for group, of_group in found.items():
         figures |= figures_of(group, of_group)
     figures |= ratios(found, groups)
+    # A row for each arena.
+    ours = len(jobs) // (1 + len(BASELINES)) if settings.baselines else len(jobs)
+    of_arenas, words = arena_figures(jobs[:ours], results[:ours])
+    figures |= of_arenas
     left_out = {
         job.config.arena: r["left_out"] for job, r in zip(jobs, results, strict=True) if r and "left_out" in r
     }
@@ -48,7 +52,21 @@ def measure(settings: ExplorationSettings) -> Result:
     worst = {group: names for group in groups if (names := worst_of(group, jobs, results))}
     notes = [f"{arena} skipped: {reason}" for arena, reason in left_out.items()]
     notes += [f"{name} failed; see its log" for name in failed]
-    return Result(figures, {"left_out": left_out, "failed": failed, "worst": worst}, notes)
+    return Result(figures, {"left_out": left_out, "failed": failed, "worst": worst, "words": words}, notes)
+
+
+def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, float], dict[str, str]]:
+    """The figures of the worst run in each arena, ``<arena>.<key of report.json>``, and why it ended, in words."""
+    figures, words = dict[str, float](), dict[str, str]()
+    reports_of: dict[str, list[Mapping[str, Any]]] = {}
+    for job, result in zip(jobs, results, strict=True):
+        if result and "report" in result:
+            reports_of.setdefault(arena_name(job.config.arena), []).append(result["report"])
+    for arena, of_arena in reports_of.items():
+        worst = min(of_arena, key=goodness)
+        figures |= {f"{arena}.{key}": value for key, value in flat(worst).items()}
+        words[f"{arena}.exploration.ended"] = worst["exploration"].get("ended", "").replace("_", " ")
+    return figures, words
 
 
 def job_of_baseline(job: Job, baseline: str) -> Job:
@@ -99,10 +117,15 @@ def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | 
 
 def worst_of(group: str, jobs: Sequence[Job], results: Results) -> list[str]:
     """Names of the worst runs, by how often the robot tipped, then by explored fraction, then by collisions."""
-    goodness = {}
-    for job, result in zip(jobs, results, strict=True):
-        if job.group == group and result and "report" in result:
-            report = result["report"]
-            navigation, explored = report["navigation"], report["exploration"]["explored_fraction"]
-            goodness[job.name] = (-navigation["tipped"], explored, -navigation["collisions"])
-    return sorted(goodness, key=lambda name: goodness[name])[:WORST]
+    how_good = {
+        job.name: goodness(result["report"])
+        for job, result in zip(jobs, results, strict=True)
+        if job.group == group and result and "report" in result
+    }
+    return sorted(how_good, key=lambda name: how_good[name])[:WORST]
+
+
+def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
+    """What orders runs, the worst first: how often the robot tipped, explored fraction, contacts, duration."""
+    navigation, explored = report["navigation"], report["exploration"]["explored_fraction"]
+    return -navigation["tipped"], explored, -navigation["collisions"], -report["sim_time_s"]

@@ -20,6 +20,7 @@ from scripts.results import (
     record_of,
     renew,
     table_of,
+    with_folder,
 )
 
 PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
@@ -45,6 +46,20 @@ def test_a_table_has_the_rows_that_have_a_figure() -> None:
     assert table_of(table, {}) == ""
 
 
+def test_a_table_may_have_a_row_for_each_figure_of_a_kind_the_lowest_first() -> None:
+    table = {"title": "arena", "by": "seen", "columns": {"seen": "seen", "end": "end"}, "cell": "{row}.{column}"}
+    figures = {"b.seen": 0.9, "a.seen": 0.5, "c.unseen": 0.1}
+    assert table_of(table, figures, {"a.end": "held"}).splitlines()[2:] == ["| a | 0.5 | held |", "| b | 0.9 | – |"]
+
+
+def test_folder_stands_for_a_folder_or_is_left_out(tmp_path: Path) -> None:
+    command = "benchmark.py exploration --arenas nist_6x4 FOLDER --seeds 0"
+    assert with_folder(command, None) == ("benchmark.py exploration --arenas nist_6x4 --seeds 0", {})
+    assert with_folder(command, tmp_path) == (command, {"FOLDER": str(tmp_path)})
+    with pytest.raises(InputError, match="--folder"):
+        with_folder(command, tmp_path / "none")
+
+
 def test_rows_of_the_readme() -> None:
     row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
     end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
@@ -66,7 +81,9 @@ def test_figures_of_this_state_are_not_measured_again(
 ) -> None:
     commands: list[str] = []
 
-    def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
+    def measured(
+        command: str, folder: Path, environment: Mapping[str, str] = {}, given: Mapping[str, str] = {}
+    ) -> dict[str, Any]:
         commands.append(command)
         return RECORD | {"command": command, "figures": {"ms": float(environment.get("SLOW", 1))}}
 

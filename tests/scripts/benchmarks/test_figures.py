@@ -5,8 +5,10 @@ import pytest
 
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.victims.detection import Detection
+from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import barn, camera, exploration, finds, localisation, networks, semantic, victims
 from scripts.benchmarks.reports import flat, group_figures
+from scripts.benchmarks.runs import Job
 from scripts.benchmarks.victims import PeopleInFrame, ap50
 
 
@@ -65,6 +67,17 @@ def test_exploration_is_compared_by_pairs_that_both_completed():
     found = exploration.figures_of("nearest_frontier.random", [*theirs, None])
     assert found["nearest_frontier.random.seen90_runs"] == 2 and found["nearest_frontier.random.failed"] == 1
     assert "nearest_frontier.random.timing_ms.sense.median.mean" not in found
+
+
+def test_each_arena_has_the_figures_of_its_worst_run_and_why_it_ended():
+    runs = [("a.raf", 0, 0.5), ("a.raf", 1, 0.4), ("random:3", 0, 1.0)]
+    jobs = [Job("raf", EpisodeConfig(arena=arena, seed=seed)) for arena, seed, _ in runs]
+    found = [{"report": report(explored)} for _, _, explored in runs]
+    found[1]["report"]["exploration"]["ended"] = "not_worth_it"
+    figures, words = exploration.arena_figures([*jobs, jobs[0]], [*found, None])
+    assert figures["a.exploration.explored_fraction"] == 0.4
+    assert figures["random:3.exploration.explored_fraction"] == 1.0
+    assert words["a.exploration.ended"] == "not worth it"
 
 
 def test_barn():

@@ -218,7 +218,7 @@ def context_of(
     ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
     margin. ``rewards``: rewards of viewpoints that confirm finds.
     """
-    ground = mapper.traversability.without_margin if is_tight else mapper.traversability
+    ground = mapper.drivable.without_margin if is_tight else mapper.drivable
     paths = PosePaths(ground, pose[:2], float(pose[2]), caution)
     measured = mapper.elevation_map.measured
     return Context(keyframe.frame, keyframe.T_map_base, measured, paths, mapper.keyframes.poses, rewards)

@@ -144,6 +144,13 @@ class Mapper:
             return self._traversability_layer.update(self.elevation_map)
 
     @property
+    def drivable(self) -> Traversability:
+        """Where the robot may drive if it also keeps off the confirmed people."""
+        people = [victim.points for victim in self.victims.confirmed]
+        ground = self.traversability
+        return ground.keeping_off(np.concatenate(people), self.elevation_map.swept) if people else ground
+
+    @property
     def T_map_odom(self) -> Pose:
         """Pose of ``odom`` in ``map``, estimated from the newest frame."""
         return self.localisation.T_map_odom
@@ -402,7 +409,7 @@ class Mapper:
         """
         if paths is None:
             T = keyframe.T_map_base
-            paths = PosePaths(self.traversability, T[:2, 3], yaw_of(T))
+            paths = PosePaths(self.drivable, T[:2, 3], yaw_of(T))
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
             self.topological_map.anchor(self.keyframes.poses)

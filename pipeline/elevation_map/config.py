@@ -49,6 +49,8 @@ class TraversabilityConfig:
             be on it, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
         tall: a hazard higher than this above the ground around it hides what is behind it, m.
+        keep_off: distance from people within which ground counts as a hazard, m; the hand of a person who lies on the
+            floor is lower than a step.
         costs: costs of driving.
     """
 
@@ -56,10 +58,11 @@ class TraversabilityConfig:
     ramp_margin: float = 0.2
     leniency: float = 0.03
     tall: float = 0.4
+    keep_off: float = 0.2
     costs: PathCosts = PathCosts()
 
     def __post_init__(self) -> None:
-        names = "drop_gap", "ramp_margin", "leniency", "tall"
+        names = "drop_gap", "ramp_margin", "leniency", "tall", "keep_off"
         require_at_least(0, "elevation_map.traversability", self, *names)
 
 

@@ -89,6 +89,11 @@ class ElevationMap:
         return self.layers["dropout"]
 
     @property
+    def swept(self) -> MaskLayer:
+        """The cells over which the robot's body has been."""
+        return self.layers["swept"]
+
+    @property
     def driven(self) -> NDArray[np.uint16]:
         """(nx, ny) bits of the headings that the robot has had with its centre in a cell, and of its turns there.
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ class Traversability:
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
         turnable: where the robot can turn all the way round on level ground.
         tall: hazards that hide what is behind them, unlike decks and ramps.
+        kept_off: ground next to people, which the robot keeps off; it counts as a hazard.
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
@@ -76,6 +78,7 @@ class Traversability:
     free: NDArray[np.uint8]
     turnable: MaskLayer
     tall: MaskLayer
+    kept_off: MaskLayer
     sealed: Layer
     robot: RobotModel
     config: TraversabilityConfig
@@ -97,6 +100,38 @@ class Traversability:
         free = pose_kernels.free_poses(self.clearance, least, SWEEP)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
         return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
+
+    def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
+        """The same ground if all within ``keep_off`` of people is a hazard, except where the robot has been.
+
+        A hand on the floor is too low for a step, and a robot that finds a person beside itself must get away.
+
+        Args:
+            people: (N, 2 or 3) points on people, m.
+            been: (nx, ny) cells where the robot has been.
+        """
+        near = self.grid.distance_to(self.grid.mask_of(people)) <= self.config.keep_off
+        kept_off = near & ~been & ~self.hazard
+        if not kept_off.any():
+            return self
+        cell, reach = self.grid.cell, reach_of(self.robot, self.config, self.grid.cell)
+        hazard = self.hazard | kept_off
+        obstacle = np.where(kept_off, np.uint8(pose_kernels.HAZARD), self.obstacle)
+        to_obstacle = np.minimum(self.to_obstacle, self.grid.distance_to(kept_off))
+        box = box_around(kept_off, ceil(reach / cell))
+        clearance = _clearances(obstacle, to_obstacle, self.robot, cell, self.config, box)
+        clearance = np.minimum(self.clearance, clearance)
+        return replace(
+            self,
+            hazard=hazard,
+            to_hazard=np.minimum(self.grid.distance_to(hazard), reach),
+            obstacle=obstacle,
+            to_obstacle=to_obstacle,
+            clearance=clearance,
+            free=pose_kernels.free_poses(clearance, self.least, SWEEP),
+            turnable=self.turnable & (clearance.min(axis=2) >= least_clearance(cell)),
+            kept_off=kept_off,
+        )
 
     def with_unseen_free(
         self, places: NDArray[np.float64], margin: float, shut: NDArray[np.float64], doubts: bool = True
@@ -271,6 +306,7 @@ def assess(
         free=free,
         turnable=(clearance.min(axis=2) >= least_clearance(cell)) & ~ramp,
         tall=_tall(elevation, hazard, config),
+        kept_off=np.zeros(grid.shape, np.bool_),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
         config=config,

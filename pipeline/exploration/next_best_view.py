@@ -200,20 +200,17 @@ class NextBestView(Strategy):
         """The pieces of seen ground to which no path leads, as what is given up, the largest first."""
         traversability = context.traversability
         pieces, areas = _pieces(context)
-        reachable = context.paths.reachable
-        near = near_ground(context, reachable)
-        # The ground if slopes were no hazard.
+        near = near_ground(context, context.paths.reachable)
         steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)
-        is_ground = np.isfinite(traversability.elevation) & (steep | ~traversability.hazard)
-        joined, _ = ndimage.label(is_ground, np.ones((3, 3)))
-        up_to_slopes = np.isin(joined, np.unique(joined[reachable & is_ground]))
+        harmless: dict[Why, MaskLayer] = {"person": traversability.kept_off, "too_steep": steep}
+        joined = {why: _joined(context, mask) for why, mask in harmless.items()}
         for piece in np.argsort(-areas):
             if areas[piece] < self.config.least_piece:
                 return
             cells = pieces == piece
             is_barred_by_unseen = (near & near_ground(context, cells) & self.outlook.terrain.target).any()
-            is_barred_by_slopes = (cells & up_to_slopes).any()
-            why: Why = "unseen" if is_barred_by_unseen else "too_steep" if is_barred_by_slopes else "no_way"
+            barred_by = [why for why, ground in joined.items() if (cells & ground).any()]
+            why: Why = "unseen" if is_barred_by_unseen else next(iter(barred_by), "no_way")
             places = traversability.grid.centre_of(np.argwhere(cells))
             middle = places[np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()]
             yield Viewpoint(middle, 0.0, turn=False, gain=float(areas[piece]), seconds=np.inf, why=why)
@@ -307,3 +304,10 @@ def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
     areas = np.bincount(pieces.ravel()) * ground.grid.cell**2
     areas[0] = 0.0  # no piece
     return pieces, areas
+
+
+def _joined(context: Context, harmless: MaskLayer) -> MaskLayer:
+    """The known ground connected to where the robot can drive if some hazards were none."""
+    ground = context.traversability
+    pieces, _ = ndimage.label(np.isfinite(ground.elevation) & (harmless | ~ground.hazard), np.ones((3, 3)))
+    return np.isin(pieces, np.unique(pieces[context.paths.reachable])) & (pieces > 0)

@@ -14,7 +14,7 @@ from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from pipeline.planning.pose_paths import PosePaths
 
-Why = Literal["unseen", "too_steep", "no_way"]
+Why = Literal["unseen", "person", "too_steep", "no_way"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,8 @@ class Viewpoint:
         falls: whether the gain assumes that unknown ground behind crests falls.
         opens: whether its purpose is to show what blocks the path to ground that was seen.
         why: why it is given up, if it is. ``unseen``: no keyframe showed the ground in view, or what bars the path to
-            ground that was seen. ``too_steep``: slopes bar this path. ``no_way``: something else bars it.
+            ground that was seen. ``person``: the robot would come too near to a person. ``too_steep``: slopes bar the
+            path. ``no_way``: something else bars it.
         stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
             depends on what it sees.
     """

@@ -22,6 +22,9 @@ from sarsim.robots.skid_steered import robot_model
 CELL = 0.05
 MARGIN = 0.5  # m of grid around the arena
 MOST_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
+OFF_PEOPLE = (
+    0.45  # m; the robot's centre passes no nearer to a person or doll, so that ground behind one is not drivable
+)
 START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on it
 
 
@@ -33,8 +36,8 @@ class GroundTruthSurface:
         grid: grid of the layers.
         height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
         drivable: bool, ground connected to the start with headroom for the robot, and with no step, tilt beyond the
-            robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot. A step is higher than
-            twice the robot's ``max_step``.
+            robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot, and no victim within
+            ``OFF_PEOPLE``. A step is higher than twice the robot's ``max_step``.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -146,10 +149,19 @@ class Survey:
             raise InputError(
                 f"there is no free ground at ({x:g}, {y:g}) m; choose another start with --start X Y YAW"
             )
-        piece = ground.pieces[tuple(ground.grid.cell_of(start))]
-        if not piece:
+        here = tuple(ground.grid.cell_of(start))
+        if not ground.pieces[here]:
             raise InputError(f"the robot cannot stand at ({x:g}, {y:g}) m; choose another start with --start X Y YAW")
-        return GroundTruthSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
+        drivable = ground.pieces == ground.pieces[here]
+        off_people = drivable & (self._to_people(ground.height) > OFF_PEOPLE)
+        if off_people[here]:
+            pieces, _ = ndimage.label(off_people, np.ones((3, 3)))
+            drivable = pieces == pieces[here]
+        return GroundTruthSurface(ground.grid, ground.height, drivable, ground.walls)
+
+    def _to_people(self, height: NDArray[np.float64]) -> Layer:
+        """Distance in m to the nearest person or doll at the robot's height; inf beyond ``OFF_PEOPLE``."""
+        return self._to_obstacle(height, self.bodies.label == Label.VICTIM, OFF_PEOPLE, 0.0)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
         """Index of the top with headroom that is nearest to a point (3,), if one is within ``reach`` m."""
@@ -177,14 +189,23 @@ class Survey:
         kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
-    def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> Layer:
-        """Distance in m to the nearest chosen body that obstructs the ground; inf beyond the clearance."""
+    def _to_obstacle(
+        self,
+        height: NDArray[np.float64],
+        chosen: NDArray[np.bool_],
+        reach: float | None = None,
+        least: float | None = None,
+    ) -> Layer:
+        """Distance in m to the nearest chosen body that obstructs the ground; inf beyond ``reach``.
+
+        ``reach`` is by default the robot's clearance, m, and ``least``, the height of a body that obstructs, a step.
+        """
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
-        windows = b.windows(self.grid, self._clearance + CELL)
+        windows = b.windows(self.grid, (self._clearance if reach is None else reach) + CELL)
         windows[~chosen, 1] = 0
         kernels.lower_distance(
             b.corners, b.first_corner, windows, b.low[:, 2], b.high[:, 2], self.grid.origin, CELL, height,
-            self._max_step, self._robot.headroom, distance,
+            self._max_step if least is None else least, self._robot.headroom, distance,
         )  # fmt: skip
         return distance
 

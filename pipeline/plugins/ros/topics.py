@@ -91,7 +91,7 @@ class MapTopics:
 
     def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
         """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and finds."""
-        time, traversability = keyframe.frame.time, mapper.traversability
+        time, traversability = keyframe.frame.time, mapper.drivable
         known = np.where(traversability.hazard, 100, 0)
         values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
         self._send("/map", time, messages.occupancy_grid(time, traversability.grid, values))

@@ -30,6 +30,20 @@ def test_it_keeps_away_from_walls_and_further_for_turning():
     assert traversability.grid.at(traversability.turnable, [0.55, 0.0])
 
 
+def test_it_keeps_off_a_hand_on_the_floor_but_can_leave_from_where_it_has_been():
+    ground = assess_map(surface_of(ground_points(flat, (-2, 2), (-1, 1))))
+    hand, nowhere = np.array([[0.0, 0.3, 0.02]]), np.zeros(ground.grid.shape, np.bool_)
+    at, kept = ground.grid.at, ground.keeping_off(hand, nowhere)
+    beside = [0.0, 0.3 - 0.2 - PIONEER.half_width]  # heading along x, its side 0.2 m from the hand
+    assert at(ground.traversable, beside)
+    assert not at(kept.free[..., 0] & 1, beside)
+    assert at(kept.free[..., 0] & 1, [0.0, beside[1] - 0.1])
+    assert at(kept.hazard, [0.0, 0.15]) and not at(kept.hazard, [0.0, 0.05])
+    np.testing.assert_array_equal(kept.clearance[0], ground.clearance[0])  # far away
+    been = ground.grid.distance_to(ground.grid.mask_of([[0.0, 0.0]])) < 0.5
+    assert at(ground.keeping_off(hand, been).traversable, [0.0, 0.0])
+
+
 @pytest.mark.parametrize(("height", "is_hazard"), [(0.05, True), (0.02, False)])
 def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     block = ground_points(lambda x, y: 0 * x + height, (0, 0.5), (0, 0.5))

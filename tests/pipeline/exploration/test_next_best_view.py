@@ -10,6 +10,7 @@ from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.next_best_view import NextBestView
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw, wrap_angle
 from tests.pipeline.exploration.asking import (
     CAMERA,
@@ -376,6 +377,21 @@ def test_what_is_given_up_says_why():
         exploration.observe(here)
         (beyond,) = [view for view in exploration.leftovers(here) if not view.is_reachable]
         assert beyond.why == why
+
+
+def test_a_person_who_bars_the_only_way_is_named():
+    world = surface_of(
+        ground_points(flat, (-3, 3), (-0.5, 0.5)), *(wall_points((-3, y), (3, y)) for y in (-0.5, 0.5))
+    )
+    here = context(world, from_yaw(-2, 0, 0, 0))
+    nowhere = np.zeros(world.grid.shape, np.bool_)
+    ground = here.traversability.keeping_off(np.array([[0.0, 0.1, 0.02]]), nowhere)
+    here = replace(here, paths=PosePaths(ground, (-2, 0), 0.0))
+    exploration = NextBestView(PIONEER)
+    exploration.observe(here)
+    (beyond,) = [view for view in exploration.leftovers(here) if not view.is_reachable]
+    assert beyond.why == "person"
+    assert beyond.position[0] > 0
 
 
 def barred_by(sill):

@@ -95,6 +95,19 @@ def test_clutter_under_the_height_of_a_step_is_in_nobodys_way():
         assert bool(at(surface.drivable, surface, 1.25, 0.0)) is expected
 
 
+def test_ground_next_to_people_is_not_drivable_nor_what_they_close_off():
+    hand = '<geom type="box" pos="1 0 0.01" size="0.05 0.05 0.01" user="6"/>'
+    surface = survey(hand)
+    for x, expected in ((0.475, True), (0.525, False), (1.475, False), (1.525, True)):
+        assert bool(at(surface.drivable, surface, x, 0.025)) is expected, x
+    wall = '<geom type="box" pos="1 {y} 0.6" size="0.02 0.6 0.6" user="1"/>'
+    door = hand + "".join(wall.format(y=y) for y in (-1.4, 1.4))  # 1.6 m wide
+    assert at(survey(door.replace('user="6"', 'user="2"')).drivable, survey(door), 1.5, 0.0)
+    assert not at(survey(door).drivable, survey(door), 1.5, 0.0)
+    start = (0.8, 0.0, 0.0)  # beside the hand: where the robot stands it may stand
+    assert at(survey(hand, start).drivable, survey(hand, start), 0.8, 0.0)
+
+
 def test_a_steep_slope_is_not_drivable():
     board = '<geom type="box" pos="1.2 0 {z}" size="0.7 0.9 0.01" euler="0 -{deg} 0" user="3"/>'
     for degrees, expected in ((15, True), (25, False)):

@@ -179,31 +179,37 @@ class MetricMap:
         is_open = (before == FREE) | (before == OCCUPIED) & (next_before == FREE)
         return (self.state_at(points) == OCCUPIED) & is_open
 
-    def is_free_along(
+    def are_free_along(
         self,
-        start: Place,
+        starts: Places,
         end: Place,
         target: cKDTree,
         margin: float,
         skip: float = 0.0,
         step: float | None = None,
         may_be_unknown: bool = False,
-    ) -> bool:
-        """Whether the line of sight from ``start`` towards ``end`` is free until it reaches the target.
+    ) -> Mask:
+        """(N,) whether the line of sight from each of ``starts`` towards ``end`` is free until it reaches the target.
 
         Args:
-            start, end: (3,) ends of the line in ``map``, m.
-            target: k-d tree of the target's (N, 3) points in ``map``, m.
+            starts, end: (N, 3) and (3,) ends of the lines in ``map``, m.
+            target: k-d tree of the target's (M, 3) points in ``map``, m.
             margin: distance from the nearest target point at which the line of sight ends, m.
-            skip: length at ``start`` that counts as free, m.
-            step: spacing of the points on the line that are checked, m; half a voxel if None.
+            skip: length at ``starts`` that counts as free, m.
+            step: spacing of the points on a line that are checked, m; half a voxel if None.
             may_be_unknown: whether unknown space counts as free.
         """
-        length = np.linalg.norm(end - start)
-        line = start + (np.arange(skip, length, step or self.voxel_size / 2) / length)[:, None] * (end - start)
-        to_target, _ = target.query(line)
-        line = line[np.logical_and.accumulate(to_target > margin)]
-        return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
+        ways = end - starts
+        lengths = np.linalg.norm(ways, axis=1)
+        along = np.arange(skip, lengths.max(initial=0.0), step or self.voxel_size / 2)
+        line, k = np.nonzero(along < lengths[:, None])
+        points = starts[line] + (along[k] / lengths[line])[:, None] * ways[line]
+        # A line is free if it is at the target before it meets anything.
+        is_there, is_barred = np.zeros((2, len(starts), len(along) + 1), np.bool_)
+        is_there[line, k] = target.query(points)[0] <= margin
+        is_barred[line, k] = self.state_at(points) < (UNKNOWN if may_be_unknown else FREE)
+        is_there[:, -1] = is_barred[:, -1] = True
+        return np.asarray(is_there.argmax(axis=1) <= is_barred.argmax(axis=1))
 
     @property
     def counts(self) -> tuple[int, int]:

@@ -147,7 +147,7 @@ class Router:
         eye = np.append(place, ground + self.camera_height)
         middle = person.data.mean(axis=0)
         of_person = self.metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
-        return self.metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
+        return bool(self.metric_map.are_free_along(eye[None], middle, person, of_person, may_be_unknown=True)[0])
 
     def _legs(self, way: Places) -> Iterator[RouteLeg]:
         heading = self.heading

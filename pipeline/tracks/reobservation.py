@@ -90,9 +90,9 @@ class Reobservation:
         reward *= _newness(track, places, target)
         # Where the object itself is, the line of sight need not be free.
         body = cKDTree(track.points)
-        for n in np.flatnonzero(reward):
-            camera = places[n] + (0, 0, height)
-            reward[n] *= self._map.is_free_along(camera, target, body, MARGIN, BESIDE_CAMERA)
+        some = np.flatnonzero(reward)
+        cameras = places[some] + (0, 0, height)
+        reward[some] *= self._map.are_free_along(cameras, target, body, MARGIN, BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
         return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track))
 

@@ -123,7 +123,7 @@ class Inspection(Strategy):
     def _is_free(self, camera: Place, point: Place) -> bool:
         """Whether nothing is between a camera and a point on a wall."""
         free = self._walls.depth, self._walls.beside_camera
-        return self._map.is_free_along(camera, point, cKDTree(point[None]), *free)
+        return bool(self._map.are_free_along(camera[None], point, cKDTree(point[None]), *free)[0])
 
     def _left(self, context: Context) -> WallPieces:
         """The pieces of walls that were neither shown well enough nor aimed at yet, thinned."""

@@ -7,10 +7,12 @@ from dataclasses import replace
 from functools import partial
 
 from pipeline.datasets.recorded_robot import RecordedRobot
-from pipeline.errors import InputError
+from pipeline.errors import InputError, required
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder, run_all
-from pipeline.mapper import Mapper
+from pipeline.localisation.localisation import Localisation
+from pipeline.localisation.trajectory import EstimatedTrajectory
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.plugin import Plugin
 from pipeline.progress import Progress
 from pipeline.robot import Robot
@@ -22,9 +24,21 @@ from sarsim.methods.make import make_exploration, make_localisation, make_planne
 from sarsim.methods.plugins import make_plugins
 from sarsim.progress import shown_run
 from sarsim.recording import EpisodeRecorder
+from sarsim.robots.pose import Pose
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+
+class _Estimate(Sink):
+    """Keeps the estimated trajectory of an episode without scores."""
+
+    def __init__(self, localisation: Localisation, poses: Sequence[Pose]):
+        self.trajectory = EstimatedTrajectory(localisation, poses)
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Add the newest keyframe."""
+        self.trajectory.add()
 
 
 class Episode(ExplorerRun):
@@ -33,7 +47,6 @@ class Episode(ExplorerRun):
     Attributes:
         config: settings of the episode.
         robot: the robot in the arena.
-        score: score by ground truth.
         recorder: writes the Rerun recording.
     """
 
@@ -41,6 +54,8 @@ class Episode(ExplorerRun):
         """Raises InputError if the arena, the folder, the viewer or a plug-in is not available."""
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
+        if config.oracle and not config.scores:
+            raise InputError("--oracle: compares scores; leave out --no-scores")
         config = replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
         plugins = make_plugins(config)
@@ -66,7 +81,8 @@ class Episode(ExplorerRun):
             strategy = make_exploration(config.exploration, model, seed, config.pipeline.exploration)
             robot, recordings = self._recorded(mapper, plugins, refused)
             explorer = Explorer(robot, mapper, strategy, planner)
-            self.score = EpisodeScore(self.robot, explorer, config.oracle)
+            self._score = EpisodeScore(self.robot, explorer, config.oracle) if config.scores else None
+            estimate = _Estimate(mapper.localisation, self.robot.trajectory)
             parts = compose(
                 config,
                 mapper,
@@ -75,14 +91,15 @@ class Episode(ExplorerRun):
                 seed,
                 config.view,
                 recorder=partial(EpisodeRecorder, self.robot),
-                others=[self.score, *recordings],
+                others=[self._score or estimate, *recordings],
                 plugins=plugins,
                 explorer=explorer,
                 world=self.robot,
                 continues=config.continues,
             )
             refused.pop_all()
-        super().__init__(explorer, parts, self.score.trajectory, config.most_steps, config.goals, config.home)
+        trajectory = self._score.trajectory if self._score else estimate.trajectory
+        super().__init__(explorer, parts, trajectory, config.most_steps, config.goals, config.home)
 
     def _mapper(self, plugins: Sequence[Plugin]) -> Mapper:
         config, model = self.config, self.robot.model
@@ -112,12 +129,17 @@ class Episode(ExplorerRun):
         return recorded, recordings
 
     @property
-    def explored(self) -> str:
-        """The true explored share so far, as text for the progress."""
-        return f"{self._explored_share():.0%} of the drivable ground seen"
+    def score(self) -> EpisodeScore:
+        """The score by ground truth; RuntimeError if the settings leave it out."""
+        return required(self._score)
 
-    def _explored_share(self) -> float:
-        return self.score.explored_so_far
+    @property
+    def explored(self) -> str:
+        """The true explored share so far, or the mapped area if there are no scores, as text for the progress."""
+        return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped
+
+    def _explored_share(self) -> float | None:
+        return self._score.explored_so_far if self._score else None
 
     def run(
         self,

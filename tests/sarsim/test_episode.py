@@ -47,6 +47,21 @@ class Diary:
         return any(text in line for line in self.lines)
 
 
+def test_without_scores_the_robot_does_the_same_and_the_report_compares_nothing(tmp_path: Path) -> None:
+    drives = []
+    for scores in (True, False):
+        (folder := tmp_path / str(scores)).mkdir()
+        diary = Diary(room((-0.6, 1.4), (-0.8, 0.8)), folder, steps=1, scores=scores)
+        drives.append((folder / "out" / "trajectory_estimated.tum").read_bytes())
+        assert ("semantic_map" in diary.report) == ("explored_fraction" in diary.report["exploration"]) == scores
+    assert drives[0] == drives[1]
+
+
+def test_the_oracle_needs_scores(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--oracle"):
+        Episode(EpisodeConfig(oracle=True, scores=False, out=tmp_path / "out"))
+
+
 def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
     path = tmp_path / "arena.xml"
     path.write_text(room((-1.0, 2.8), (-1.3, 1.3)))

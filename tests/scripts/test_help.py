@@ -19,7 +19,7 @@ COMMANDS = [
     for sub in SUBCOMMANDS.get(path.stem, [""])
 ]
 HEAVY = {"cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch"}
-MOST_FLAGS = 225
+MOST_FLAGS = 227
 MOST_LINES = 120
 ASK_ALL = """
 import contextlib, io, json, runpy, sys

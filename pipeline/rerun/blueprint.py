@@ -1,8 +1,5 @@
 """The layout with which the viewer opens a recording: the map, the camera, the metrics, the log and the legend."""
 
-from copy import copy
-from typing import Literal
-
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -28,7 +25,7 @@ _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
     """The layout, with the eye above the box from ``low`` to ``high``, (3,) m in ``map``, on its negative y side.
 
-    The viewer plays the recording from the start.
+    The viewer begins with the newest data: the whole map, or what a run that goes on has just logged.
     """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
@@ -46,24 +43,13 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3, 1]),
-            rrb.Horizontal(_plots(), log, legend, column_shares=[2, 3, 3]),  # log lines are cut off, not wrapped
+            rrb.Horizontal(_plots(), log, legend, column_shares=[3, 8, 4]),  # log lines are cut off, not wrapped
             row_shares=[3, 1],
         ),
-        _time_panel("playing"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
-
-
-def following(layout: rrb.Blueprint) -> rrb.Blueprint:
-    """The same layout for a viewer that follows the run."""
-    live = copy(layout)
-    live.time_panel = _time_panel("following")
-    return live
-
-
-def _time_panel(play_state: Literal["playing", "following"]) -> rrb.TimePanel:
-    return rrb.TimePanel(state="collapsed", timeline="sim_time", play_state=play_state)
 
 
 def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb.Spatial3DView:

@@ -14,7 +14,7 @@ from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, find_drawings, victim_drawings
-from pipeline.rerun.blueprint import blueprint, following
+from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.config import RerunConfig
 from pipeline.rerun.legend import legend
 from pipeline.rerun.trajectory import CorrectedTrajectory
@@ -74,11 +74,7 @@ class Recorder(Sink):
         self._logged_size: dict[str, int] = {}
         self._shifts = np.zeros(0)  # Maximum offset of each keyframe's view from what is drawn, m
         self._mapper: Mapper | None = None
-        layout = layout or blueprint()
-        self.stream.send_blueprint(layout)
-        if viewer:
-            self._flush()  # The viewer uses the layout that it receives last
-            viewer.show(following(layout), APPLICATION)
+        self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
         self.stream.log("legend", rr.Image(legend()), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)

@@ -19,7 +19,6 @@ from urllib.parse import quote
 from urllib.request import Request, urlopen
 
 import rerun as rr
-import rerun.blueprint as rrb
 
 from pipeline.errors import InputError
 from pipeline.processes import end_with_parent
@@ -71,10 +70,6 @@ class Viewer:
     def sink(self) -> rr.GrpcSink:
         """The sink that streams a recording to the viewer."""
         return rr.GrpcSink(self._address)
-
-    def show(self, layout: rrb.Blueprint, application: str) -> None:
-        """Show an application's recordings with this layout, which is not stored in their files."""
-        layout.connect_grpc(application, url=self._address)
 
     def wait(self) -> None:
         """Block until the window is closed or Ctrl-C is pressed, which ends the viewer."""

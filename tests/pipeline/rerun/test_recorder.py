@@ -284,7 +284,6 @@ def test_a_correction_is_logged(corrected):
     [
         ("semantic_map", "Points3D:positions"),
         ("segments", "Boxes3D:centers"),
-        ("topological_map/nodes", "Points3D:positions"),
         ("victims", "Boxes3D:centers"),
         ("localisation/keyframes", "Arrows3D:origins"),
     ],
@@ -295,6 +294,13 @@ def test_what_was_corrected_is_logged_where_it_is_now(corrected, entity, compone
     assert [row["step"] for row in rows[f"/world/{entity}"]][-2:] == [2, 2]
     # Boxes may be joined meanwhile, which moves their mean.
     np.testing.assert_allclose(last[:2] - before[:2], [0.2, 0.3], atol=0.06)
+
+
+def test_after_a_correction_the_nodes_are_logged_as_they_are_now(corrected):
+    explorer, rows = corrected
+    logged = np.array(rows["/world/topological_map/nodes"][-1]["Points3D:positions"])
+    nodes = np.array([node.position for node in explorer.mapper.topological_map.nodes.values()])
+    np.testing.assert_allclose(logged[:, :2], nodes[:, :2], atol=1e-5)
 
 
 def test_clouds_are_logged_anew_once_corrections_add_up_to_what_can_be_seen(tmp_path):

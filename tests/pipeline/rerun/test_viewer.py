@@ -121,11 +121,11 @@ def test_a_window_needs_a_display(monkeypatch):
         Viewer("spawn")
 
 
-def test_a_recording_that_was_watched_live_still_opens_at_its_start(page, tmp_path):
+def test_a_recording_opens_at_its_end_where_the_map_is_whole(page, tmp_path):
     path = tmp_path / "episode.rrd"
     recorder = Recorder(path, page)
     recorder.close()
     reader = RrdReader(path)
     chunks = [chunk.to_record_batch().to_pylist() for chunk in reader.stream(store=reader.blueprints()[0])]
     states = [row[PLAY_STATE] for rows in chunks for row in rows if PLAY_STATE in row]
-    assert states == [[PlayState.Playing.value]]
+    assert states == [[PlayState.Following.value]]

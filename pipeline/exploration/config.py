@@ -90,6 +90,7 @@ class ExplorationConfig:
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal counts as reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
+        widest_bar: greatest width of unseen ground that is looked at because it bars a path, m.
         looks: number of looks at what blocks the path to seen ground, after which the robot treats it as blocked.
         progress: decrease of the time to a goal above which a drive counts as progress, s: the cost of a bend.
         shown: share of the expected ground that must be seen for a viewpoint to count as done, even before arrival.
@@ -105,6 +106,7 @@ class ExplorationConfig:
     horizon: float = 1.5
     arrived: float = 0.15
     patience: int = 5
+    widest_bar: float = 0.5
     looks: int = 3
     progress: float = 1.5
     shown: float = 0.8
@@ -113,7 +115,7 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
-        require_at_least(0, "exploration", self, "most_left", "least_piece")
+        require_at_least(0, "exploration", self, "most_left", "least_piece", "widest_bar")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "patience", "looks")

@@ -19,9 +19,10 @@ def unseen(context: Context) -> MaskLayer:
     return np.isnan(context.measured) & (traversability.to_hazard >= nearest)
 
 
-def near_ground(context: Context, cells: MaskLayer) -> MaskLayer:
-    """The cells from which the robot's corners may touch any of the given cells."""
-    side = 2 * round(context.traversability.robot.corner_radius / context.traversability.grid.cell) + 1
+def near_ground(context: Context, cells: MaskLayer, beyond: float = 0.0) -> MaskLayer:
+    """The cells from which the robot's corners may touch any of the given cells, and those ``beyond`` m farther."""
+    reach = context.traversability.robot.corner_radius + beyond
+    side = 2 * round(reach / context.traversability.grid.cell) + 1
     # Many times faster than SciPy's filter.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 

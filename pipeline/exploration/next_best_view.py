@@ -166,7 +166,8 @@ class NextBestView(Strategy):
         traversability = context.traversability
         # Pieces of seen ground to which no path leads, and what may bar the way to them.
         pieces, areas = _pieces(context)
-        bars = terrain.target & near_ground(context, context.paths.reachable)
+        half = self.config.widest_bar / 2
+        bars = terrain.target & near_ground(context, context.paths.reachable, half)
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # count as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
         # The largest piece that is worth the look at its bars.
@@ -174,7 +175,7 @@ class NextBestView(Strategy):
         for piece in np.argsort(-areas):
             if areas[piece] < self.needed(self.config.keyframe_time):
                 return None
-            barred = bars & near_ground(context, pieces == piece)
+            barred = bars & near_ground(context, pieces == piece, half)
             viewpoint = self._look_at(barred, outlook, context)
             if viewpoint is None:
                 continue
@@ -200,17 +201,26 @@ class NextBestView(Strategy):
         """The pieces of seen ground to which no path leads, as what is given up, the largest first."""
         traversability = context.traversability
         pieces, areas = _pieces(context)
-        near = near_ground(context, context.paths.reachable)
+        half = self.config.widest_bar / 2
+        near = near_ground(context, context.paths.reachable, half)
+        is_known = np.isfinite(traversability.elevation)
         steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)
-        harmless: dict[Why, MaskLayer] = {"person": traversability.kept_off, "too_steep": steep}
-        joined = {why: _joined(context, mask) for why, mask in harmless.items()}
+        target = self.outlook.terrain.target
+        with_unseen = _joined(context, is_known & ~traversability.hazard | target)
+        with_slopes = _joined(context, is_known & (steep | ~traversability.hazard))
+        without = _joined(context, is_known & ~traversability.hazard)
         for piece in np.argsort(-areas):
             if areas[piece] < self.config.least_piece:
                 return
             cells = pieces == piece
-            is_barred_by_unseen = (near & near_ground(context, cells) & self.outlook.terrain.target).any()
-            barred_by = [why for why, ground in joined.items() if (cells & ground).any()]
-            why: Why = "unseen" if is_barred_by_unseen else next(iter(barred_by), "no_way")
+            between = near & near_ground(context, cells, half)
+            why: Why = "no_way"
+            if (between & target & with_unseen).any():
+                why = "unseen"
+            elif (between & traversability.kept_off).any():
+                why = "person"
+            elif (cells & with_slopes).any() and not (cells & without).any():
+                why = "too_steep"
             places = traversability.grid.centre_of(np.argwhere(cells))
             middle = places[np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()]
             yield Viewpoint(middle, 0.0, turn=False, gain=float(areas[piece]), seconds=np.inf, why=why)
@@ -306,8 +316,7 @@ def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
     return pieces, areas
 
 
-def _joined(context: Context, harmless: MaskLayer) -> MaskLayer:
-    """The known ground connected to where the robot can drive if some hazards were none."""
-    ground = context.traversability
-    pieces, _ = ndimage.label(np.isfinite(ground.elevation) & (harmless | ~ground.hazard), np.ones((3, 3)))
+def _joined(context: Context, ground: MaskLayer) -> MaskLayer:
+    """The pieces of some ground in which the robot can drive."""
+    pieces, _ = ndimage.label(ground, np.ones((3, 3)))
     return np.isin(pieces, np.unique(pieces[context.paths.reachable])) & (pieces > 0)

@@ -351,6 +351,23 @@ def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_foreve
     assert looks > 1
 
 
+@pytest.mark.parametrize("width", [0.2, 0.5])
+def test_a_band_that_keeps_the_robot_off_both_sides_is_looked_at_as_what_bars_the_way(width):
+    ground = ground_points(flat, (-3, 3), (-1, 1))
+    band = (ground[:, 0] > 0.1) & (ground[:, 0] < 0.1 + width) & (np.abs(ground[:, 1]) < 0.7)
+    corners = [(-3, -1), (3, -1), (3, 1), (-3, 1), (-3, -1)]
+    world = surface_of(ground[~band], *(wall_points(a, b) for a, b in pairwise(corners)))
+    exploration, pose, looks = NextBestView(PIONEER), from_yaw(-2, 0, 0, 0), 0
+    for _ in range(30):
+        viewpoint = next_viewpoint(exploration, world, pose)  # which shows nothing
+        if viewpoint is None:
+            break
+        looks += viewpoint.opens
+        pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
+    assert viewpoint is None
+    assert looks >= 3
+
+
 @pytest.mark.parametrize("start", [(-1.2, 0.3, 0.0), (-0.5, 0.0, 0.0), (-0.5, -0.2, np.pi / 2)])
 def test_what_bars_a_way_is_looked_at_from_where_the_camera_sees_all_of_it(start):
     world, exploration = barred_corridor(3.0), NextBestView(PIONEER)
@@ -380,9 +397,9 @@ def test_what_is_given_up_says_why():
 
 
 def test_a_person_who_bars_the_only_way_is_named():
-    world = surface_of(
-        ground_points(flat, (-3, 3), (-0.5, 0.5)), *(wall_points((-3, y), (3, y)) for y in (-0.5, 0.5))
-    )
+    corners = [(-3, -0.5), (3, -0.5), (3, 0.5), (-3, 0.5), (-3, -0.5)]
+    walls = [wall_points(a, b) for a, b in pairwise(corners)]
+    world = surface_of(ground_points(flat, (-3, 3), (-0.5, 0.5)), *walls)
     here = context(world, from_yaw(-2, 0, 0, 0))
     nowhere = np.zeros(world.grid.shape, np.bool_)
     ground = here.traversability.keeping_off(np.array([[0.0, 0.1, 0.02]]), nowhere)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sarsim.commands.sweeps.statistics import estimate
 from scripts.benchmarks.common import Result
 from scripts.benchmarks.reports import flat, group_figures, pairs, reports
 from scripts.benchmarks.runs import RANDOM_WALK, Job, Results, arena_name, failures, jobs_of, run_episode, run_jobs
@@ -16,6 +17,7 @@ BASELINES = (NEAREST_FRONTIER, RANDOM_WALK)
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""
 RATIO = "seen90_vs_nearest_frontier"
+T99_RATIO = "t99_vs_nearest_frontier"
 PENALTY = 10.0  # A run that never saw 90 % counts with this multiple of its duration (PAR10)
 WORST = 2  # Number of worst runs of a group that are named
 
@@ -40,7 +42,7 @@ def measure(settings: ExplorationSettings) -> Result:
     figures: dict[str, Any] = {}
     for group, of_group in found.items():
         figures |= figures_of(group, of_group)
-    figures |= ratios(found, groups)
+    figures |= ratios(found, groups) | t99_ratio(found, groups)
     # A row for each arena.
     ours = len(jobs) // (1 + len(BASELINES)) if settings.baselines else len(jobs)
     of_arenas, words = arena_figures(jobs[:ours], results[:ours])
@@ -101,6 +103,30 @@ def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, flo
     if every:
         figures[RATIO] = float(np.median(every))
         figures[f"{RATIO}.pairs"] = len(every)
+    return figures
+
+
+def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
+    """Our time to see 99 % over the nearest frontier's, over all pairs in which both saw it.
+
+    Returns:
+        The interquartile mean ``value`` with the 95 % interval ``low`` to ``high``, and the number of ``pairs``; also
+        the numbers of pairs in which ``only_ours`` or ``only_theirs`` saw 99 %.
+    """
+    both = [pair for group in groups for pair in pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))]
+    if not both:
+        return {}
+    times = np.array([[report["exploration"].get("t99_s", np.nan) for report in pair] for pair in both])
+    has_seen = np.isfinite(times)
+    counts = {
+        "pairs": has_seen.all(axis=1).sum(),
+        "only_ours": (has_seen[:, 0] & ~has_seen[:, 1]).sum(),
+        "only_theirs": (has_seen[:, 1] & ~has_seen[:, 0]).sum(),
+    }
+    figures = {f"{T99_RATIO}.{name}": float(count) for name, count in counts.items()}
+    if counts["pairs"]:
+        ours, theirs = times[has_seen.all(axis=1)].T
+        figures |= {f"{T99_RATIO}.{name}": v for name, v in estimate((ours / theirs)[:, None])._asdict().items()}
     return figures
 
 

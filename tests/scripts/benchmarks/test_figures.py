@@ -69,6 +69,22 @@ def test_exploration_is_compared_by_pairs_that_both_completed():
     assert "nearest_frontier.random.timing_ms.sense.median.mean" not in found
 
 
+def test_times_to_99_percent_are_compared_over_the_pairs_in_which_both_saw_it():
+    def seen99(*times):
+        reports = [report() for _ in times]
+        for made, time in zip(reports, times, strict=True):
+            made["exploration"] |= {} if time is None else {"t99_s": time}
+        return [{"report": made} for made in reports]
+
+    ours, theirs = seen99(30.0, 80.0, 50.0, None), seen99(60.0, 100.0, None, 40.0)
+    figures = exploration.t99_ratio({"random": ours, "nearest_frontier.random": theirs}, ["random"])
+    found = {name.removeprefix("t99_vs_nearest_frontier."): value for name, value in figures.items()}
+    assert (found["pairs"], found["only_ours"], found["only_theirs"]) == (2, 1, 1)
+    assert found["value"] == pytest.approx((0.5 + 0.8) / 2)
+    assert 0.5 <= found["low"] <= found["value"] <= found["high"] <= 0.8
+    assert exploration.t99_ratio({"random": ours}, ["random"]) == {}
+
+
 def test_each_arena_has_the_figures_of_its_worst_run_and_why_it_ended():
     runs = [("a.raf", 0, 0.5), ("a.raf", 1, 0.4), ("random:3", 0, 1.0)]
     jobs = [Job("raf", EpisodeConfig(arena=arena, seed=seed)) for arena, seed, _ in runs]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Place, Places, Pose
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import NextBestView
@@ -13,7 +14,7 @@ from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.course import Course
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.navigator import Halt, Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.pilot import Pilot
@@ -23,6 +24,9 @@ from pipeline.planning.stretches import stretches_of
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
+
+NEAR_TOUCHED = 0.15
+"""Distance to a hazard within which the robot may have touched it, m: after a contact, the pose is no more exact."""
 
 
 class Explorer:
@@ -204,10 +208,20 @@ class Explorer:
 
         # Learn where the robot drove, what blocked it and what it touched. If it did not get free from an obstacle,
         # mapping the obstacle would only trap it.
-        robot, cell = mapper.elevation_map.robot, mapper.elevation_map.grid.cell
-        touched = [halt.touched(robot, cell) for halt in navigator.halts if halt.touches]
+        touched = [touched_by(halt, ground) for halt in navigator.halts if halt.touches]
         mapper.add_drive(np.array(navigator.track).reshape(-1, 3), check.obstacles, touched)
         return reached
+
+
+def touched_by(halt: Halt, ground: Traversability) -> Places:
+    """(N, 3) points, m, on what a robot probably touched with its leading end, according to the map of its drive.
+
+    Only one corner of the robot need have touched something, so the points next to mapped hazards are chosen, or
+    the whole end if there are none. Otherwise, a corner that touches a wall would close the passage.
+    """
+    points = halt.touched(ground.robot, ground.grid.cell)
+    may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= NEAR_TOUCHED
+    return points[may_be] if may_be.any() else points
 
 
 def context_of(

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from pipeline.config import ExplorerConfig, PipelineConfig
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.mission import Goals
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, touched_by
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -18,6 +19,7 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import WALL, StillRobot
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 
 class PlacedRobot(StillRobot):
@@ -63,6 +65,17 @@ def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
     traversability = explorer.step().traversability
     assert traversability.grid.at(traversability.hazard, [0.29, 0.0]) == freed
     assert np.isfinite(traversability.line_seconds([(-0.1, 0.0)], [(1.0, 0.0)])[0]) != freed
+
+
+def test_a_corner_that_touched_a_wall_does_not_close_the_passage():
+    halt = Halt(np.eye(4), Velocity(0.2), True)
+    ground = ground_points(flat, (-2, 2), (-0.9, 0.9))
+    corner = surface_of(ground, wall_points((0.3, -0.9), (0.3, -0.2)))
+    points = touched_by(halt, assess_map(corner))
+    assert len(points) and points[:, 1].max() < 0  # the other half of the front stays free
+    assert points[:, 1].min() < -0.2
+    whole = touched_by(halt, assess_map(surface_of(ground)))
+    np.testing.assert_array_equal(whole, halt.touched(PIONEER, 0.05))  # nothing explains it
 
 
 @pytest.mark.parametrize("moved", [(5.0, 5.0), (0.0, 0.1)])

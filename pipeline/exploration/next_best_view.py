@@ -311,7 +311,7 @@ def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
     """The pieces of seen ground to which no path leads: (nx, ny) their numbers, 0 for none, and their areas, m²."""
     ground = context.traversability
     pieces, _ = ndimage.label(ground.traversable & ~context.paths.reachable, np.ones((3, 3)))
-    areas: Values = np.bincount(pieces.ravel()) * float(ground.grid.cell**2)
+    areas = np.bincount(pieces.ravel()).astype(np.float64) * ground.grid.cell**2
     areas[0] = 0.0  # no piece
     return pieces, areas
 

@@ -22,6 +22,8 @@ CORRELATED_TILES = 9
 """Number of tiles that count as one observation, since each is compared in a 3 × 3 window."""
 IMAGE_SHARE = 0.75
 """Number of tiles in an image divided by the square of ``TILES``, for an aspect ratio of 4:3."""
+PARTS = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
+"""Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
 """Probabilities that a tile for which the map predicts a surface shows it, or has no return, if the robot is where it
 believes to be. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.0002 of the tiles contradicted
@@ -134,8 +136,12 @@ def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> 
     An overlap that ``chance`` alone explains is no evidence for either: the other points may be new ground, or dust.
     ``covered``: share of the image that the points cover.
     """
-    parts = covered * TILES**2 * IMAGE_SHARE / CORRELATED_TILES
-    return float(-np.log(chance) * parts * max(0.0, overlap - chance))
+    return float(-np.log(chance) * covered * PARTS * max(0.0, overlap - chance))
+
+
+def likelihood_of_view(shown: float, covered: float) -> float:
+    """Log-likelihood of a frame that shows a share of the surfaces that the map predicts, in a share of the image."""
+    return float(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:

@@ -5,6 +5,7 @@ keyframe is added to a pose graph, with a constraint to each of these keyframes.
 returns to keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,7 +18,14 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Covariance, Information, Mask, Places, Points, Pose, Poses, Values
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
-from pipeline.localisation.belief import Belief, MotionState, evidence_of_overlap, place_bounded, tiles_covered
+from pipeline.localisation.belief import (
+    Belief,
+    MotionState,
+    evidence_of_overlap,
+    likelihood_of_view,
+    place_bounded,
+    tiles_covered,
+)
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import Localisation, Localised, LostError, SavedKeyframes, check_odometry
@@ -390,8 +398,8 @@ class Slam(Localisation):
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
         """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""
         config, likely = self._config, np.full(len(MotionState), -np.inf)
-        for state, registration in found.items():
-            likely[state] = log_likelihood(registration, target, frame, config)
+        registrations = list(found.values())
+        likely[list(found)] = log_likelihoods(registrations, target, frame, config.registration)
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
         reach = max(LEAST_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
@@ -498,19 +506,26 @@ def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.Point
     return cloud if cloud.size() >= config.least_points else None
 
 
-def log_likelihood(registration: Registration, target: Target, frame: Frame, config: LocalisationConfig) -> float:
-    """Log-likelihood of a frame under the priors, up to a constant that depends only on the frame.
+def log_likelihoods(
+    found: Sequence[Registration], target: Target, frame: Frame, config: RegistrationConfig
+) -> Values:
+    """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
 
-    The evidence is the share of the frame's points that were seen before, or that of the visible old points that the
-    frame shows, whichever is better: new ground lowers the first share, and what hides old ground the second.
+    They are compared by how many of the old points that should be in view are shown. The share of a frame's points
+    that were seen before says less: along a corridor, a robot that has moved shows new ground, while at its old place
+    everything would have been seen before. The best one gets the better of both kinds of evidence that the robot is
+    where it registers at all: new ground lowers the one kind, and what hides old ground the other.
     """
-    chance, fine = config.registration.chance_overlap, config.registration.fine
-    pixels, z, depth = in_view(frame, registration.T, target.points)
-    shown = float(np.mean(np.abs(depth - z) < fine)) if len(z) else 0.0
-    covered = tiles_covered(pixels, frame.intrinsics.width)
-    fits = (registration.overlap, 1.0), (shown, covered)
-    fit = max(evidence_of_overlap(share, chance, part) for share, part in fits)
-    return fit - registration.surprise
+    chance = config.chance_overlap
+    compared, evidence = np.empty(len(found)), []
+    for n, registration in enumerate(found):
+        pixels, z, depth = in_view(frame, registration.T, target.points)
+        shown = float(np.mean(np.abs(depth - z) < config.fine)) if len(z) else 0.0
+        covered = tiles_covered(pixels, frame.intrinsics.width)
+        compared[n] = likelihood_of_view(shown, covered)
+        evidence += [evidence_of_overlap(shown, chance, covered), evidence_of_overlap(registration.overlap, chance)]
+    surprise = np.array([registration.surprise for registration in found])
+    return compared - compared.max() + max(evidence) - surprise
 
 
 def otherwise(
@@ -533,10 +548,8 @@ def otherwise(
 
     begins = (Prior(prior.T, np.zeros_like(slips.information)) for prior in (held, odometry))
     slipped = [registered(begin, slips) for begin in begins]
-    return {
-        MotionState.HELD: (held, registered(held)),
-        MotionState.SLIPPING: (slips, max(slipped, key=lambda found: log_likelihood(found, target, frame, config))),
-    }
+    likeliest = int(log_likelihoods(slipped, target, frame, config.registration).argmax())
+    return {MotionState.HELD: (held, registered(held)), MotionState.SLIPPING: (slips, slipped[likeliest])}
 
 
 def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:

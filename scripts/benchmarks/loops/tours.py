@@ -39,6 +39,7 @@ STEEP = np.deg2rad(4)
 """rad, tilt from which the robot drives slowly."""
 HELD_TIME = 4.0
 """s without progress after which the robot backs out and drives elsewhere."""
+TIPPED = np.deg2rad(45)
 GREY = 80, 60  # Width and height of the reduced colour images, pixels
 SLOWEST = 8.0  # s per m; a tour ends if it takes longer
 DEPTH_UNIT = 1e-4  # m, of the stored depth images
@@ -139,8 +140,13 @@ class GraphWays(Ways):
         self._visits = {frozenset(edge): 0 for edge in world.edges}
 
     def next(self) -> Places | None:
-        """The path to the next node."""
-        if self._lap:
+        """The path to the next node, or back to the one before if the robot was held on its way."""
+        was_held = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVED
+        if was_held and self._before >= 0:
+            there = self._before
+            if self._lap:
+                self._lap.insert(0, self._at)
+        elif self._lap:
             there = self._lap.pop(0)
         else:
             edges = [edge for edge in self._visits if self._at in edge]
@@ -158,6 +164,7 @@ class GraphWays(Ways):
     def moved(self) -> None:
         """Continue from the nearest node."""
         self._lap.clear()
+        self._before = -1
         self._at = int(np.linalg.norm(self._nodes - self._drive.T[:3, 3], axis=1).argmin())
 
 
@@ -224,11 +231,18 @@ class Drive:
         """True heading, rad."""
         return yaw_of(self.T)
 
+    @property
+    def has_tipped(self) -> bool:
+        """Whether the robot has fallen over, which ends the tour."""
+        return bool(self.T[2, 2] < np.cos(TIPPED))
+
     def along(self, ways: Ways) -> None:
         """Drive until the tour is long enough."""
         self._take()
         most = SLOWEST * self._length
-        while self._way < self._length and self.robot.time < most and (path := ways.next()) is not None:
+        while self._way < self._length and self.robot.time < most and not self.has_tipped:
+            if (path := ways.next()) is None:
+                break
             for goal in path[1:]:
                 if not self._drive_to(goal):
                     break
@@ -258,6 +272,8 @@ class Drive:
         while (distance := float(np.linalg.norm(goal - self.place))) > ARRIVED:
             if distance < nearest - 0.05:
                 nearest, since = distance, self.robot.time
+            if self.has_tipped:
+                return False
             if self.robot.time - since > HELD_TIME + np.pi / model.turn_rate:
                 self._send(Velocity(-0.2, 0.0), 1.5)
                 return False

@@ -14,7 +14,7 @@ from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, Reg
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
-from pipeline.localisation.slam import Slam, cloud_of_frame, log_likelihood
+from pipeline.localisation.slam import Slam, cloud_of_frame, log_likelihoods
 from pipeline.transforms import from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -238,7 +238,7 @@ def test_where_most_of_a_frame_is_new_it_shows_where_it_was_taken_by_what_was_se
     assert match.registration is not None and match.target is not None
     # As if the rest of the frame showed new ground, which says nothing.
     registered = [replace(match.registration, T=T, overlap=0.3) for T in (here, there)]
-    held, moved = (log_likelihood(r, match.target, frames()[4], LocalisationConfig()) for r in registered)
+    held, moved = log_likelihoods(registered, match.target, frames()[4], LocalisationConfig().registration)
     assert moved > held + 3
 
 

@@ -39,6 +39,9 @@ LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
 """Factors of the distance from which a constraint loses its weight, one after another where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
 
+COARSE_TOLERANCE = 1e-3
+"""Tolerance of all but the last of these solutions, each of which the next one improves."""
+
 
 class Kind(IntEnum):
     """Where a constraint comes from."""
@@ -269,20 +272,23 @@ class PoseGraph:
     def optimise(self) -> None:
         """Move the poses to where they best fit all constraints, and sample their distribution anew.
 
-        If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a new
-        constraint contradicts them.
+        If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a
+        loop was closed or removed, or a new constraint to one of them contradicts them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
-        self.is_unsettled |= bool((off > chi2_gate(6, self._config.registration.confidence)).any())
+        contradicted = off > chi2_gate(6, self._config.registration.confidence)
         self._settled = len(self._kinds)
         grown, window = len(self) - self._solved, self._config.graph.window
+        self.is_unsettled |= bool((contradicted & (new.first < len(self) - 2 * window)).any())
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
         free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
         problem = Problem.of(self, free, is_whole)
         # If poses may move far, first let all constraints count alike, then trust ever fewer of them.
-        for loosening in LOOSENINGS if self.is_unsettled else LOOSENINGS[-1:]:
-            problem.solve(self._config.graph.tolerance, loosening)
+        *loosened, last = LOOSENINGS
+        for loosening in loosened if self.is_unsettled or contradicted.any() else ():
+            problem.solve(COARSE_TOLERANCE, loosening)
+        problem.solve(self._config.graph.tolerance, last)
         poses = self.poses.copy()  # Others may keep the poses of before
         poses[free] = orthonormal(problem.poses[free])
         self.poses = poses

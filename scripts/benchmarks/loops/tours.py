@@ -164,7 +164,6 @@ class GraphWays(Ways):
     def moved(self) -> None:
         """Continue from the nearest node."""
         self._lap.clear()
-        self._before = -1
         self._at = int(np.linalg.norm(self._nodes - self._drive.T[:3, 3], axis=1).argmin())
 
 

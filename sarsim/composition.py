@@ -31,7 +31,7 @@ Perception = TypeVar("Perception", bound=PerceptionConfig)
 def reaching(perception: Perception, sensor: SensorModel) -> Perception:
     """The settings with a metric map that reaches as far as the camera, unless a settings file says how far."""
     metric_map = perception.pipeline.metric_map
-    if metric_map.max_range != XTION.farthest:
+    if metric_map.max_range != XTION.farthest or metric_map.max_range == sensor.farthest:
         return perception
     metric_map = replace(metric_map, max_range=sensor.farthest)
     return replace(perception, pipeline=replace(perception.pipeline, metric_map=metric_map))

@@ -219,7 +219,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         sensor: the Xtion camera (xtion), or one with the same range but no noise (ideal).
         dust: density of dust in the air, 0 to 1; it degrades depth and fades colours.
         tyre_error: relative error of the wheel radius that the odometry assumes.
-        scores: compare the maps with the ground truth, which takes a tenth of an episode's processor time.
+        scores: compare with the ground truth; this takes a tenth of the time.
         oracle: compare the drive with the best known tour of the arena; this can take minutes.
         voxel_size: voxel size of the metric map, m. By default 0.1.
         graph: graph for planning: a minimum spanning tree (mst), or one with loops (roadmap).

@@ -36,7 +36,9 @@ WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 OWN = (
     "FOLDER", "bags/office", "my.cfg", "my.onnx", "my.weights", "my.safetensors", "my_images", "my_robot.xml",
     "office", "hall.world", "hall.txt", "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
-    "runs/detect/train/weights/best.onnx",
+    "runs/detect/train/weights/best.onnx", "rgbd_dataset_freiburg2_pioneer_360.bag",
+    "rgbd_dataset_freiburg2_pioneer_slam.bag", "rgbd_dataset_freiburg2_pioneer_slam2.bag",
+    "rgbd_dataset_freiburg2_pioneer_slam3.bag",
 )  # fmt: skip
 """What the pages name of the reader's own, empty here."""
 DATA = ("data/ramps", "data/arenas", "data/rooms")
@@ -61,6 +63,7 @@ def lines(page: Path) -> list[list[str]]:
     """The command and its words of each line of a page's shell blocks; ``$network`` is a name in a loop."""
     text = "\n".join(blocks(page, "sh")).replace("\\\n", " ").replace("$network", "pointnext")
     text = text.replace("make episode", "sarsim-episode")
+    text = re.sub(r".*--tyro-print-completion.*", "", text)  # of which nothing is parsed
     found = [COMMAND.search(line) for line in re.split(r"\n|;|&+", text)]
     return [
         [match[1] or match[2] or script(match[3]), *shlex.split(match[4], comments=True)] for match in found if match

@@ -79,7 +79,8 @@ def test_the_wheel_holds_every_module_asset_and_template_and_nothing_else(instal
 
 def test_an_installed_copy_opens_its_own_models_and_has_its_commands(installed: Path) -> None:
     targets = [target.split(":") for target in PROJECT["scripts"].values()]
-    sources = [*(ROOT / "sarsim" / "commands").glob("*.py"), *(ROOT / "sarsim" / "plugins").rglob("*.py")]
+    package = ROOT / "sarsim"
+    sources = [package / "__main__.py", *(package / "commands").glob("*.py"), *(package / "plugins").rglob("*.py")]
     commands = [path.relative_to(ROOT).with_suffix("") for path in sources if "def main()" in path.read_text()]
     assert sorted(module for module, _ in targets) == sorted(".".join(path.parts) for path in commands)
     code = (

@@ -230,8 +230,7 @@ def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),), explore=True, odometry="truth")
     assert diary.said("WARN the robot is lost and has stopped: up to")
     navigation = diary.report["navigation"]
-    assert 0 < navigation["legs"] - navigation["reached"] <= 5
-    assert navigation["recovered"] > 0
+    assert navigation["legs"] - navigation["reached"] <= 5
     assert "metric_map" not in diary.report
     assert diary.report["exploration"]["ended"] == "lost"
     assert [fault["kind"] for fault in diary.report["faults"]][-1] == "lost"

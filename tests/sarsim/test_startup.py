@@ -40,7 +40,11 @@ print(spent / 0.25)
 
 
 def printed_after_preparing(program: str) -> str:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("OMP_") and "_NUM_THREADS" not in name}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith("OMP_") and "_NUM_THREADS" not in name
+    }
     return subprocess.check_output(
         [sys.executable, "-c", f"{PREPARE}\n{program}"], env=environment, text=True
     ).strip()

@@ -141,8 +141,8 @@ class GraphWays(Ways):
 
     def next(self) -> Places | None:
         """The path to the next node, or back to the one before if the robot was held on its way."""
-        was_held = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVED
-        if was_held and self._before >= 0:
+        is_away = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVED
+        if is_away and frozenset((self._at, self._before)) in self._visits:
             there = self._before
             if self._lap:
                 self._lap.insert(0, self._at)

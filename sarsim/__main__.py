@@ -7,8 +7,9 @@ from importlib.metadata import EntryPoint, distribution, version
 from importlib.util import find_spec
 from pathlib import Path
 
+from sarsim.commands.cli import BAD_INPUT
+
 PREFIX = "sarsim-"
-BAD_INPUT = 2
 
 
 def main() -> None:

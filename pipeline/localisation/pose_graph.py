@@ -273,7 +273,7 @@ class PoseGraph:
         """Move the poses to where they best fit all constraints, and sample their distribution anew.
 
         If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a
-        loop was closed or removed, or a new constraint to one of them contradicts them.
+        constraint was removed, or a new one to one of them contradicts them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)

@@ -24,6 +24,7 @@ from pipeline.robot import Velocity
 from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scoring.oracle import true_traversability
+from sarsim.scoring.trajectory import is_tipped
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
@@ -39,7 +40,6 @@ STEEP = np.deg2rad(4)
 """rad, tilt from which the robot drives slowly."""
 HELD_TIME = 4.0
 """s without progress after which the robot backs out and drives elsewhere."""
-TIPPED = np.deg2rad(45)
 GREY = 80, 60  # Width and height of the reduced colour images, pixels
 SLOWEST = 8.0  # s per m; a tour ends if it takes longer
 DEPTH_UNIT = 1e-4  # m, of the stored depth images
@@ -233,7 +233,7 @@ class Drive:
     @property
     def has_tipped(self) -> bool:
         """Whether the robot has fallen over, which ends the tour."""
-        return bool(self.T[2, 2] < np.cos(TIPPED))
+        return is_tipped(self.T)
 
     def along(self, ways: Ways) -> None:
         """Drive until the tour is long enough."""

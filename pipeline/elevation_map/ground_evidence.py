@@ -39,6 +39,8 @@ BESIDE = 0.05
 
 This rules out upright edges, which also hide what is behind them.
 """
+SILL = 0.08
+"""Minimum height of the wall below a hole through which ground is seen, m: less may be a slope in front of a table."""
 
 
 def box_of(*clouds: NDArray[np.floating]) -> Box:
@@ -192,5 +194,6 @@ def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.
         reach=REACH,
         fewest=FEWEST_PIXELS,
         beside=BESIDE,
+        sill=SILL,
     )
     return overhangs_kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)

@@ -15,7 +15,7 @@ class Limits(NamedTuple):
     Attributes:
         headroom: height above a return up to which overhangs matter, m.
         nearest, farthest: depths between which surfaces surely give returns, m.
-        nearer, reach, fewest, beside: see :mod:`pipeline.elevation_map.ground_evidence`.
+        nearer, reach, fewest, beside, sill: see :mod:`pipeline.elevation_map.ground_evidence`.
     """
 
     headroom: float
@@ -25,6 +25,7 @@ class Limits(NamedTuple):
     reach: float
     fewest: int
     beside: float
+    sill: float
 
 
 @njit(cache=True, nogil=True)
@@ -68,7 +69,7 @@ def _space_above(point, noise, depth, pinhole, up, limits):
         elif not (is_far and (height >= 0 or z * below / height >= limits.farthest)):
             result = UNSURE
         if d > 0 and hidden >= limits.fewest and _goes_on_beside(point, noise, depth, pinhole, (u, v), z, limits):
-            return ROOFED
+            return UNSURE if _has_sill(point, noise, depth, pinhole, (u, v), up, limits) else ROOFED
     return result
 
 
@@ -96,3 +97,39 @@ def _goes_on_beside(point, noise, depth, pinhole, pixel, z, limits):
         if not (d > 0 and _hides(d, z, noise, limits)) or 0 < ground < point[2] - noise - limits.nearer:
             return False
     return True
+
+
+@njit(cache=True)
+def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
+    """Whether the surface that hides the space above a return goes on below it, as a wall does around a hole.
+
+    Follows the image from the return away from the ``pixel`` that hides it. Where it is as near as there, seen from
+    above, a wall goes straight down, but ground does not.
+    """
+    fx, fy, cx, cy = pinhole
+    u, v = fx * point[0] / point[2] + cx, fy * point[1] / point[2] + cy
+    du, dv = u - pixel[0], v - pixel[1]
+    length = max(np.hypot(du, dv), 1.0)
+    _, edge = _height_and_distance(pixel[0], pixel[1], depth[pixel[1], pixel[0]], pinhole, up)
+    margin, top = noise + limits.nearer, -np.inf
+    while True:
+        u, v = u + du / length, v + dv / length
+        if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]):
+            return False
+        d = depth[int(v), int(u)]
+        height, distance = _height_and_distance(u, v, d, pinhole, up)
+        if d > 0 and distance < edge - margin:
+            return False
+        if d > 0 and distance <= edge + margin:
+            top = max(top, height)
+            if height < top - limits.sill:
+                return True
+
+
+@njit(cache=True, inline="always")
+def _height_and_distance(u, v, d, pinhole, up):
+    """Height of the return with depth ``d`` at a pixel above the camera, and its level distance from it, m."""
+    fx, fy, cx, cy = pinhole
+    x, y = d * (u - cx) / fx, d * (v - cy) / fy
+    height = x * up[0] + y * up[1] + d * up[2]
+    return height, np.sqrt(max(x * x + y * y + d * d - height * height, 0.0))

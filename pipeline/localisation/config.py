@@ -253,7 +253,7 @@ class KeyframePolicy:
     """
 
     way: float = 0.3
-    turn: float = radians(15)
+    turn: float = radians(25)
     labelled_every: int = 6
 
     def __post_init__(self) -> None:

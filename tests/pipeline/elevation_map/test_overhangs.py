@@ -146,3 +146,14 @@ def test_ground_behind_an_overhang_is_free_once_it_is_seen_from_elsewhere() -> N
     assert np.isnan(ground.grid.at(ground.elevation, place)).all()
     _, ground = mapped(boxes, np.concatenate([before, beside]))
     assert np.isfinite(ground.grid.at(ground.elevation, place)).all()
+
+
+def test_ground_seen_through_a_hole_in_a_wall_is_free() -> None:
+    """The wall above the hole hides the space above that ground, but the wall also goes on below the hole."""
+    low, high = 0.25, 0.55
+    wall = [((-0.02, -2.4, 0), (0.02, 2.4, low)), ((-0.02, -2.4, high), (0.02, 2.4, 1.2))]
+    wall += [((-0.02, y, low), (0.02, y + 2.0, high)) for y in (-2.4, 0.4)]
+    poses = np.array([from_yaw(x, y, 0, 0) for x in (-1.6, -1.3, -1.0) for y in (-0.2, 0, 0.2)])
+    _, ground = mapped(wall, poses)
+    place = np.array([[0.7, 0.0], [0.9, 0.1]])
+    assert np.isfinite(ground.grid.at(ground.elevation, place)).all()

@@ -89,6 +89,9 @@ class Pilot:
     def correct(self) -> None:
         """Pass the newest estimate of the robot's pose to the navigator."""
         self.navigator.correct(self._mapper.T_map_odom)
+        dropped = getattr(self._mapper.localisation, "dropped", 0)  # A method of one's own may not count them
+        if dropped and self._last is not None:
+            self.faults.note("registration", self._last.time, f"{dropped} registrations were invalid and left out")
 
     def follow(self, check: ObstacleCheck, course: Course, is_done: Callable[[], bool] = lambda: False) -> Outcome:
         """Follow a course as :meth:`Navigator.follow` does, taking keyframes and watching for obstacles.

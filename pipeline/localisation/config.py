@@ -112,7 +112,8 @@ class PoseGraphConfig:
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
             systematic errors, which are weakly determined, hardly change the sum.
         window: number of new keyframes after which the whole graph is solved; until then, the poses before the
-            newest ``2 * window`` keyframes stay. A loop closure solves the whole graph at once.
+            newest ``2 * window`` keyframes stay. A constraint that contradicts their poses, such as a loop closure,
+            solves the whole graph at once.
     """
 
     fixed_sigma: float = 1e-4

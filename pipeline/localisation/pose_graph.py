@@ -127,7 +127,7 @@ class PoseGraph:
     Attributes:
         poses: current estimate of every keyframe's ``T_map_base``.
         odometry: current estimate of the odometry's systematic errors.
-        dropped: number of constraints that were not numbers, or had no information, and were left out.
+        dropped: number of constraints that were not numbers and were left out.
         is_unsettled: whether the poses may be far from the best ones, as when a loop was closed or removed.
     """
 
@@ -193,7 +193,8 @@ class PoseGraph:
     def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: Kind) -> None:
         """Add a constraint: the pose of keyframe j, given the current pose of keyframe i.
 
-        A constraint that is not a number, or that determines nothing, is left out and counted as ``dropped``.
+        A constraint that is not a number is left out and counted as ``dropped``. One that determines nothing is left
+        out, too.
 
         Args:
             i, j: indices of the keyframes.
@@ -201,8 +202,10 @@ class PoseGraph:
             information: information of that pose, in its tangent space.
             kind: what the constraint comes from.
         """
-        if not (np.isfinite(T_map_base).all() and np.isfinite(information).all() and information.any()):
+        if not (np.isfinite(T_map_base).all() and np.isfinite(information).all()):
             self.dropped += 1
+            return
+        if not information.any():
             return
         strength, directions = np.linalg.eigh(information)
         whitening = np.sqrt(np.maximum(strength, 0.0))[:, None] * directions.T

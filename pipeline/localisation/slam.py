@@ -154,6 +154,11 @@ class Slam(Localisation):
         return self.graph.poses
 
     @property
+    def dropped(self) -> int:
+        """Number of registrations that were not numbers and were left out."""
+        return self.graph.dropped
+
+    @property
     def deviations(self) -> Values:
         """(K,) standard deviation of each keyframe's position relative to the reference, m."""
         return self._deviations

@@ -21,7 +21,7 @@ class Fault:
 
     Attributes:
         kind: ``camera`` (no frame), ``depth_scale``, ``slipping``, ``held`` (the wheels spin), ``blind``, ``stuck``,
-            ``carried`` or ``lost``.
+            ``registration`` (left out of the pose graph), ``carried`` or ``lost``.
         time_s: time at which it was noticed, s.
         text: description of the fault.
     """

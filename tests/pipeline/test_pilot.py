@@ -10,6 +10,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.pose_check import Confirmed
+from pipeline.localisation.pose_graph import Kind
 from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
@@ -246,3 +247,14 @@ def test_without_odometry_the_robot_stands(place):
         outlook.drive(4.0, 2.0)
     assert outlook.robot.commands[-2].v > 0
     assert outlook.robot.commands[-1] == Velocity()
+
+
+def test_a_registration_that_is_no_number_is_left_out_and_noted():
+    outlook = Outlook()
+    outlook.pilot.look_around()
+    graph = outlook.mapper.localisation.graph
+    before = graph.poses.copy()
+    graph.connect(0, 0, np.full((4, 4), np.nan), np.eye(6), Kind.SURFACE)
+    outlook.pilot.correct()
+    assert [fault.kind for fault in outlook.pilot.faults.all] == ["registration"]
+    np.testing.assert_array_equal(graph.poses, before)

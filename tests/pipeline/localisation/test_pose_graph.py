@@ -210,7 +210,7 @@ def test_a_constraint_that_says_nothing_costs_itself_alone(value: float) -> None
     graph = chain([from_yaw(1, 0, 0, 0)] * 2)
     graph.connect(0, 2, graph.poses[2], np.full((6, 6), value), Kind.SURFACE)
     graph.optimise()
-    assert graph.dropped == 1
+    assert graph.dropped == (not np.isfinite(value))
     np.testing.assert_allclose(graph.poses[:, 0, 3], [0, 1, 2], atol=1e-6)
 
 

@@ -40,7 +40,7 @@ BESIDE = 0.05
 This rules out upright edges, which also hide what is behind them.
 """
 SILL = 0.08
-"""Minimum height of the wall below a hole through which ground is seen, m: less may be a slope in front of a table."""
+"""Minimum height of the wall below a hole through which ground is seen, m: less may be a slope before a table."""
 
 
 def box_of(*clouds: NDArray[np.floating]) -> Box:

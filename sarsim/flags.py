@@ -1,9 +1,41 @@
-"""Types of the fields that become flags."""
+"""Types of the fields that become flags, and how their values are shown."""
 
-from typing import Annotated, TypeVar
+import re
+from dataclasses import replace
+from types import NoneType
+from typing import Annotated, TypeVar, get_args
 
 import tyro
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    UnsupportedTypeAnnotationError,
+)
 
 Value = TypeVar("Value")
-Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint="")]
+
+
+def _default(value: str) -> str:
+    return "" if value == "None" else f"(default: {value})"
+
+
+Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint=_default)]
 """A value, or None if the flag is not given; its help describes that case, so ``(default: None)`` is omitted."""
+VALUES = ConstructorRegistry()
+"""In its context, tyro shows an optional path as ``PATH`` rather than ``{None}|PATH``; ``None`` is still accepted."""
+
+
+@VALUES.primitive_rule
+def _shown_without_none(flag: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | UnsupportedTypeAnnotationError | None:
+    if NoneType not in get_args(flag.type) or tyro.conf.DisallowNone in flag.markers:
+        return None
+    value = ConstructorRegistry.get_primitive_spec(replace(flag, markers=flag.markers | {tyro.conf.DisallowNone}))
+    if isinstance(value, UnsupportedTypeAnnotationError):
+        return value
+    parse = value.instance_from_str
+    return replace(
+        value,
+        metavar=re.sub("^{([^{}]* [^{}]*)}$", r"\1", value.metavar),  # several numbers need no braces of their own
+        instance_from_str=lambda words: None if words == ["None"] else parse(words),
+    )

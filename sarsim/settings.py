@@ -66,7 +66,8 @@ EXPLORE = "explore"
 DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
 Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
-    tuple[Path, Path] | tuple[Path] | None, tyro.conf.arg(help_behavior_hint="(default: the shipped one)")
+    tuple[Path, Path] | tuple[Path] | None,
+    tyro.conf.arg(metavar="PATH [PATH]", help_behavior_hint="(default: the shipped one)"),
 ]
 
 

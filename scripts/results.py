@@ -29,6 +29,7 @@ from pipeline.files import atomic_write
 from pipeline.rescue_report.figures import figures as flat
 from sarsim.commands.provenance import machine, state_of_code
 from sarsim.commands.settings import run_with_settings
+from sarsim.flags import Given
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "results"
@@ -69,7 +70,7 @@ class Results:
     again: bool = False
     write: bool = False
     flags: str = ""
-    folder: Path | None = None
+    folder: Given[Path] = None
     claims: bool = False
 
 

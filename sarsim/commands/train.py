@@ -49,6 +49,7 @@ class TrainPoints(TrainingConfig):
     data: tuple[Path, ...]
     out: Path
     stride: int = 1
+    minutes: Given[float] = None
     init: Given[Path] = None
     tensorboard: Given[Path] = None
     colours: bool = False

@@ -114,7 +114,7 @@ class DatasetConfig:
     arenas: tuple[str, ...] = (RANDOM,)
     random: ArenaRange = field(default_factory=ArenaRange)
     lighting: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    dust: tuple[float, float] | None = None
+    dust: Given[tuple[float, float]] = None
     keyframes: tuple[float, float] = KEYFRAME_WAY
     frames_per_second: Given[float] = None
     clear: Fixed[float] = 0.75
@@ -149,7 +149,7 @@ class HarderDatasetConfig(DatasetConfig):
 
     random: HarderArenaRange = field(default_factory=HarderArenaRange)
     lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
-    dust: tuple[float, float] | None = (0.02, 0.4)
+    dust: Given[tuple[float, float]] = (0.02, 0.4)
     ideal: Fixed[float] = 0.1
 
 

@@ -326,14 +326,14 @@ class BarnSettings(RunsSettings):
         worlds: folder with the BARN challenge's world_N.world and path_N.npy.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seeds: number of runs in each world.
-        speed: top speed on level, seen ground with enough clearance, m/s.
+        speed: top speed on level, seen ground with enough clearance, m/s. By default the robot's own.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "barn"
     robot: Robot = "jackal"
     seeds: int = 3
-    speed: float | None = EpisodeConfig.speed
+    speed: Given[float] = EpisodeConfig.speed
     runs: Path = Path("runs/benchmark-barn")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 

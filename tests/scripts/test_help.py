@@ -51,6 +51,7 @@ def test_help_is_short_and_says_what_every_flag_is_for(command: str) -> None:
     text = asked()[0][command]
     assert text.startswith("usage: ") and text.count("\n") <= MOST_LINES
     described = re.sub(r"[│\s]+", " ", text)
+    assert "{None" not in described and "default: None" not in described
     assert not re.findall(r"(--[\w-]+(?:\.[\w-]+)*) (?:[A-Z{\[]\S* )*\((?:required|default[^)]*)\) --", described)
 
 

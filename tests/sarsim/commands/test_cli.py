@@ -129,7 +129,7 @@ def test_a_closed_terminal_lets_the_step_end(tmp_path: Path) -> None:
         (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
         (["--fail", "pipe"], ": --count INT"),
         (["--count", "many"], "--count"),
-        (["--count", "3", "--pair", "none"], "{None}|{INT INT} could be instantiated from ['none']"),
+        (["--count", "3", "--pair", "none"], "{INT INT} could be instantiated from ['none']"),
         (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
     ],
 )

@@ -53,6 +53,10 @@ def test_what_a_run_writes_repeats_it(file: Path) -> None:
     assert settings_from(Outer, [f"--config={file}"]) == FULL
 
 
+def test_a_flag_takes_back_an_optional_value_of_the_file(file: Path) -> None:
+    assert settings_from(Outer, ["--config", str(file), "--start", "None"]).start is None
+
+
 def test_flags_override_the_file_and_the_file_the_defaults(file: Path) -> None:
     flags = ["--steps", "5", "--no-home", "--inner.share", "1", "--goals", "--config", str(file)]
     given = settings_from(Outer, flags)

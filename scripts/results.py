@@ -211,7 +211,7 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
         rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
-    older = "[Earlier states](earlier.md) has older figures, [what was tried](../tried.md) those of rejected ideas."
+    older = "In the repository, [`earlier.md`](earlier.md) has older figures, [`tried.md`](../tried.md) those of rejected ideas."
     return markdown("Results", INDEX, "make results   # measure everything", "\n".join(rows), board, older)
 
 

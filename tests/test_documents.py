@@ -150,7 +150,7 @@ def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -
 
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r"[:-] ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
-    pages = [str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]]
+    pages = {str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]} - {"tried.md", "results/earlier.md"}
     made = ["index.md", "contributing.md", "changelog.md", "gallery.md", "flags.md", "notebook.md"]
     assert sorted(listed) == sorted([*pages, *made])
 

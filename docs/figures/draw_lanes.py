@@ -1,4 +1,4 @@
-"""Draw the pictures of lanes.md: ``python docs/figures/draw_lanes.py``."""
+"""Draw the pictures of the lanes in arenas.md: ``python docs/figures/draw_lanes.py``."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw the pictures of recording.md: ``python docs/figures/draw_recording.py runs/nist_6x4-0/episode.rrd``.
+"""Draw the pictures of viewer.md: ``python docs/figures/draw_recording.py runs/nist_6x4-0/episode.rrd``.
 
 Needs no screen, but Debian's xvfb and mesa-vulkan-drivers; the browser's image also needs Debian's chromium, and
 Playwright in the Python that runs this script.

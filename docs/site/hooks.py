@@ -17,8 +17,8 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("pipeline", "sarsim")
-UPWARDS = re.compile(r"\[(!\[[^\]]*\]\([^)]*\)|[^\]]*)\]\((\.\./[^)#\s]+)(#[^)]*)?\)")
-"""Markdown links that leave their page's folder: text or picture, path and anchor."""
+LINK = re.compile(r"\[(!\[[^\]]*\]\([^)]*\)|[^\]]*)\]\((?!https?:)([^)#\s]+)(#[^)]*)?\)")
+"""Markdown links to files: text or picture, path and anchor."""
 ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages of the site that are files of the repository's root."""
 AT_ROOT = re.compile(r"(\]\(|src=\")(?!https?:|#)(docs/)?")
@@ -140,7 +140,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """
     markdown = CODE.sub(lambda code: code[0].replace("\\|", "|"), markdown)
     folder = posixpath.dirname(f"docs/{page.file.src_uri}")
-    return UPWARDS.sub(lambda link: inside(link, posixpath.normpath(f"{folder}/{link[2]}"), folder), markdown)
+    outside = {f"docs/{file.src_uri}" for file in files if file.inclusion.is_excluded()}
+    return LINK.sub(lambda link: inside(link, posixpath.normpath(f"{folder}/{link[2]}"), folder, outside), markdown)
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
@@ -149,13 +150,13 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
     return MODULE_NAME.sub(lambda name: name[1] + name[2].replace(".", ".<wbr>"), html)
 
 
-def inside(link: re.Match[str], path: str, folder: str) -> str:
-    """A link of a page in a folder to a path of the repository, as the site has it."""
+def inside(link: re.Match[str], path: str, folder: str, outside: set[str]) -> str:
+    """A link of a page in a folder to a path of the repository, as the site has it; ``outside`` is not on the site."""
     text, target = link[1], Path(path)
     if path in ROOT_PAGES:
         return f"[{text}]({posixpath.relpath(f'docs/{ROOT_PAGES[path]}', folder)}{link[3] or ''})"
     if target.parts[0] == "docs":
-        return link[0]
+        return text if path in outside else link[0]
     if target.parts[0] not in PACKAGES:
         return text
     if target.suffix == ".py":

@@ -71,6 +71,7 @@ class Episode(ExplorerRun):
             config.speed,
             config.robot,
             config.tyre_error,
+            config.camera_size,
         )
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         with ExitStack() as refused:

@@ -55,6 +55,12 @@ CameraNumbers = Annotated[
     tyro.conf.arg(metavar="X Y Z ROLL PITCH YAW", help_behavior_hint=""),
 ]
 """The pose of a camera: m and degrees, None for what is as recorded; None if the flag is not given."""
+CameraSize = Annotated[tuple[int, int], tyro.conf.arg(metavar="W H")]
+"""Width and height of a camera's images, pixels."""
+CAMERA_SIZE = (640, 480)
+"""The Xtion's images."""
+SIDES, LONGEST = (32, 4096), 4
+"""Smallest and largest sides of the camera's images, pixels, and how many times the other one a side may be."""
 NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
@@ -67,8 +73,16 @@ DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
 Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
     tuple[Path, Path] | tuple[Path] | None,
-    tyro.conf.arg(metavar="PATH [PATH]", help_behavior_hint="(default: the shipped one)"),
+    tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
 ]
+
+
+def check_camera_size(size: tuple[int, int]) -> None:
+    """Raises InputError if no camera has images of this size, width and height in pixels."""
+    (least, most), (shorter, longer) = SIDES, sorted(size)
+    if shorter < least or longer > most or longer > LONGEST * shorter:
+        limits = f"from {least} to {most} pixels, and neither more than {LONGEST} times the other"
+        raise InputError(f"--camera-size {size[0]} {size[1]}: width and height must be {limits}")
 
 
 def is_own_arena(name: str) -> bool:
@@ -126,6 +140,7 @@ class SimulatorConfig:
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         seed: seed of every random number.
         lighting: light in the arena; if it is dark, the robot switches on its lamp.
+        camera_size: size of the images in pixels.
     """
 
     arena: str = "nist_6x4"
@@ -133,6 +148,11 @@ class SimulatorConfig:
     start: Given[StartPose] = None
     seed: int = 0
     lighting: LightingName = "normal"
+    camera_size: CameraSize = CAMERA_SIZE
+
+    def __post_init__(self) -> None:
+        """Raise InputError for settings out of range."""
+        check_camera_size(self.camera_size)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +162,9 @@ class PerceptionConfig:
     Attributes:
         labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
         weights: network weights file. By default the shipped one.
-        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
-        detector_names: file with the names of the detector's classes, one per line. By default, a .names file next to
-            the detector.
+        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; --no-detector leaves
+            out people.
+        detector_names: file with the detector's classes, one per line. By default, a .names file next to it.
         detector_class: your own victim detector, MODULE:CLASS.
         reader: your own class that finds objects.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
@@ -250,7 +270,8 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     def __post_init__(self) -> None:
         """Let the flag set the voxels of the metric map."""
-        super().__post_init__()
+        MissionConfig.__post_init__(self)
+        SimulatorConfig.__post_init__(self)
         if self.voxel_size is not None:
             metric_map = replace(self.pipeline.metric_map, voxel_size=self.voxel_size)
             object.__setattr__(self, "pipeline", replace(self.pipeline, metric_map=metric_map))

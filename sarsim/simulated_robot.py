@@ -29,6 +29,7 @@ from sarsim.sensors.odometry import WheelOdometry
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.thermal import ThermalCamera
 from sarsim.sensors.xtion import Xtion
+from sarsim.settings import CAMERA_SIZE
 from sarsim.trial_drive import warn_of_symptoms
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
@@ -48,6 +49,7 @@ class SimulationConfig:
         speed: the robot's speed on level ground, m/s; by default that of its model.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
         tyre_error: relative error of the wheels' radius, unknown to the odometry.
+        camera_size: width and height of the camera's images, pixels.
     """
 
     odometry: Literal["truth", "wheel"] = "wheel"
@@ -57,6 +59,7 @@ class SimulationConfig:
     speed: float | None = None
     robot: str = ROBOTS[0]
     tyre_error: float = 0.0
+    camera_size: tuple[int, int] = CAMERA_SIZE
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ class SimulatedRobot:
         self.model = paced_model(config.robot, config.speed)
         self.physics = self._environment.physics
         set_lighting(self.physics, self.robot, lighting)
-        self.renderer = Renderer(self.physics.model.ptr)
+        self.renderer = Renderer(self.physics.model.ptr, *config.camera_size)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
         things = things_of(self.physics.model.ptr, self.physics.data.ptr)
         self._thermal = ThermalCamera(temperatures(self.physics.model.ptr, things))

@@ -30,7 +30,7 @@ RESULTS = ("out", "resume", "tum", "json")
 """Where results go: only flags may set these, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
-
+NO_DETECTOR = "--no-detector"
 MOST_SETTINGS, DEEPEST = 100_000, 8
 """Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
@@ -82,6 +82,7 @@ def settings_from(
         InputError: a flag or the file is wrong.
     """
     own = [f.name.replace("_", "-") for f in fields(kind)]  # type: ignore[arg-type]
+    args = _without_detector(args) if "detector" in own else args
     asked: dict[str, list[str]] = {}
     if "plugins" in own:
         asked, args = split_flags(args, own)
@@ -101,6 +102,18 @@ def settings_from(
         one = partial(settings_of, name, words_of, settings.plugins.get(name))
         settings = replace(settings, plugins={**settings.plugins, name: parse(one)})
     return settings
+
+
+def _without_detector(args: Sequence[str]) -> list[str]:
+    """The words of a command line with ``--no-detector`` spelled out, which tyro has for switches alone.
+
+    Raises:
+        InputError: a detector is given as well.
+    """
+    given = {word.partition("=")[0].replace("_", "-") for word in args}
+    if NO_DETECTOR in given and (chosen := given & {"--detector", "--detector-class"}):
+        raise InputError(f"{NO_DETECTOR}: cannot be combined with {' or '.join(sorted(chosen))}")
+    return [part for word in args for part in (("--detector", "None") if word == NO_DETECTOR else (word,))]
 
 
 def config_file(args: Sequence[str]) -> tuple[str, Path] | None:

@@ -27,7 +27,18 @@ from sarsim.jobs import FolderLock, locked, make_engine
 from sarsim.methods.names import OWN_CLASS, load_own
 from sarsim.opengl import check_rendering, without_opengl
 from sarsim.robots.names import ROBOTS
-from sarsim.settings import DETECTOR, METHODS, NETWORK, Labels, LightingName, Networks, Robot
+from sarsim.settings import (
+    CAMERA_SIZE,
+    DETECTOR,
+    METHODS,
+    NETWORK,
+    CameraSize,
+    Labels,
+    LightingName,
+    Networks,
+    Robot,
+    check_camera_size,
+)
 
 if TYPE_CHECKING:
     from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob
@@ -38,6 +49,8 @@ MANIFEST = "sweep.json"
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
 """Columns of a leaderboard's table that are printed, because all of them would not fit; the page has them all."""
+EPISODES = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
+"""Settings of a sweep that are those of its episodes."""
 FAILED = 1  # Exit status if every episode failed
 
 
@@ -56,7 +69,9 @@ class SweepSettings:
         lighting: light in the arenas; if it is dark, the robot switches on its lamp.
         steps: maximum number of exploration steps of an episode.
         labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
-        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
+        detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; --no-detector leaves
+            out people.
+        camera_size: size of the images in pixels.
         limit: wall-clock limit of an episode, s.
     """
 
@@ -71,12 +86,13 @@ class SweepSettings:
     steps: int = 300
     labels: Labels = NETWORK
     detector: Networks = DETECTOR
+    camera_size: CameraSize = CAMERA_SIZE
     limit: Fixed[float] = 14400.0
 
     @property
     def of_episodes(self) -> dict[str, Any]:
         """The settings of every episode, as fields of :class:`sarsim.settings.EpisodeConfig`."""
-        return {name: getattr(self, name) for name in ("robot", "lighting", "steps", "labels", "detector")}
+        return {name: getattr(self, name) for name in EPISODES}
 
 
 def sweep(settings: SweepSettings) -> None:
@@ -90,6 +106,7 @@ def sweep(settings: SweepSettings) -> None:
     for flag, number in (("--steps", settings.steps), ("--workers", settings.workers)):
         if number is not None and number < 1:
             raise InputError(f"{flag} {number}: must be at least 1")
+    check_camera_size(settings.camera_size)
     check_names(settings.methods, settings.arenas)
     from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, write_parquet
     from sarsim.commands.sweeps.leaderboard import entry_of, write_entry

@@ -102,7 +102,7 @@ class LidarSettings(SubjectSettings):
     rounds: int = 40
     scenes: int = 20
     frames: int = 100
-    drive: int = 300
+    drive: Fixed[int] = 300
     seed: int = 0
 
 
@@ -195,7 +195,7 @@ class LoopsSettings(RunsSettings):
 
     worlds: tuple[str, ...] = ("ring", "wings", "storeys", "hall", "panels")
     seeds: tuple[int, ...] = (0, 1, 2)
-    length: float = 160.0
+    length: Fixed[float] = 160.0
     runs: Path = Path("runs/benchmark-loops")
 
 
@@ -237,7 +237,7 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
         odometry: odometry of the episodes: wheels and gyro, or the true pose.
     """
 
-    odometry: Odometry = "wheel"
+    odometry: Fixed[Odometry] = "wheel"
 
     @property
     def episode(self) -> EpisodeConfig:

@@ -40,6 +40,13 @@ def test_a_control_period_lasts_as_long_as_it_says(make_robot):
     assert motion.accelerometer[2] == pytest.approx(9.81, abs=0.05)
 
 
+def test_images_have_the_size_that_is_asked_for_and_the_same_view(make_robot):
+    usual, wide = make_robot().sense(), make_robot(camera_size=(320, 120)).sense()
+    assert wide.rgb.shape == (120, 320, 3) and wide.depth.shape == wide.label.shape == (120, 320)
+    assert np.allclose(wide.intrinsics.frustum, usual.intrinsics.frustum)
+    assert np.median(np.abs(wide.depth - usual.depth[2::4, 1::2])) < 0.02
+
+
 def far_sighted(folder, depths="0.3 5"):
     """The file of a Jackal whose camera has another range."""
     text = robot_file("jackal").read_text()

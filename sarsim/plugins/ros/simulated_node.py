@@ -57,9 +57,8 @@ class SimulatedNode:
         arena = make_arena(config.arena, config.start, seed=config.seed)
         for plugin in self._plugins:
             plugin.dress(arena)
-        self.robot = SimulatedRobot(
-            arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
-        )
+        simulation = SimulationConfig(lighting=config.lighting, robot=config.robot, camera_size=config.camera_size)
+        self.robot = SimulatedRobot(arena, simulation, config.seed)
         with ExitStack() as refused:
             refused.callback(self.robot.close)
             self._driven: Robot = self.robot

@@ -10,6 +10,7 @@ from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from sarsim.commands.settings import load_settings, run_with_settings, save_settings, settings_from
+from sarsim.commands.sweep import SweepSettings
 from sarsim.settings import EpisodeConfig
 from tests.refusal import refusal
 
@@ -55,6 +56,11 @@ def test_what_a_run_writes_repeats_it(file: Path) -> None:
 
 def test_a_flag_takes_back_an_optional_value_of_the_file(file: Path) -> None:
     assert settings_from(Outer, ["--config", str(file), "--start", "None"]).start is None
+
+
+def test_a_run_without_a_detector_has_a_flag_of_its_own(file: Path) -> None:
+    assert settings_from(EpisodeConfig, ["--no-detector"]).detector is None
+    assert settings_from(SweepSettings, ["--seeds", "1", "2", "--no-detector"]).detector is None
 
 
 def test_flags_override_the_file_and_the_file_the_defaults(file: Path) -> None:

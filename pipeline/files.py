@@ -26,7 +26,7 @@ from pipeline.errors import InputError
 MOST_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
 MOST_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
 STARTING = 60  # s, most that a new Python process takes to start on a busy machine
-GOOD = "good"  # The answer of a separate process that has found no fault
+GOOD = "good"  # The answer of a separate process that has found no error
 
 
 @contextmanager

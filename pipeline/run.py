@@ -258,7 +258,7 @@ class ExplorerRun(Run, ABC):
         self._watch(self._progress_of(task))
 
     def _progress_of(self, task: str) -> Progress:
-        """The run's progress after a step of a task: share of the mission's time, or else of the explored ground."""
+        """Progress after a step of a task: fraction of the mission's time or, without one, of the ground explored."""
         doing = DRIVING.get(task, task)
         text, deadline = f"{self.parts.place}: {doing}, {self.explored}", self.explorer.mission.deadline
         if deadline is None:
@@ -268,7 +268,7 @@ class ExplorerRun(Run, ABC):
         return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
 
     def _explored_share(self) -> float | None:
-        """Explored share of the ground, 0 to 1; None where it is unknown, as without a simulator."""
+        """Explored fraction of the ground, 0 to 1; None where it is unknown, as without a simulator."""
         return None
 
     def _may_step(self) -> bool:

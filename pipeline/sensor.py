@@ -40,7 +40,7 @@ class SensorModel:
         nearest, farthest: depths between which surfaces give a return, m along the optical axis.
         grazing: smallest angle between ray and surface at which a return is certain, rad.
         margin: width of the bands at both ends of the range in which returns are unreliable, m.
-        same_surface: greatest difference in depth between neighbouring returns on one surface, as a share of depth.
+        same_surface: maximum difference in depth between neighbouring returns on a surface, as a fraction of depth.
         noise: how the noise grows with depth.
     """
 

@@ -136,7 +136,7 @@ class Episode(ExplorerRun):
 
     @property
     def explored(self) -> str:
-        """The true explored share so far, or the mapped area if there are no scores, as text for the progress."""
+        """The true explored fraction so far, or the mapped area if there are no scores, as text for the progress."""
         return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped
 
     def _explored_share(self) -> float | None:

@@ -68,7 +68,7 @@ WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 NOT_PORTABLE = r"[^\w.-]+"
 """What no name of a folder has, as a colon, which Windows and scp take for something else."""
 EXPLORE = "explore"
-"""The mission without a clock, of which nothing is handed in."""
+"""The mission without a clock, of which nothing is submitted."""
 DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
 Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
@@ -191,7 +191,7 @@ class MissionConfig:
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
         view: live view: in a new window (spawn), in the browser (web), or none.
-        mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.
+        mission: explore, or a mission with files to submit: the name of one, such as league, or a YAML file.
         minutes: time limit of a mission in simulated minutes; it replaces --steps. By default the mission's own.
         exploration: method that chooses viewpoints, or your own MODULE:CLASS.
     """
@@ -345,7 +345,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
             the camera that the recording names, or else a Kinect's.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
-        mission: explore, or a mission with files to hand in: the name of one, such as league, or a YAML file.
+        mission: explore, or a mission with files to submit: the name of one, such as league, or a YAML file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]

@@ -48,7 +48,7 @@ JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
 SIDEWAYS, LENGTHWAYS = 0, 1
 """Axes of the left stick, positive to the right and towards the user."""
 SLACK = 0.1
-"""Dead zone: a stick counts as released up to this share of its full deflection."""
+"""Dead zone: a stick counts as released up to this fraction of its full deflection."""
 
 KEYS = """\
 up, down      drive faster forwards, faster backwards

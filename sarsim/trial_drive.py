@@ -34,7 +34,7 @@ UPRIGHT = np.radians(5)  # Largest tilt at rest
 TURNED = 10.0  # Largest angle between the axes of an inertial sensor and of base_link, degrees
 DOWN, ROLLED = np.radians(60), np.radians(20)  # Steepest view of a camera, and largest roll of its image
 NARROWEST, WIDEST = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
-HIDDEN = 0.25  # Largest share of the image that the robot itself may cover
+HIDDEN = 0.25  # Largest fraction of the image that the robot itself may cover
 ALIKE = 0.05  # m by which shapes may be larger than the numbers for planning
 _log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ ROW = re.compile(rf"^\|.*?(?:, {DATE}, ([0-9a-f]{{7,40}}\+?) )?\|$", re.MULTILIN
 
 
 def main() -> None:
-    """Entry point: print the notes, or print all faults to stderr and exit with status 1."""
+    """Entry point: print the notes, or print all errors to stderr and exit with status 1."""
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("tag", help="tag to be released, such as v0.1.0")
     tag = parser.parse_args().tag

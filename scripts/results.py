@@ -41,7 +41,7 @@ NOT_MEASURED = "not measured yet"
 FOLDER_WORD = "FOLDER"  # Stands for a folder outside the checkout in the command of a page
 DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
-The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95 %
+The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95%
 intervals. [Sweeps](../sweeps.md) explains the columns, and how to enter a method of your own."""
 INDEX = """\
 These pages show what was measured of each part of the project: on which date, at which commit, and compared with
@@ -196,7 +196,7 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
     claims = [claim_row(c, pages[c["page"]], records[c["page"]]) for c in content["claims"]]
     return [
         "## Results",
-        "\n".join(["| figure | sarsim | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
+        "\n".join(["| figure | sarsim | baseline | computed by | measured |", "|---|---|---|---|---|", *rows]),
         "[All results](docs/results/index.md)",
         "## Reproduce",
         "`make claims` runs these commands and reports which claims hold. The minutes are processor time.",
@@ -211,7 +211,7 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
         rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
-    older = "In the repository, [`earlier.md`](earlier.md) has older figures, [`tried.md`](../tried.md) those of rejected ideas."
+    older = "[`earlier.md`](earlier.md) has older figures, [`tried.md`](../tried.md) those of rejected ideas."
     return markdown("Results", INDEX, "make results   # measure everything", "\n".join(rows), board, older)
 
 
@@ -304,10 +304,11 @@ def line(cells: Iterable[str]) -> str:
 
 
 def readme_row(row: Mapping[str, str], record: Record | None) -> str:
-    """A row of README's results: ``ours`` and ``peer`` with figures in place of the fields in braces."""
+    """A row of README's results: ``ours`` and ``baseline`` with figures in place of the fields in braces."""
     try:
         cells = [
-            filled(row[who], record["figures"] if record else {}) if who in row else "–" for who in ("ours", "peer")
+            filled(row[who], record["figures"] if record else {}) if who in row else "–"
+            for who in ("ours", "baseline")
         ]
         when = f", {record['date']}, {record['commit']}" if record else ""
     except KeyError:

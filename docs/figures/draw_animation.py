@@ -179,7 +179,7 @@ def in_picture(
 
 
 def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
-    """The picture from above and, to its right, the robot's view, the clock, the explored share and a legend."""
+    """The picture from above and, to its right, the robot's view, the clock, the explored fraction and a legend."""
     height = CUT[1] - CUT[0]
     image = Image.new("RGB", (OVERVIEW[0] + SIDE, height), GROUND)
     image.paste(Image.fromarray(picture[slice(*CUT)]), (0, 0))

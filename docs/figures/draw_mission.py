@@ -1,6 +1,6 @@
 """Draw the picture of missions.md: ``python docs/figures/draw_mission.py runs/mission``.
 
-It shows what a mission handed in: the 2D map, the 3D map from above in its own colours, and the list of finds.
+It shows what a mission submitted: the 2D map, the 3D map from above in its own colours, and the list of finds.
 """
 
 import csv
@@ -60,7 +60,7 @@ def as_high(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Draw what the folder's mission handed in."""
+    """Draw what the folder's mission submitted."""
     folder = Path(sys.argv[1]) / "handed_in"
     plan, cloud, finds = (next(folder.glob(f"*{end}")) for end in (".tiff", ".ply", ".csv"))
     maps = np.hstack([plan_picture(plan), cloud_picture(cloud)])

@@ -1,6 +1,6 @@
 """Draw docs/images/real-*.jpg: real frames from a folder like ../shared/real_rgbd, and the labels of their maps.
 
-``python docs/figures/draw_real_frames.py FOLDER`` also prints the shares of the labels among all returns.
+``python docs/figures/draw_real_frames.py FOLDER`` also prints the fractions of the labels among all returns.
 """
 
 import sys
@@ -64,7 +64,7 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
 
 
 def main() -> None:
-    """Map each frame, draw it next to its labels, and print the labels' shares."""
+    """Map each frame, draw it next to its labels, and print the labels' fractions."""
     folder, images = Path(sys.argv[1]), Path(__file__).parents[1] / "images"
     for read in (corridor, basement, desk):
         colour, depth, calibration = read(folder)

@@ -151,7 +151,7 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
 
 
 def inside(link: re.Match[str], path: str, folder: str, outside: set[str]) -> str:
-    """A link of a page in a folder to a path of the repository, as the site has it; ``outside`` is not on the site."""
+    """A page's link to a path of the repository, as the site has it; paths ``outside`` are not on it."""
     text, target = link[1], Path(path)
     if path in ROOT_PAGES:
         return f"[{text}]({posixpath.relpath(f'docs/{ROOT_PAGES[path]}', folder)}{link[3] or ''})"

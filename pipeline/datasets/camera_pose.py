@@ -23,9 +23,9 @@ STEEPEST = np.cos(np.radians(45))  # Smallest cosine between the vertical and th
 ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Level and upright surfaces are within 4° of that
 CANDIDATES = 200  # Number of level surfaces' points that are tried
 OTHER = np.cos(np.radians(6))  # Directions that are this far apart are not one vertical
-DISAGREE = 0.7  # Support of another direction, as a share of the best, with which it may be the vertical
+DISAGREE = 0.7  # Support of another direction, as a fraction of the best, with which it may be the vertical
 LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
-LEAST_LEVEL = 0.25  # Support of the floor, as a share of that of the largest level surface
+LEAST_LEVEL = 0.25  # Support of the floor, as a fraction of that of the largest level surface
 
 
 class Mounted(NamedTuple):

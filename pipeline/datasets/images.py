@@ -41,7 +41,7 @@ LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
 LEAST_CLIPPED, CLIP_GAP = (
     0.01,
     0.1,
-)  # Share of an image with the depth written for no return; gap below it, as a share
+)  # Fraction of an image with the depth written for no return; gap below it, as a fraction
 LARGEST = float(np.finfo(np.float16).max)  # From here on, a depth in m stands for "no return" (65504 in AirSim)
 
 

@@ -155,7 +155,7 @@ class FrameTree:
         return (robots or parents)[0]
 
     def _leads_to_robot(self, frame: str, child: str) -> bool:
-        """Whether a frame or one of its ancestors is the robot's own, on a way that does not pass its ``child``."""
+        """Whether a frame or one of its ancestors is the robot's own, on a path that does not pass its ``child``."""
         passed, ahead = {child}, {frame}
         while ahead:
             if any(self._is_robots(name) for name in ahead):

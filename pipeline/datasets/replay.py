@@ -30,7 +30,7 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 
 
 NEAREST, FARTHEST = 0.35, 15.0  # Usual medians of an image's depth, m
-OFF_CENTRE = 0.12  # Greatest usual distance of a principal point from the middle, as a share of the image
+OFF_CENTRE = 0.12  # Greatest usual distance of a principal point from the middle, as a fraction of the image
 WIDEST = 20.0  # Greatest size of an image in focal lengths; a field of view of 169°
 CLIP_FRAMES = 10  # Number of first frames that show whether a depth stands for no return
 SAME_AXES = np.radians(1.0)  # Angle up to which two poses of the camera on the robot do not contradict each other

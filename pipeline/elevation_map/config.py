@@ -14,8 +14,8 @@ class PathCosts:
             so clearances are computed up to this distance.
         narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
-        ramp_pace: share of its ramp speed and turn rate that the robot reaches, because it slips and realigns itself.
-        turn_pace: share of its maximum turn rate that the robot reaches on average, including acceleration and
+        ramp_pace: fraction of its ramp speed and turn rate that the robot reaches: it slips and realigns itself.
+        turn_pace: fraction of its maximum turn rate that the robot reaches on average, including acceleration and
             braking.
         stray: maximum deviation of the robot from its path, m.
         backing: cost of driving backwards relative to forwards: the camera then looks away from the direction of

@@ -22,7 +22,7 @@ class Columns(NamedTuple):
         bin: height of each bin, m.
         headroom: free height above the ground, m.
         fewest: see :class:`pipeline.elevation_map.config.ElevationConfig`.
-        noise: share of a bin's returns that may stray into an adjacent bin.
+        noise: fraction of a bin's returns that may stray into an adjacent bin.
     """
 
     bin: float

@@ -21,7 +21,7 @@ from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
 NOISE = 0.1
-"""Share of a bin's returns that may stray into an adjacent bin."""
+"""Fraction of a bin's returns that may stray into an adjacent bin."""
 RAY_HEIGHT = 0.3
 """A ray that passes at most this high above the ground of a cell shows that it contains no wall, m."""
 NOTHING = np.zeros((0, 3), np.float32)

@@ -33,7 +33,7 @@ LEAST_DRIVEN = -0.03
 It is also assumed to exist there, so that noise in later keyframes does not trap the robot.
 """
 DEEPEST_DRIVEN = 0.5
-"""Share of half the robot's width.
+"""Fraction of half the robot's width.
 
 An obstacle farther inside the footprint counts even where the robot has been: drift of the map cannot explain it.
 """

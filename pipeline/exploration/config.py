@@ -85,7 +85,7 @@ class ExplorationConfig:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
-        most_left: maximum share of the seen ground that may be given up as not worth the drive.
+        most_left: maximum fraction of the seen ground that may be given up as not worth the drive.
         least_piece: minimum area of seen ground without a path to it that is listed among what was given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal counts as reached, m.
@@ -93,7 +93,7 @@ class ExplorationConfig:
         widest_bar: greatest width of unseen ground that is looked at because it bars a path, m.
         looks: number of looks at what blocks the path to seen ground, after which the robot treats it as blocked.
         progress: decrease of the time to a goal above which a drive counts as progress, s: the cost of a bend.
-        shown: share of the expected ground that must be seen for a viewpoint to count as done, even before arrival.
+        shown: fraction of the expected ground that must be seen for a viewpoint to count as done, even on the way.
         visibility: what a view is expected to show.
         unseen_ways: paths to goals through unseen ground.
     """

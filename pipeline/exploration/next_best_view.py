@@ -243,7 +243,7 @@ class NextBestView(Strategy):
             outlook: what is left to see.
             context: what the robot knows.
             least: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
-            share: minimum share of the highest gain of any viewpoint.
+            share: minimum fraction of the highest gain of any viewpoint.
         """
         paths = context.paths
         grid = context.traversability.grid

@@ -28,7 +28,7 @@ With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 
 FRONT = (REACH + 1) ** 2 + 1
 """Minimum number of cells near another set for both to be one surface: one more than at a corner."""
 FRAYED = 0.25
-"""A cell with less than this share of a neighbour's points is noise at the surface's edge."""
+"""A cell with less than this fraction of a neighbour's points is noise at the surface's edge."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
 """(K, 3) int32 distinct indices of cells, sorted."""
 

@@ -55,7 +55,7 @@ class Agreement(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the known tiles that the map explains, in [0, 1]; 1 if there are none."""
+        """Fraction of the known tiles that the map explains, in [0, 1]; 1 if there are none."""
         return self.explained / self.known if self.known else 1.0
 
     def log_likelihoods(self, config: BeliefConfig) -> Values:

@@ -131,21 +131,21 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
 
 
 def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> float:
-    """Log-likelihood ratio of a correct pose to a wrong one, from the share of points that fit.
+    """Log-likelihood ratio of a correct pose to a wrong one, from the fraction of points that fit.
 
     An overlap that ``chance`` alone explains is no evidence for either: the other points may be new ground, or dust.
-    ``covered``: share of the image that the points cover.
+    ``covered``: fraction of the image that the points cover.
     """
     return float(-np.log(chance) * covered * PARTS * max(0.0, overlap - chance))
 
 
 def likelihood_of_view(shown: float, covered: float) -> float:
-    """Log-likelihood of a frame that shows a share of the surfaces that the map predicts, in a share of the image."""
+    """Log-likelihood of a frame that shows a fraction of the predicted surfaces, in a fraction of the image."""
     return float(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:
-    """Share of an image's tiles in which (N, 2) pixels, row and column, lie; ``width`` of the image in pixels."""
+    """Fraction of an image's tiles in which (N, 2) pixels, row and column, lie; ``width`` of the image in pixels."""
     row, column = (pixels * TILES // width).T
     return len(np.unique(row * TILES + column)) / (TILES**2 * IMAGE_SHARE)
 

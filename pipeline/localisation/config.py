@@ -27,9 +27,9 @@ class RegistrationConfig:
         surface_sigma: standard deviation of the distance between a pair's points perpendicular to the surface, m. The
             noise of single points is smaller, but correlated within a keyframe, with which later ones are registered.
         same_surface: minimum cosine between the normals of a pair on one surface.
-        least_strength: information below this share of the strongest direction's is treated as noise and left out.
+        least_strength: information below this fraction of the strongest direction's is treated as noise and left out.
         lever: typical distance of what the robot sees, m; it converts errors of rotation into errors of position.
-        chance_overlap: share of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
+        chance_overlap: fraction of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
             measured in 281 frames of other places. With less overlap, the wheels may have slipped, or a loop is
             doubtful.
         confidence: probability that the test against the priors accepts a correct pose.
@@ -152,12 +152,12 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        least_fit: minimum share of the surfaces seen recently that lie on old ones, as far as these reach.
+        least_fit: minimum fraction of the surfaces seen recently that lie on old ones, as far as these reach.
         rival: maximum fit of any other place, relative to the best one; above it, the place is ambiguous.
         pinned_deviation: the old surfaces must determine position and heading to within this deviation, m and rad.
         sigma: standard deviation of a loop's pose, m, to which that by registration is added: surfaces that were seen
             along some metres of path are not quite rigid.
-        most_through: maximum share of points that the new frame looks through, or that old frames looked through.
+        most_through: maximum fraction of points that the new frame looks through, or that old frames looked through.
         seen_through: a frame looks through a surface if it has a return more than this behind it, m.
         agreeing: minimum number of keyframes that find the same place.
         apart: minimum distance between the first and the last of these, m.

@@ -23,7 +23,7 @@ IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA = 0.004, 0.008
 """The same about the pose from visual odometry, rad and m; small, because along a plane GICP falsely measures no
 motion."""
 LEAST_OVERLAP = 0.4
-"""Minimum share of a frame's points that were seen before, unless its image shows the motion."""
+"""Minimum fraction of a frame's points that were seen before, unless its image shows the motion."""
 MOST_BLIND = 30
 """Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
 is lost."""

@@ -136,7 +136,7 @@ class Loops:
 
 
 def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
-    """Share of the points in view that a frame looks through, with a return ``margin`` m behind; 0 without points.
+    """Fraction of the points in view that a frame looks through, with a return ``margin`` m behind; 0 without points.
 
     At a wrong pose, a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
     """

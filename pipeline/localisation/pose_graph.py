@@ -30,11 +30,11 @@ from pipeline.transforms import orthonormal
 ERRORS = 5
 """Number of systematic errors of the odometry."""
 SAMPLES = 64
-"""Number of samples of the poses' distribution; they give a standard deviation to 9 %."""
+"""Number of samples of the poses' distribution; they give a standard deviation to 9%."""
 MOST_STEPS = 30
 """Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
 SMALLEST_STEP = 2.0**-10
-"""A step that increases the error even when it is shortened to this share is not taken."""
+"""A step that increases the error even when it is shortened to this fraction is not taken."""
 LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
 """Factors of the distance from which a constraint loses its weight, one after another where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""

@@ -104,7 +104,7 @@ class Registration:
         T: pose of the source in the target's frame, fused from GICP and the priors.
         information: information from GICP alone, in the tangent space at ``T``.
         covariance: covariance of ``T`` from GICP and the priors.
-        overlap: share of the source's points with a corresponding target point.
+        overlap: fraction of the source's points with a corresponding target point.
         chi2: squared Mahalanobis distance of ``T`` from the priors.
         prior: summed information of the priors.
         fits: whether ``T`` is close enough to the priors to be consistent with them.

@@ -38,7 +38,7 @@ GROUND_TOLERANCE = 0.1
 SURFACE_TOLERANCE = 0.1
 """Maximum distance from a surface of the map at which a patch lies on it, m."""
 LEAST_EXPLAINED = 0.85
-"""Minimum share of the patches that lie on surfaces of the map."""
+"""Minimum fraction of the patches that lie on surfaces of the map."""
 RIVAL = 1e-4
 """Maximum likelihood of any other place, relative to the best one."""
 CORRELATED_PATCHES = 3
@@ -57,7 +57,7 @@ RANDOM_POSES = 2000
 MISSED = 0.05
 """Probability that a patch lies in free space at the correct pose, relative to that at a random pose."""
 PROMISING = 0.7
-"""A guess is considered if its evidence is more than this share of the best guess's; both may be off by half a
+"""A guess is considered if its evidence is more than this fraction of the best guess's; both may be off by half a
 step."""
 MOST_GUESSES = 12
 """Maximum number of promising guesses; with more, the place is ambiguous."""

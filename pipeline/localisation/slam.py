@@ -516,7 +516,7 @@ def log_likelihoods(
 ) -> Values:
     """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
 
-    They are compared by how many of the old points that should be in view are shown. The share of a frame's points
+    They are compared by how many of the old points that should be in view are shown. The fraction of a frame's points
     that were seen before says less: along a corridor, a robot that has moved shows new ground, while at its old place
     everything would have been seen before. The best one gets the better of both kinds of evidence that the robot is
     where it registers at all: new ground lowers the one kind, and what hides old ground the other.

@@ -20,7 +20,7 @@ as published)."""
 ROUNDS = 5
 """Number of rounds with each angle."""
 LEAST_SURFACES = 0.05
-"""Minimum share of the surfaces that must distinguish the vertical from other directions."""
+"""Minimum fraction of the surfaces that must distinguish the vertical from other directions."""
 
 STRIDE = 6
 """Step between the rows and columns that are searched for a floor, pixels."""
@@ -28,15 +28,15 @@ LEAST_POINTS = 100
 """Minimum number of returns to find a floor."""
 TRIALS = 400
 """Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
-with a probability of 96 %."""
+with a probability of 96%."""
 ON_FLOOR = 3.0
 """Number of standard deviations of a depth within which a point lies on the floor."""
 STEEPEST = radians(60)
 """Maximum angle between the floor's normal and the image's upward direction, rad."""
 LEAST_FLOOR = 0.05
-"""Minimum share of the returns that lie on the floor."""
+"""Minimum fraction of the returns that lie on the floor."""
 MOST_BELOW = 0.02
-"""Maximum share of the returns that lie below the floor; a table has more, because the floor is below it."""
+"""Maximum fraction of the returns that lie below the floor; a table has more, because the floor is below it."""
 BELOW = 3.0
 """A point lies below the floor if it is lower by this many times the tolerance of ``ON_FLOOR``."""
 

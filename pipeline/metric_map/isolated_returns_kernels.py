@@ -8,7 +8,8 @@ from numba import njit
 def remove_isolated_returns(depth, reach, tolerance, least):
     """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` neighbours have a similar depth.
 
-    Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most the share ``tolerance``.
+    Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most the fraction
+    ``tolerance``.
     """
     height, width = depth.shape
     result = np.zeros_like(depth)

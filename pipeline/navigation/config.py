@@ -16,7 +16,7 @@ class FollowerConfig:
         position_tolerance: distance within which the end of a stretch counts as reached, m.
         heading_tolerance: error within which a heading counts as reached, rad.
         lean: tilt above which the robot is on a ramp, even if only with its front wheels, rad.
-        braking: share of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
+        braking: fraction of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
             wheels do not skid past the end.
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
         pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
@@ -62,7 +62,7 @@ class ProgressConfig:
     """When a robot counts as held or stuck.
 
     Attributes:
-        held_share: share of the commanded speed below which the robot is held, unless it is on a ramp.
+        held_share: fraction of the commanded speed below which the robot is held, unless it is on a ramp.
         patience: time without progress after which the robot is stuck, s.
         overdue: maximum duration of a turn, s, and of a leg beyond what it takes at a low speed. A robot that slides
             back and forth moves, but makes no progress.
@@ -121,7 +121,7 @@ class FaultConfig:
     """Which faults of its own sensors the robot reports.
 
     Attributes:
-        depth_scale: relative error of the floor's distance above which it is reported: three times the 1 % error of a
+        depth_scale: relative error of the floor's distance above which it is reported: three times the 1% error of a
             calibrated camera of this kind (Khoshelham & Oude Elberink, 2012).
     """
 

@@ -31,7 +31,7 @@ SHOWN = radians(10)
 LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
 LEAST_PACE = 0.2
-"""Minimum share of its speed that the robot keeps, however far it is off its heading."""
+"""Minimum fraction of its speed that the robot keeps, however far it is off its heading."""
 STILL = 0.02
 """Speed below which the robot counts as standing and may turn in place, m/s."""
 LEAST_SPEED = 0.2
@@ -46,7 +46,7 @@ TILT_LEAD = 0.1
 LEAST_WAY, LEAST_TURN = 0.02, radians(2)
 """The robot backs out at least this far, m, or turns back by at least this angle, rad."""
 ENOUGH = 0.5
-"""Share of that distance or angle after which the robot counts as free."""
+"""Fraction of that distance or angle after which the robot counts as free."""
 
 AVERAGED = 0.5
 """Time over which speeds are averaged to detect that something holds the robot, s."""

@@ -124,8 +124,8 @@ def stretches_of(
     """The stretches of a path; between two stretches, the robot turns in place or reverses its direction.
 
     Args:
-        way_points: (N, 2) way points, m.
-        backwards: (N,) which way points the robot drives to backwards.
+        way_points: (N, 2) waypoints, m.
+        backwards: (N,) which waypoints the robot drives to backwards.
         start: (3,) x and y, m, and heading, rad, of the robot.
         heading: heading of the robot at the end, rad; None for any. Without an arc to it, the last stretch ends with
             another heading.

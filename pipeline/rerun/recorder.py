@@ -262,7 +262,7 @@ class Recorder(Sink):
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
-        """Whether a size differs by more than the share ``growth`` from that logged last; if so, it is stored."""
+        """Whether a size differs by more than the fraction ``growth`` from that logged last; if so, it is stored."""
         before = self._logged_size.get(cloud, -1)
         if abs(size - before) <= growth * before:
             return False

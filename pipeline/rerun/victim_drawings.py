@@ -49,7 +49,7 @@ def boxes(victims: Tracks) -> rr.Boxes3D:
 
 
 def certainty(victims: Tracks) -> rr.Ellipsoids3D:
-    """The ellipsoid that contains each victim with a probability of 95 %."""
+    """The ellipsoid that contains each victim with a probability of 95%."""
     everyone = _displayed(victims)
     half_axes, vectors = ellipsoids(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))
     # Eigenvectors may form a left-handed frame, which is not a rotation.

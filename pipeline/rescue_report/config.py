@@ -17,9 +17,8 @@ class RescueReportConfig:
         person_area: minimum area that a person takes up, m².
         arrival: maximum distance from the robot's centre to a person's points at which the robot is next to the
             person, m.
-        contradicted: share of the keyframes' depth up to which the map can be trusted although the depth contradicts
-            it. The share is 0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10
-            if by 16°.
+        contradicted: maximum fraction of the keyframes' depth that may contradict a map that is still trusted. It is
+            0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if by 16°.
         deviation: standard deviation above which a position may be mistaken for an adjacent one, m: a robot's path is
             0.6 m wide.
         most_named: maximum number of places of one kind that are numbered on the drawing and listed on the page, the

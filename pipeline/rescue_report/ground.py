@@ -187,7 +187,7 @@ class Unseen:
 
     @property
     def share(self) -> float | None:
-        """Share of the ground that was seen; None if no ground is reachable."""
+        """Fraction of the ground that was seen; None if no ground is reachable."""
         whole = self.seen + self.area
         return self.seen / whole if self.is_reachable and whole else None
 

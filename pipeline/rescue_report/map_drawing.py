@@ -26,7 +26,7 @@ ARROWS = 45.0
 BORDER = 0.4
 """Margin around the mapped cells, m."""
 BAR = 0.25
-"""Maximum length of the scale bar, as a share of the width."""
+"""Maximum length of the scale bar, as a fraction of the width."""
 UNNAMED = ImageColor.getrgb("linen")
 """RGB of ground whose class is not known."""
 

@@ -24,7 +24,7 @@ from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 CHECKED = 100
 """Maximum number of keyframes that are compared with the map, evenly spread over the run."""
 OUTLIERS = 0.01
-"""Share of a person's points that is left out at either end of each dimension."""
+"""Fraction of a person's points that is left out at either end of each dimension."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Person:
 
     @property
     def ellipse(self) -> tuple[float, float, float]:
-        """Semi-axes of the 95 % confidence ellipse, m, the longer one first, and its yaw, rad."""
+        """Semi-axes of the 95% confidence ellipse, m, the longer one first, and its yaw, rad."""
         (shorter, longer), directions = ellipsoids(self.victim.covariance[:2, :2])
         return float(longer), float(shorter), float(np.arctan2(directions[1, 1], directions[0, 1]))
 
@@ -104,8 +104,8 @@ class Trust:
     """Evidence against the map, according to the robot's own data.
 
     Attributes:
-        contradicted: share of the keyframes' depth that contradicts the map, which is built from all keyframes: if a
-            wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
+        contradicted: fraction of the keyframes' depth that contradicts the map, which is built from all keyframes: if
+            a wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
         deviation: standard deviation of the least certain keyframe's position relative to the newest keyframe, m; 0
             for a robot that relies on its odometry alone.
         config: limits of these values.

@@ -35,9 +35,9 @@ def degrees(angle: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share in whole percent; 100 % only if it is 1."""
+    """A fraction in whole percent; 100% only if it is 1."""
     whole = f"{share:.0%}"
-    return ("99%" if share < 1 and whole == "100%" else whole).replace("%", " %")
+    return "99%" if share < 1 and whole == "100%" else whole
 
 
 def place(position: ArrayLike) -> str:

@@ -1,4 +1,4 @@
-"""The class probabilities of points in three bytes each: the two most probable classes and the first one's share."""
+"""Class probabilities of points in three bytes each: the two most probable classes and the first one's fraction."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,7 +11,7 @@ from pipeline.labels import Label
 from pipeline.semantic_map.semantic_map_kernels import spread
 
 WHOLE = np.iinfo(np.uint8).max
-"""Sum of the shares of a point's two classes."""
+"""Sum of the fractions of a point's two classes."""
 
 
 @dataclass(frozen=True, eq=False)

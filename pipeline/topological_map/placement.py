@@ -23,7 +23,7 @@ from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.node_set import NodeSet
 
 LINKED = 0.7
-"""Share of the greatest gain above which a position is preferred if a straight drive joins it to a node."""
+"""Fraction of the greatest gain above which a position is preferred if a straight drive joins it to a node."""
 JOINT = 0.6
 """Distance from a path between groups of nodes within which a single position to join both is sought, m."""
 SAME_LEVEL = 0.12

@@ -1,8 +1,8 @@
 """How much better the depth returns of a detection agree with its kind than with background.
 
-For every kind of find, one Bayes factor combines the extents of the returns, their height, and the share of the box
-that they fill. An object shows any part of each of its extents, which are log-normal; the extents of background are
-scale-free, with uniform logarithms.
+For every kind of find, one Bayes factor combines the extents of the returns, their height, and the fraction of the
+box that they fill. An object shows any part of each of its extents, which are log-normal; the extents of background
+are scale-free, with uniform logarithms.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from pipeline.tracks.config import Extents
 THINNEST = 0.02
 """Noise of a depth camera at its usual range, m; nothing seems thinner."""
 SPREAD = log(1.5) / 2
-"""Standard deviation of the logarithm of an extent of a kind: 95 % lie within a factor of 1.5 of the median."""
+"""Standard deviation of the logarithm of an extent of a kind: 95% lie within a factor of 1.5 of the median."""
 HIGHEST = 2.0
 """Maximum height above the ground of people and signs, m; background is up to twice as high and long."""
 
@@ -61,9 +61,9 @@ def weigh(
         for part in _parts(points, free, form[1] / 2):
             ratio = _of_shape(points[part], form, ground) - log(len(extents))
             if in_box is not None:
-                # For background, the shares of the box's returns and of its area are uniform. For an object, that of
-                # the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits on
-                # four sides.
+                # For background, the fractions of the box's returns and of its area are uniform. For an object, that
+                # of the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits
+                # on four sides.
                 spanned = max(np.ptp(in_box[part], axis=0).prod(), 1 / len(points))
                 ratio += log(2 * part.mean()) + log(4) + 3 * log(spanned)
             if ratio > best.log_ratio:
@@ -82,7 +82,7 @@ def _of_shape(points: Points, extents: Extents, ground: float) -> float:
 
 
 def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
-    """(N, 2) positions of points in their bounding box as seen by a camera, as shares of its width and height."""
+    """(N, 2) positions of points in their bounding box as seen by a camera, as fractions of its width and height."""
     rays = points - camera
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     middle = rays.mean(axis=0)
@@ -92,7 +92,7 @@ def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
 
 
 def extents_of(points: Points) -> Values:
-    """Three extents of points along their principal axes, the longest first, m, without 5 % at each end."""
+    """Three extents of points along their principal axes, the longest first, m, without 5% at each end."""
     middle = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(middle.T.astype(np.float64) @ middle)
     return -np.sort(-np.subtract(*np.percentile(middle @ axes, [95, 5], axis=0)))

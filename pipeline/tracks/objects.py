@@ -20,7 +20,7 @@ from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolic
 from pipeline.transforms import inverse, transform_points
 
 NEARER = 0.5
-"""Minimum distance of another look, as a share of the nearest so far."""
+"""Minimum distance of another look, as a fraction of the nearest so far."""
 SAME_SIDE = radians(40)
 """Maximum angle to an earlier line of sight, rad; from farther to the side, a sign looks narrower or is hidden."""
 SIGMAS = 3.0
@@ -32,7 +32,7 @@ POSE_SIGMA = 0.03
 KEPT_VOXEL = 0.025
 """Edge length of voxels, m, in each of which one point of an observation is kept."""
 PHOTO_MARGIN = 0.5
-"""Margin of a photo around the object's box, as a share of the box's longer side."""
+"""Margin of a photo around the object's box, as a fraction of the box's longer side."""
 
 
 @dataclass(frozen=True, kw_only=True)

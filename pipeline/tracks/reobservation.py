@@ -104,7 +104,7 @@ def half_view(frame: Frame, track: Track) -> float:
 
 
 def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values:
-    """Share of the reward: 0 near earlier viewpoints, and on the side of viewpoints that showed nothing.
+    """Fraction of the reward: 0 near earlier viewpoints, and on the side of viewpoints that showed nothing.
 
     A flat object shows nothing new from another side.
     """

@@ -19,7 +19,7 @@ from pipeline.tracks.likelihood import extents_of
 from pipeline.transforms import transform_places
 
 GATE = chi2_gate(3, 0.99)
-"""Squared Mahalanobis distance up to which two measured positions are taken for one object's: 99 % of them are."""
+"""Squared Mahalanobis distance up to which two measured positions are taken for one object's: 99% of them are."""
 MOST_MISSES = 2.0
 """A track with more misses than this per detection is given up."""
 

@@ -18,7 +18,7 @@ CANDIDATES = 12
 """Random samples from which each further point of a triple is chosen, as the nearest to its first point in the image:
 planes are small and far apart."""
 LEAST_SHARE = 0.02
-"""Minimum share of all samples that must lie on a plane."""
+"""Minimum fraction of all samples that must lie on a plane."""
 BEYOND = 0.25
 """Minimum ratio of a plane's samples outside the box to those inside for it to be background."""
 TOLERANCE = 0.012
@@ -26,7 +26,7 @@ TOLERANCE = 0.012
 SIGMAS = 2.0
 """Number of standard deviations of the sensor's noise that is added."""
 FLAT = 0.6
-"""Minimum share of a plane's samples within ``FLAT_TOLERANCE`` for it to be flatter than any person."""
+"""Minimum fraction of a plane's samples within ``FLAT_TOLERANCE`` for it to be flatter than any person."""
 FLAT_TOLERANCE = 0.002
 """Maximum distance of these samples, in addition to one standard deviation of the noise, m."""
 FLAT_AREA = 0.04

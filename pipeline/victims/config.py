@@ -14,7 +14,7 @@ class DetectorConfig:
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
         size: width and height of the shipped networks' input for a whole image, pixels, multiples of 32.
         most_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
-            the arena network was trained on. Of 485 frames of three arenas, 1 % have more; of 116 photos of rooms and
+            the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
             people, all have more.
         witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even this low, it sees
             people in hardly any image without people, and two networks rarely err at the same place.

@@ -93,7 +93,7 @@ class DarknetNetwork(OpenCvNetwork):
             )
 
     def decode(self, outputs: Sequence[Any]) -> Boxes:
-        """See :meth:`OpenCvNetwork.decode`: rows hold shares of the input, objectness and confidences."""
+        """See :meth:`OpenCvNetwork.decode`: rows hold fractions of the input, objectness and confidences."""
         rows = np.concatenate([head.reshape(-1, head.shape[-1]) for head in outputs])
         middle = rows[:, :2] * self.size
         half = rows[:, 2:4] * self.size / 2

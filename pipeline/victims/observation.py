@@ -16,7 +16,7 @@ from pipeline.victims.detection import Detection
 from pipeline.victims.people import SKIN_TO_MIDDLE, PeoplePolicy, middle
 
 PHOTO_MARGIN = 0.2
-"""Margin of a photo around a person's box, as a share of the box's longer side: surroundings help to recognise it."""
+"""Margin of a photo around a person's box, as a fraction of the box's longer side: surroundings help recognition."""
 
 
 @dataclass(frozen=True)

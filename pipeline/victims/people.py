@@ -31,11 +31,11 @@ designer.
 TOUCH = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
 OPEN_SHARE = 0.7
-"""A person is in view if, at more than this share of the points, no return is nearer by ``TOUCH`` or more."""
+"""A person is in view if, at more than this fraction of the points, no return is nearer by ``TOUCH`` or more."""
 VOXEL = 0.03
 """Edge length of a person's voxels, m."""
 AGREED = 0.2
-"""Minimum share of the keyframes showing a person that must show a voxel for it to count."""
+"""Minimum fraction of the keyframes showing a person that must show a voxel for it to count."""
 SKIN_TO_MIDDLE = 0.08
 """Standard deviation due to the distance from the visible skin to the middle of the body, m."""
 
@@ -169,7 +169,7 @@ class PersonBody(Location):
 
 
 def middle(points: Points) -> Place:
-    """Middle of the bounding box of points, without the outermost 2 % at either end of each axis."""
+    """Middle of the bounding box of points, without the outermost 2% at either end of each axis."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 

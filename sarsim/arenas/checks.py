@@ -15,7 +15,7 @@ from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
 DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of the image
-VISIBLE_SHARE = 0.2  # Share of a victim's geoms that the camera must see from one position
+VISIBLE_SHARE = 0.2  # Fraction of a victim's geoms that the camera must see from one position
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
 SPECK = 0.1  # m²; smaller pieces of ground are ignored
 VIEW_SPACING = 4  # cells between the camera positions that are tried

@@ -31,18 +31,18 @@ BULKY = (
     "cabinet_tall",
 )  # fmt: skip
 """Elements that block much of the view. The robot can drive under the first, which may span several tiles."""
-SPREAD = 0.5  # Share of a raised floor's free neighbouring tiles that get a raised floor as well
+SPREAD = 0.5  # Fraction of a raised floor's free neighbouring tiles that get a raised floor as well
 CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """Small elements that may stand in front of another one, at any angle."""
-ACCOMPANIED = 0.4  # Share of the tiles that get a small element as well
+ACCOMPANIED = 0.4  # Fraction of the tiles that get a small element as well
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """Elements that hang on walls."""
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
 def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty: int) -> list[Item]:
-    """Obstacles of one tile each, until they fill their share of tiles or no further tile can be blocked."""
+    """Obstacles of one tile each, until they fill their fraction of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -63,7 +63,7 @@ def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool
 
 
 def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Blocks and pipes along the walls of a share of the tiles."""
+    """Blocks and pipes along the walls of a fraction of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
     wanted = round(share * len(layout.tiles()))
     items = []
@@ -75,7 +75,7 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Furniture that blocks whole tiles, until it fills its share of tiles or no further tile can be blocked."""
+    """Furniture that blocks whole tiles, until it fills its fraction of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
@@ -88,7 +88,7 @@ def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[It
 
 
 def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Raised floors over free tiles, and boards and cupboards that block a tile, until they fill their share."""
+    """Raised floors over free tiles, and boards and cupboards that block a tile, until they fill their fraction."""
     wanted = round(share * len(layout.tiles()))
     items: dict[Tile, Item] = {}
     for tile in draws.shuffled(layout.tiles()):

@@ -7,15 +7,15 @@ from sarsim.arenas.random_draws import RandomDraws
 
 DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
 RIDGE = 17
-FENCED = 0.5  # Share of the sides with a drop to the floor that get a wall
-HOLED = 0.15  # Share of the inner walls with holes, if the arena has any
-TALL = 0.25  # Share of the other walls that are twice as high
-OTHER = 0.25  # Share of the inner walls that are not panels, if the arena has any such walls
+FENCED = 0.5  # Fraction of the sides with a drop to the floor that get a wall
+HOLED = 0.15  # Fraction of the inner walls with holes, if the arena has any
+TALL = 0.25  # Fraction of the other walls that are twice as high
+OTHER = 0.25  # Fraction of the inner walls that are not panels, if the arena has any such walls
 MAX_WAY = 4  # tiles; more open floor ahead than this does not make a start better
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
-    """Make a perfect maze by depth-first search, then keep only a share of its inner walls."""
+    """Make a perfect maze by depth-first search, then keep only a fraction of its inner walls."""
     layout.walls.update(layout.inner_edges())
     path = [draws.pick(layout.tiles())]
     seen = set(path)
@@ -34,7 +34,7 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
 
 
 def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) -> None:
-    """Lay runs of ramps and decks until they fill their share of the tiles or nothing more fits.
+    """Lay runs of ramps and decks until they fill their fraction of the tiles or nothing more fits.
 
     ``fields``: also lay fields of several ridges in a row, beginning with one of these.
     """

@@ -39,7 +39,7 @@ def random_colour(draws: RandomDraws) -> Colour:
 
 
 def _shade(colour: Colour, draws: RandomDraws) -> Colour:
-    """The same colour, up to 40 % darker or 20 % lighter."""
+    """The same colour, up to 40% darker or 20% lighter."""
     factor = draws.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)
     return red, green, blue

@@ -44,7 +44,7 @@ class Piece:
 
 
 def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
-    """Pieces that block a tile each, until they fill their share of tiles or no further tile can be blocked."""
+    """Pieces that block a tile each, until they fill their fraction of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):

@@ -30,7 +30,7 @@ from sarsim.victims.mjcf import about_z
 WALL_ROOM = 0.25  # m of flat wall on all sides: half a doll's box, and more than half of the largest sign's diagonal
 THING_SPACING = 0.6  # m between things, so that they do not touch
 HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; limited by the camera's view
-DEAD_SHARE = 1 / 3  # Share of dead people and dolls
+DEAD_SHARE = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
 FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
@@ -38,7 +38,7 @@ FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
 BRACKET = 0.11  # m from the wall to the axis of a fire extinguisher
-TILTED = 0.3  # Share of the signs that hang at a random angle instead of on their corner
+TILTED = 0.3  # Fraction of the signs that hang at a random angle instead of on their corner
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
@@ -64,7 +64,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
 
 
 def _let_die(builder: ArenaBuilder, draws: RandomDraws) -> None:
-    """Declare a share of the people in the arena dead."""
+    """Declare a fraction of the people in the arena dead."""
     for text in builder.root.findall("custom/text"):
         if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_SHARE):
             text.set("data", data_of("victim", state=DEAD))

@@ -10,7 +10,7 @@ from sarsim.flags import Given
 
 StartPose = tuple[float, float, float]  # x and y in m, yaw in degrees
 SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
-"""Settings of random arenas that are shares of walls or tiles."""
+"""Settings of random arenas that are fractions of walls or tiles."""
 
 
 @dataclass(frozen=True)
@@ -33,19 +33,19 @@ class RandomArenaConfig:
     Attributes:
         columns: number of 1.2 m tiles along x, 3 to 20.
         rows: number of 1.2 m tiles along y, 3 to 20.
-        wall_density: share of a perfect maze's inner walls that are built; 0 is an empty hall.
-        ramps: share of the tiles with ramps or decks, 0 to 1; no effect at difficulty 0.
-        clutter: share of the tiles with an obstacle, 0 to 1: a diagonal wall; from difficulty 2, also a barrel or
+        wall_density: fraction of a perfect maze's inner walls that are built; 0 is an empty hall.
+        ramps: fraction of the tiles with ramps or decks, 0 to 1; no effect at difficulty 0.
+        clutter: fraction of the tiles with an obstacle, 0 to 1: a diagonal wall; from difficulty 2, also a barrel or
             crossing ramps, and blocks or pipes on as many other tiles; at difficulty 3, also a step field.
-        furniture: share of the tiles with furniture or rescue elements that block the robot, 0 to 1. As many tiles
+        furniture: fraction of the tiles with furniture or rescue elements that block the robot, 0 to 1. As many tiles
             have an object on a wall. If above 0, some inner walls are thick or made of cloth.
-        bulky: share of the tiles with elements that block the view: raised floors, steep boards, cupboards.
+        bulky: fraction of the tiles with elements that block the view: raised floors, steep boards, cupboards.
         victims: number of victims, 0 to 100.
         difficulty: 0 is flat; 1 adds decks and ridges of ramps; 2 adds crossing ramps, clutter, holes in walls and
             half-hidden victims; 3 adds continuous ramp fields and step fields. By default the seed modulo 4.
         ceiling: add a ceiling at a height of 2.4 m and extend all walls up to it.
-        furnished: share of the tiles with furniture of varied size and colour in rows along walls: lockers, shelves,
-            tables, sofas, beds, stairs.
+        furnished: fraction of the tiles with furniture of varied size and colour in rows along walls: lockers,
+            shelves, tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.
         things: number of objects to find besides people, 0 to 100, as many as fit: in turn hazmat signs, codes,
             dolls, tags, fire extinguishers and door levers. If there are any, a third of the people are dead.

@@ -243,7 +243,7 @@ def guarded(action: Callable[[], object]) -> None:
                 sys.stdout.flush()
     except (InputError, ExceptionGroup) as error:
         failures = error.exceptions if isinstance(error, ExceptionGroup) else [error]
-        if not all(isinstance(failure, InputError) for failure in failures):  # A fault of the program is among them
+        if not all(isinstance(failure, InputError) for failure in failures):  # A bug is among them
             raise
         for failure in failures:
             print(" ".join(f"error: {failure}".split()), file=sys.stderr)

@@ -221,7 +221,7 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
     for board in boards(entries):
         shown = [n for n, head in enumerate(board.heads) if head in SUMMARY]
         columns = [Column(board.heads[n], overflow="fold", no_wrap=n == 0) for n in shown]
-        table = Table(*columns, title=board.title, caption="interquartile means, with 95 % confidence intervals")
+        table = Table(*columns, title=board.title, caption="interquartile means, with 95% confidence intervals")
         for row in board.rows:
             table.add_row(*(row[n] for n in shown))
         Console().print(table)

@@ -113,8 +113,8 @@ def _counted(count: int, what: str) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share as text, rounded down, so that 100 % means all."""
-    return f"{floor(1e3 * share) / 10:g} %"
+    """A fraction as text, rounded down, so that 100% means all."""
+    return f"{floor(1e3 * share) / 10:g}%"
 
 
 def _clock(seconds: float) -> str:

@@ -23,17 +23,17 @@ class ArenaRange:
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.
-        wall_density: share of a maze's inner walls that are built; 0 is an empty hall.
-        ramps: share of the tiles with ramps and decks (labels 3 and 4).
-        clutter: share of the tiles with obstacles such as barrels, blocks and step fields.
-        furniture: share of the tiles with furniture, from which a network learns what is neither wall nor victim.
-        bulky: share of the tiles with raised floors, steep boards and cupboards, which block the view.
-        furnished: share of the tiles with furniture of varied size and colour, such as lockers and tables, from which
-            a network learns what is neither wall nor deck.
+        wall_density: fraction of a maze's inner walls that are built; 0 is an empty hall.
+        ramps: fraction of the tiles with ramps and decks (labels 3 and 4).
+        clutter: fraction of the tiles with obstacles such as barrels, blocks and step fields.
+        furniture: fraction of the tiles with furniture, from which a network learns what is neither wall nor victim.
+        bulky: fraction of the tiles with raised floors, steep boards and cupboards, which block the view.
+        furnished: fraction of the tiles with furniture of varied size and colour, such as lockers and tables, from
+            which a network learns what is neither wall nor deck.
         victims: number of victims in an arena.
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
-        ceilings: share of the arenas with a ceiling.
-        painted: share of the arenas with random colours and patterns, so that networks rely less on colour.
+        ceilings: fraction of the arenas with a ceiling.
+        painted: fraction of the arenas with random colours and patterns, so that networks rely less on colour.
         things: number of objects to find besides people, such as fire extinguishers and door levers.
     """
 
@@ -98,12 +98,12 @@ class DatasetConfig:
             distant objects less well.
         arenas: names or paths of arenas, used in turn; "random" draws a new one each time.
         random: ranges from which each random arena is drawn, bounds included.
-        lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
+        lighting: fractions of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
         dust: lowest and highest density of dust, 0 to 1, in a quarter of the scenes. By default there is none.
         keyframes: distance (m) and turn (rad) after which the next frame is taken; larger values cover more ground.
         frames_per_second: take frames at a constant rate, as SLAM needs them, instead of by --keyframes.
-        clear: share of the scenes without dust if --dust is given.
-        ideal: share of the scenes where the depth sensor makes no errors.
+        clear: fraction of the scenes without dust if --dust is given.
+        ideal: fraction of the scenes where the depth sensor makes no errors.
         plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
     """
 
@@ -128,7 +128,7 @@ class DatasetConfig:
             raise InputError("--arenas: give at least one arena")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
             raise InputError(
-                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: shares must be finite and"
+                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: fractions must be finite and"
                 " non-negative, and not all 0"
             )
         if not all(0.01 <= value <= 10 for value in self.keyframes):

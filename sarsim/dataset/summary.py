@@ -52,7 +52,7 @@ def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """The number of points with each label, their share, and the cumulative share of the preceding labels."""
+    """The number of points with each label, their fraction, and the cumulative fraction of the preceding labels."""
     points = Counter[str]()
     for entry in dataset.entries:
         points.update(entry.points)

@@ -15,7 +15,7 @@ _SETTLED = 1e-6
 _SAMPLES = 20
 """Number of points in front of the axle, and behind it, where a tyre is tested for contact."""
 _REACH = 0.75
-"""Share of the radius over which these points extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Fraction of the radius over which these points extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
 
 
 class Ground(NamedTuple):

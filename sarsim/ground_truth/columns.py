@@ -51,7 +51,7 @@ class ConvexBodies:
 def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
     """The convex bodies of all geoms that can collide, except the robot's.
 
-    A height field becomes one prism per triangle, and a round shape a polyhedron accurate to 0.5 %.
+    A height field becomes one prism per triangle, and a round shape a polyhedron accurate to 0.5%.
     """
     labels = geom_labels(model)
     other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)

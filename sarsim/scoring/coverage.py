@@ -1,4 +1,4 @@
-"""Coverage: the share of the drivable ground that was seen."""
+"""Coverage: the fraction of the drivable ground that was seen."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,5 +32,5 @@ class Coverage:
 
     @property
     def fraction(self) -> float:
-        """Share of the drivable area that was seen."""
+        """Fraction of the drivable area that was seen."""
         return float(self.seen[self.surface.drivable].mean())

@@ -102,7 +102,7 @@ class EpisodeScore(Sink):
 
     @property
     def explored_so_far(self) -> float:
-        """Share of the drivable ground seen in the keyframes compared so far; does not wait for the newest ones."""
+        """Fraction of the drivable ground seen in the keyframes compared so far; waits for none."""
         return self._coverage.fraction
 
     @property
@@ -113,7 +113,7 @@ class EpisodeScore(Sink):
 
     @property
     def progress(self) -> ExploredCurve:
-        """The explored share of the drivable area at each keyframe."""
+        """The explored fraction of the drivable area at each keyframe."""
         self._wait()
         times, shares = np.array(self._progress).reshape(-1, 2).T
         poses = self._robot.trajectory
@@ -175,7 +175,7 @@ class EpisodeScore(Sink):
         return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """The figures of the exploration; a time in ``MOST`` is missing if its share was never seen."""
+        """The figures of the exploration; a time in ``MOST`` is missing if its fraction was never seen."""
         end = self._robot.time - self._start_time, driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (

@@ -79,7 +79,7 @@ class Oracle(ViewTours):
         ground: the true ground, as the robot's planner sees it.
         sight: what the robot's camera sees.
         start: (3,) x and y, m, and heading, rad.
-        share: share of the drivable ground that must be seen, 0 to 1.
+        share: fraction of the drivable ground that must be seen, 0 to 1.
         body: the robot's maximum speeds and accelerations.
         config: the robot's exploration settings.
     """

@@ -1,4 +1,4 @@
-"""How soon the ground was seen: times until most of it was, and areas under the curve of the explored share."""
+"""How soon the ground was seen: times until most of it was, and areas under the curve of the explored fraction."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from pipeline.arrays import Values
 
 MOST = {"t90_s": 0.9, "t99_s": 0.99}
-"""Shares of the drivable area; the time until each was seen is reported."""
+"""Fractions of the drivable area; the time until each was seen is reported."""
 
 
 class ExploredCurve(NamedTuple):
-    """The explored share over time; each value holds until the next.
+    """The explored fraction over time; each value holds until the next.
 
     Attributes:
         time_s: times since the start at which something was seen, s, increasing.
         way_m: distance that the robot had driven by then, m.
-        explored: share of the area seen by then.
+        explored: fraction of the area seen by then.
     """
 
     time_s: Values
@@ -30,12 +30,12 @@ def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str
     """The figures of an exploration for report.json.
 
     Args:
-        curve: the explored share at N points, with times in s and distances in m.
+        curve: the explored fraction at N points, with times in s and distances in m.
         end: time, s, and distance, m, at the end.
 
     Returns:
         ``auc_time`` in s and ``auc_way`` in m, the areas under the curve up to the end, and those times in
-        :data:`MOST` whose shares were reached.
+        :data:`MOST` whose fractions were reached.
     """
     times, ways, shares = curve
     reached = {name: times[shares >= most] for name, most in MOST.items()}
@@ -44,12 +44,12 @@ def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str
 
 
 def area_under(along: NDArray[np.float64], shares: NDArray[np.float64], end: float) -> float:
-    """Area under shares (N,); each holds from its value of ``along`` (N,), s or m, to the next one or the end."""
+    """Area under fractions (N,); each holds from its value of ``along`` (N,), s or m, to the next one or the end."""
     return float(shares @ np.diff(along, append=end))
 
 
 def shares_at(places: NDArray[np.float64], along: NDArray[np.float64], shares: NDArray[np.float64]) -> Values:
-    """Shares at ``places`` (P,), s or m; shares (N,) hold from their values of ``along`` (N,); 0 before the first."""
+    """Fractions at ``places`` (P,), s or m, of those (N,) that hold from ``along`` (N,) on; 0 before the first."""
     held: NDArray[np.float64] = np.append(0.0, shares)[np.searchsorted(along, places, side="right")]
     return held
 
@@ -57,12 +57,12 @@ def shares_at(places: NDArray[np.float64], along: NDArray[np.float64], shares: N
 def mean_up_to(
     horizon: NDArray[np.float64], end: NDArray[np.float64], figures: Mapping[str, NDArray[np.float64]], axis: str
 ) -> NDArray[np.float64]:
-    """(A, S) mean explored shares up to a horizon no earlier than the end; after the end, the last share holds.
+    """(A, S) mean explored fractions up to a horizon no earlier than the end; after the end, the last fraction holds.
 
     Args:
         horizon: (A, 1) s or m up to which the mean is taken.
         end: (A, S) s or m, end of each exploration.
-        figures: (A, S) each figure of :func:`progress_figures`, and ``explored_fraction``, the last share.
+        figures: (A, S) each figure of :func:`progress_figures`, and ``explored_fraction``, the last fraction.
         axis: ``time`` or ``way``.
     """
     return (figures[f"auc_{axis}"] + figures["explored_fraction"] * (horizon - end)) / horizon

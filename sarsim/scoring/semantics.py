@@ -111,8 +111,8 @@ class SurfaceScore:
 def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
     """The F1 score for each distance in :data:`F1_WITHIN`, m: the harmonic mean of precision and recall.
 
-    Precision is the share of the points (M, 3) within that distance of the surface (N, 3); recall, the share of the
-    surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
+    Precision is the fraction of the points (M, 3) within that distance of the surface (N, 3); recall, the fraction of
+    the surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
     """
     if not len(points):
         return dict.fromkeys(F1_WITHIN, 0.0)

@@ -12,7 +12,7 @@ from sarsim.sensors.lighting import Lighting, beam, distances, stretch
 from sarsim.sensors.xtion_kernels import random_bits
 
 MAX_EXTINCTION = 0.5
-"""1/m in the densest dust: contrast falls to 2 % over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
+"""1/m in the densest dust: contrast falls to 2% over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
 GREY = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
 LAMP_VEIL = 0.5  # Radiance of infinitely deep dust in the lamp's beam over that of a white surface at 1 m
 SPECK_RATE = 0.05  # Probability, in the densest dust, that an infinite ray returns from a speck
@@ -34,7 +34,7 @@ class Air:
 
     @property
     def extinction(self) -> float:
-        """Share of light lost per metre in thin layers, 1/m: β in the Beer-Lambert law, e^(−β r)."""
+        """Fraction of light lost per metre in thin layers, 1/m: β in the Beer-Lambert law, e^(−β r)."""
         return MAX_EXTINCTION * self.dust
 
     def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:

@@ -32,7 +32,7 @@ class DataSheet:
 # Xsens MTi-300, data sheet of Movella, May 2023: 0.01 °/s/√Hz, 10 °/h, 60 µg/√Hz, 15 µg, roll and pitch 0.2° RMS.
 # At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"); a robot that stands
 # still measures it, except for the noise. The accelerometers' bias cannot be distinguished from a tilt: it
-# causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2 % is chosen.
+# causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2% is chosen.
 MTI_300_GYRO = DataSheet(
     noise=np.radians(0.01),
     drift=np.radians(10) / 3600,

@@ -22,7 +22,7 @@ class Light:
 
     Attributes:
         arena: radiance of a white surface under the arena's own light; 1 in normal light.
-        rendered: share of the arena's light that the renderer gets. With the true share, a dim scene would have only
+        rendered: fraction of the arena's light that the renderer gets. With the true one, a dim scene would have only
             a few grey levels in 8 bits.
         lamp: radiance of a white surface that faces the lamp from 1 m away, in its beam.
     """

@@ -130,7 +130,7 @@ def acceleration_of(before: float, speed: float, gyro: NDArray[np.float64], dt: 
 
 
 def _rotation(rotvec: NDArray[np.float64]) -> Rotation3:
-    """Matrix of a rotation vector (3,), rad: SciPy's formulas without the checks that take 90 % of its time."""
+    """Matrix of a rotation vector (3,), rad: SciPy's formulas without the checks that take 90% of its time."""
     x, y, z = rotvec.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(angle / 2) / angle if angle > 1e-3 else 0.5 - angle**2 / 48 + angle**4 / 3840

@@ -45,7 +45,7 @@ class Xtion:
     shadow: bool = True
     """No return where the projector's light does not reach: left of near edges."""
     dropout: float = 0.0
-    """Share of the pixels that give no return at random."""
+    """Fraction of the pixels that give no return at random."""
 
     @classmethod
     def ideal(cls, min_range: float = XTION.nearest, max_range: float = XTION.farthest) -> Self:

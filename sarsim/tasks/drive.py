@@ -90,7 +90,7 @@ DEFAULT_DRIVE = DriveWeights()
 class Drive(gymnasium.Env[Any, Any]):
     """Drive to a goal.
 
-    An action is a forward speed and a turn rate, each in [-1, 1], as shares of the drive's limits.
+    An action is a forward speed and a turn rate, each in [-1, 1], as fractions of the drive's limits.
 
     An observation has ``gyro`` (3,), rad/s, and ``accelerometer`` (3,), m/s², both averaged over the step;
     ``odometry``: x, y from the start, m, and cosine and sine of the heading, from wheel odometry; ``goal``: x

@@ -87,10 +87,10 @@ class Explore(gymnasium.Env[Any, Any]):
 
     An observation has the local maps ``elevation`` (m), ``label`` and ``seen`` (64, 64), with the robot in the middle
     and rows along y; ``pose``: x, y from the start, m, and cosine and sine of the heading; ``viewpoints`` (32, 4):
-    x, y and path length from the robot, in units of the sensor's range, and the share of what is left to see that
+    x, y and path length from the robot, in units of the sensor's range, and the fraction of what is left to see that
     the viewpoint shows, nearest first, padded with zeros; ``frontiers``: their number. The viewpoints are those that
-    the robot's own explorer considers worth the drive, each for what those chosen before it do not show; a share is
-    that of their total gain. Path length is the expected driving time multiplied by the robot's speed.
+    the robot's own explorer considers worth the drive, each for what those chosen before it do not show; a
+    fraction is that of their total gain. Path length is the expected driving time multiplied by the robot's speed.
 
     An episode terminates when no viewpoint is worth the drive any more, as an expedition does, and when the robot
     tips over or is lost; it is truncated after ``steps``.

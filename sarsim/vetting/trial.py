@@ -83,7 +83,7 @@ def vet_mjcf(path: Path) -> None:
 
 
 def _tried(path: Path) -> str:
-    """``GOOD``, or the fault of a file; empty if MuJoCo ran out of memory."""
+    """``GOOD``, or the error of a file; empty if MuJoCo ran out of memory."""
     try:
         model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))

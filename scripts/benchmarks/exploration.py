@@ -18,7 +18,7 @@ BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""
 RATIO = "seen90_vs_nearest_frontier"
 T99_RATIO = "t99_vs_nearest_frontier"
-PENALTY = 10.0  # A run that never saw 90 % counts with this multiple of its duration (PAR10)
+PENALTY = 10.0  # A run that never saw 90% counts with this multiple of its duration (PAR10)
 WORST = 2  # Number of worst runs of a group that are named
 
 
@@ -90,7 +90,7 @@ def figures_of(group: str, results: Results) -> dict[str, float]:
 
 
 def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
-    """Our time to see 90 % over the nearest frontier's, by group and over all pairs in which theirs saw 90 %."""
+    """Our time to see 90% over the nearest frontier's, by group and over all pairs in which theirs saw 90%."""
     figures, every = dict[str, float](), list[float]()
     for group in groups:
         both = pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))
@@ -107,11 +107,11 @@ def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, flo
 
 
 def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
-    """Our time to see 99 % over the nearest frontier's, over all pairs in which both saw it.
+    """Our time to see 99% over the nearest frontier's, over all pairs in which both saw it.
 
     Returns:
-        The interquartile mean ``value`` with the 95 % interval ``low`` to ``high``, and the number of ``pairs``; also
-        the numbers of pairs in which ``only_ours`` or ``only_theirs`` saw 99 %.
+        The interquartile mean ``value`` with the 95% interval ``low`` to ``high``, and the number of ``pairs``; also
+        the numbers of pairs in which ``only_ours`` or ``only_theirs`` saw 99%.
     """
     both = [pair for group in groups for pair in pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))]
     if not both:
@@ -131,9 +131,9 @@ def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, 
 
 
 def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | None:
-    """Our time to see 90 % of the drivable area over theirs, in the same arena with the same seed.
+    """Our time to see 90% of the drivable area over theirs, in the same arena with the same seed.
 
-    If we never saw 90 %, ten times our duration counts; if they never did, the ratio is None.
+    If we never saw 90%, ten times our duration counts; if they never did, the ratio is None.
     """
     t_theirs = theirs["exploration"].get("t90_s")
     if t_theirs is None:

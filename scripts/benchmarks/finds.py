@@ -38,7 +38,7 @@ ENDINGS = (".jpg", ".jpeg", ".png")
 
 
 def measure(settings: FindsSettings) -> Result:
-    """Shares found and read, false alarms per episode and position errors by kind; for photos, only ``real.*``.
+    """Fractions found and read, false alarms per episode and position errors by kind; for photos, only ``real.*``.
 
     Raises:
         InputError: a network is broken, or a folder cannot be used.
@@ -52,7 +52,7 @@ def measure(settings: FindsSettings) -> Result:
 
 
 def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Figures by kind: share ``found`` of the visible, share ``read`` of the found, and false alarms per episode."""
+    """Figures by kind: fractions ``found`` of the visible and ``read`` of the found, and false alarms per episode."""
     figures = {"runs": float(len(results))}
     for kind in (VICTIM, *FIND_KINDS):
         reports = [r["report"]["victims"] if kind == VICTIM else r["report"]["finds"].get(kind) for r in results]
@@ -105,7 +105,7 @@ class PhotoScore:
         self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
 
     def figures(self) -> dict[str, float]:
-        """The share found, for every figure with something to count."""
+        """The fraction found, for every figure with something to count."""
         return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
 
     def _add(self, name: str, hits: int, number: int) -> None:

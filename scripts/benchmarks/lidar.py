@@ -154,7 +154,7 @@ def depth_images(robot: SimulatedRobot, renderer: Renderer, scanner: Scanner, vi
 
 
 def agreement(arena: str, seed: int) -> dict[str, float]:
-    """Shares of the beams of ``64x1024`` whose label is Open3D's, and whose label is not though no edge is near."""
+    """Fractions of the beams of ``64x1024`` with Open3D's label, and with another although no edge is near."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     scanner, rays = scanner_of(robot, "64x1024"), directions("64x1024")

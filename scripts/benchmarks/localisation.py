@@ -38,8 +38,8 @@ from scripts.benchmarks.reports import Report, group_figures, reports
 from scripts.benchmarks.runs import Job, failures, jobs_of, run_jobs
 from scripts.benchmarks.settings import LocalisationSettings
 
-OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
-REGISTERING = PEERS[1:]
+OURS, BASELINES = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
+REGISTERING = BASELINES[1:]
 NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """The arena in which the robot is kidnapped, by group."""
@@ -60,7 +60,7 @@ def measure(settings: LocalisationSettings) -> Result:
         raise InputError(f"{' and '.join(missing)} {are} not installed; run: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
     # Drive; all methods follow each drive.
-    names = (*OURS, *(PEERS if settings.baselines else ()))
+    names = (*OURS, *(BASELINES if settings.baselines else ()))
     jobs = list(jobs_of(base, settings)) if settings.arenas or not settings.kidnappings else []
     results = run_jobs(jobs, settings, partial(run_job, names, settings.runs))
     # Figures by group, and over all drives.
@@ -178,13 +178,13 @@ class Followed(Sink):
 
 
 def figures_of(group: str, scored: Sequence[Report]) -> dict[str, float]:
-    """The figures of a group's drives, and the ratios to the peers."""
+    """The figures of a group's drives, and the ratios to the baselines."""
     if not scored:
         return {}
     figures: dict[str, float] = {"runs": len(scored), **group_figures(scored)}
-    for peer in PEERS:
-        if (ate := figures.get(f"{peer}.ate_m.median")) is not None:
-            figures[f"{peer}_vs_ours"] = ate / figures["ours.ate_m.median"]
+    for baseline in BASELINES:
+        if (ate := figures.get(f"{baseline}.ate_m.median")) is not None:
+            figures[f"{baseline}_vs_ours"] = ate / figures["ours.ate_m.median"]
     return {f"{group}.{key}": value for key, value in figures.items()}
 
 
@@ -197,10 +197,10 @@ def overall(scored: Sequence[Report]) -> dict[str, float]:
     for key in ("loops", "false_loops"):
         if values := [report["ours"][key] for report in scored if key in report["ours"]]:
             figures[key] = float(sum(values))
-    for peer in REGISTERING:
-        if both := [report for report in scored if peer in report]:
-            ratios = [report[peer]["frame_ms"] / report["ours"]["keyframe_ms"] for report in both]
-            figures[f"{peer}_vs_ours_time"] = float(np.median(ratios))
+    for baseline in REGISTERING:
+        if both := [report for report in scored if baseline in report]:
+            ratios = [report[baseline]["frame_ms"] / report["ours"]["keyframe_ms"] for report in both]
+            figures[f"{baseline}_vs_ours_time"] = float(np.median(ratios))
     return figures
 
 

@@ -1,4 +1,4 @@
-"""The methods in the localisation benchmark: ours, and peers that start at the first true pose."""
+"""The methods in the localisation benchmark: ours, and baselines that start at the first true pose."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -25,9 +25,9 @@ STRIDE = 4
 """Pixel stride of the points given to KISS-ICP; they are still denser than its voxels, each of which keeps one."""
 
 LEAST_RETURNS = 0.1
-"""Minimum share of pixels with returns. With fewer, as at a wall nearer than the minimum range, peers get lost."""
+"""Minimum fraction of pixels with returns. With fewer, as near a wall, baselines get lost."""
 STRAYED = 0.1, np.deg2rad(5)
-"""m and rad; a peer that deviates more from the odometry within a frame counts as lost, and odometry is used."""
+"""m and rad; a baseline that deviates more from the odometry within a frame counts as lost, and odometry is used."""
 
 CORRECTED = 3  # Keyframes between two of our corrections, as between two steps of an episode
 
@@ -119,14 +119,14 @@ class Odometry(Method):
 
 
 class Guided(Method):
-    """A peer that corrects the odometry's motion since the last frame if it can register the frame."""
+    """A baseline that corrects the odometry's motion since the last frame if it can register the frame."""
 
     def __init__(self, T_map_start: Pose):
         self._T_map_base = T_map_start
         self._last: Frame | None = None
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Register the frame; use the odometry's motion if the frame has too few returns or the peer gets lost."""
+        """Register the frame; use the odometry's motion if the frame has too few returns or it gets lost."""
         last, self._last = self._last, frame
         moved = inverse(last.T_odom_base) @ frame.T_odom_base if last else np.eye(4)
         guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts if a rotation is not orthonormal

@@ -84,7 +84,7 @@ def moved_along(online: NDArray[np.float64], keyframes: Sequence[int], poses: Po
 
 
 def within(sigmas: float, errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
-    """Share of the components of (N, 6) errors within ``sigmas`` standard deviations, from (N, 6, 6) covariances."""
+    """Fraction of the components of (N, 6) errors within ``sigmas`` standard deviations, by (N, 6, 6) covariances."""
     return float((np.abs(errors) <= sigmas * np.sqrt(np.einsum("nii->ni", covariances))).mean())
 
 

@@ -222,7 +222,7 @@ def _accuracy(recording: RecordedFrames) -> dict[str, float]:
 
 
 def agreement(first: MetricMap, second: MetricMap) -> float:
-    """Share of the voxels known in either map that have the same state in both."""
+    """Fraction of the voxels known in either map that have the same state in both."""
     a, b = (np.sign(metric_map.log_odds(*_bounds(first, second))) for metric_map in (first, second))
     known = (a != 0) | (b != 0)
     return float((a == b)[known].mean())

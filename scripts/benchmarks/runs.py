@@ -162,7 +162,7 @@ def leave(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -
 def run_episode(job: Job) -> dict[str, Any] | None:
     """Run an episode; the result is its report, and the position errors of people and finds.
 
-    A random walk also ends once 90 % of the arena has been seen.
+    A random walk also ends once 90% of the arena has been seen.
     """
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         try:
@@ -184,6 +184,6 @@ class BenchmarkEpisode(Episode):
     """An episode in which a random walk ends early."""
 
     def _may_step(self) -> bool:
-        """Whether the task may continue; a random walk also ends once 90 % of the arena has been seen."""
+        """Whether the task may continue; a random walk also ends once 90% of the arena has been seen."""
         is_random = self.config.exploration == RANDOM_WALK
         return super()._may_step() and not (is_random and self.score.coverage.fraction >= MOST["t90_s"])

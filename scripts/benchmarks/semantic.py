@@ -104,7 +104,7 @@ def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier |
 
 
 def agreement(folder: Path) -> dict[str, float]:
-    """Share of points with the same class as the published network, and median absolute difference of the logits."""
+    """Fraction of points with the published network's class, and median absolute difference of the logits."""
     network, _ = load_weights(folder / "s3dis_area6.safetensors")
     fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:

@@ -29,7 +29,7 @@ from scripts.benchmarks.settings import VictimsSettings
 
 THREADS = 2
 LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
-MOST_HIDDEN = 0.6  # Maximum occluded share of a person who should be found
+MOST_HIDDEN = 0.6  # Maximum occluded fraction of a person who should be found
 
 
 def measure(settings: VictimsSettings) -> Result:
@@ -74,7 +74,7 @@ def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[s
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Figures of one group: victims, share found, position error, and times relative to episodes ``without``."""
+    """Figures of one group: victims, fraction found, position error, and times relative to episodes ``without``."""
     scored = [result for result in found if result and "report" in result]
     figures = {f"{group}.runs": float(len(scored))}
     victims = group_figures([{"victims": result["report"]["victims"]} for result in scored])
@@ -87,7 +87,7 @@ def figures_of(group: str, found: Results, without: Results) -> dict[str, float]
 
 
 def _times(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Ratios, with over without the detector, of time to see 90 % and total time: medians over the arenas."""
+    """Ratios, with over without the detector, of time to see 90% and total time: medians over the arenas."""
     both = pairs(found, without)
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
@@ -124,7 +124,7 @@ class PeopleInFrame:
     Attributes:
         boxes: (V, 4) true boxes, pixels.
         area: (V,) number of pixels that show each person.
-        hidden: occluded share of each person's area within the image.
+        hidden: occluded fraction of each person's area within the image.
         found: (N, 4) detected boxes, pixels.
         confidence: confidence of each detected box.
     """

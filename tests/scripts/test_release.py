@@ -10,7 +10,7 @@ CITATION = "version: 0.2.0\ndate-released: 2027-01-02\n"
 
 def readme(*commits: str) -> str:
     rows = [f"| a | 1 m | – | b | [c](d), 2026-11-27, {commit} |\n" for commit in commits]
-    head = "| what | here | peer | computed by | measured |\n|---|---|---|---|---|\n"
+    head = "| what | here | baseline | computed by | measured |\n|---|---|---|---|---|\n"
     return f"# x\n\n| y | 2026-11-27, 0000000 |\n\n{RESULTS}\n\n## Results\n\n{head}{''.join(rows)}\n[All](e)\n"
 
 

@@ -64,7 +64,7 @@ def test_rows_of_the_readme() -> None:
     row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
     end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
     assert readme_row(row, RECORD) == f"| speed | 2.0 ms | – | {end}"
-    assert readme_row(row | {"peer": "{a.ms:.0f} s"}, RECORD) == f"| speed | 2.0 ms | 2 s | {end}"
+    assert readme_row(row | {"baseline": "{a.ms:.0f} s"}, RECORD) == f"| speed | 2.0 ms | 2 s | {end}"
     unknown = readme_row(row | {"ours": "{b.ms:.1f} ms"}, RECORD)
     assert "not measured yet" in unknown and "make results PAGE=camera" in unknown
     assert readme_row(row, None) == unknown

@@ -20,11 +20,11 @@ class SquaresConfig:
         hue_width: range of hues in a colour mask, 256ths of the circle.
         coloured: saturation, of 255, above which a pixel has a hue.
         faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
-        tolerances: errors of an outline's polygon, as shares of its length, tried until it has four corners or fewer.
+        tolerances: errors of an outline's polygon, as fractions of its length, tried until it has up to four corners.
         filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
         aslant: maximum ratio of two sides: that of a square seen at 70° to its normal.
         oblong: ratio of two sides from which on signs are expected side by side only along the longer one.
-        same: maximum difference in middle and size of outlines of the same square, as a share of the diagonal.
+        same: maximum difference in middle and size of outlines of the same square, as a fraction of the diagonal.
         smallest, largest: minimum and maximum side of signs and codes, m, checked where the depth is known; the
             leagues' signs are up to 0.3 m wide.
     """
@@ -74,7 +74,7 @@ class CodesConfig:
     Attributes:
         checked_side: side of a rectified square that is checked for the modules of a code, pixels.
         changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
-            range. Of the 21 modules of the smallest code, half differ from the one before: 10 changes of 30 %.
+            range. Of the 21 modules of the smallest code, half differ from the one before: 10 changes of 30%.
         read_side: side of a rectified square that is decoded, pixels: at least three per module up to version 10.
         least_area: minimum area of a code, square pixels.
         undecoded: confidence of a code that was located but not decoded; it is looked at from nearer.
@@ -96,7 +96,7 @@ class ShapesConfig:
         noise: minimum height by which a pixel stands out, standard deviations of the depth.
         hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
         coloured: saturation, of 255, above which a pixel of such a hue is red.
-        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations: 97 %
+        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations: 97%
             of the objects are less than two above it.
         confidence: minimum confidence of an object, exclusive.
     """

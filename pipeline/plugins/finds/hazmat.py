@@ -13,7 +13,7 @@ from pipeline.plugins.finds.squares import Pyramid, Squares, rectified
 from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
 
 SIGN = "hazmat_sign"
-SIGN_SIDE = 96  # Side of a patch, pixels; the sign's is 80 % of it, which leaves ten per letter of a word
+SIGN_SIDE = 96  # Side of a patch, pixels; the sign's is 80% of it, which leaves ten per letter of a word
 
 
 class HazmatReader:

@@ -15,7 +15,7 @@ from pipeline.plugins.finds.config import SquaresConfig
 from pipeline.plugins.finds.quads import find_quads
 
 PATCH, SURROUNDINGS = 64, 0.1
-"""Side of a patch, pixels, and the share of it that is margin on each side; the networks were trained with these."""
+"""Side of a patch, pixels, and the fraction of it that is margin on each side, as in the networks' training."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,1 +1,1 @@
-"""The rescue leagues: the brief of a mission, the rules, and the files that are handed in at its end."""
+"""The rescue leagues: the brief of a mission, the rules, and the files that are submitted at its end."""

@@ -20,7 +20,7 @@ class Rewards:
 
     Attributes:
         detection: points for each correct find (DS), Rescue Robot League; the official number is not public.
-        extra: bonus for each of RGB, normals and confidence in the 3D map, as a share of the map's points; the
+        extra: bonus for each of RGB, normals and confidence in the 3D map, as a fraction of the map's points; the
             official number is not public.
         teleoperated, autonomous: factors on the points of a run, by who drives, Rescue Robot League 2026D.
         beta: weight of the portals in the score, Virtual Robot 2022; set by the map's designer between 0.1 and 1.
@@ -50,8 +50,8 @@ class Penalties:
     """What costs points.
 
     Attributes:
-        contact: share of a living victim's points that each contact with it costs, Virtual Robot 2022.
-        wrong: share of a victim's points that a mark without a victim costs, Virtual Robot 2022.
+        contact: fraction of a living victim's points that each contact with it costs, Virtual Robot 2022.
+        wrong: fraction of a victim's points that a mark without a victim costs, Virtual Robot 2022.
         reset: points that each reset in the labyrinth costs; 0, because the summary of the rules names no penalty.
     """
 

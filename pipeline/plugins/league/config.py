@@ -1,4 +1,4 @@
-"""Parameters of the inspection of walls, of the files that are handed in, and of their validation."""
+"""Parameters of the inspection of walls, of the files that are submitted, and of their validation."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ class ValidationConfig:
         lowest_share: quantile of the heights of the points around the origin that is taken as the floor.
         floor: maximum error of the floor's height, m: a voxel.
         unit: maximum error of the length of a normal.
-        rarest: minimum share of the pixels along the image's border that each grey of the checkerboard must have.
+        rarest: minimum fraction of the pixels along the image's border that each grey of the checkerboard must have.
     """
 
     smallest: float = 1.0

@@ -1,4 +1,4 @@
-"""What a judge would reject in files that are handed in, whether from sarsim or another program."""
+"""What a judge would reject in submitted files, whether from sarsim or another program."""
 
 import re
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
 
 
 def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> list[str]:
-    """Everything that a judge would reject, one line each; faults of a file begin with its name.
+    """Everything that a judge would reject, one line each; errors of a file begin with its name.
 
     Raises:
         InputError: the folder does not exist or contains no files to check, or a file cannot be read at all.

@@ -2,7 +2,7 @@
 
 Levels, neighbours and dilations are those of the authors' settings for part segmentation on ShapeNet; their settings
 for S3DIS look up one level's neighbours in another. The width is that of their settings for Semantic3D, half as much.
-As a block's number of points varies here, levels have shares of it; theirs have 768, 384 and 128 of 2,048 points.
+Here a level has a fraction of its block's points, whose number varies; theirs have 768, 384 and 128 of 2,048 points.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ LEVEL_FEATURES = 128
 """Number of features of a point in the first two levels: 32 times the "x" of the authors' settings. It doubles with
 each further level."""
 ENCODER = ((8, 1, 1, 1), (12, 2, 3 / 8, 1), (16, 2, 1 / 2, 2), (16, 6, 1 / 3, 4))
-"""For each level: K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, and
+"""For each level: K neighbours, dilation D (every D-th of the nearest), fraction of the previous level's points, and
 number of features divided by LEVEL_FEATURES."""
 DECODER = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
 """For each step: K, D, and the levels from which and to which features are passed."""

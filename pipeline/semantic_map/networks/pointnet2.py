@@ -14,7 +14,7 @@ from pipeline.semantic_map.networks.network import PointNetwork
 T = TypeVar("T", int, float)
 ABSTRACTIONS = 4
 SHARE = 0.25
-"""Share of a level's points that become ball centres, the next level's points: 4,096, 1,024, 256, 64, 16."""
+"""Fraction of a level's points that become ball centres, the next level's points: 4,096, 1,024, 256, 64, 16."""
 RADIUS = 0.1
 """Radius of the first level's balls, m; it doubles from level to level, and so does the number of features."""
 BALL_FEATURES = 32

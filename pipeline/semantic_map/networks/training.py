@@ -40,7 +40,7 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 """Scores of a validation: mean IoU over the thesis's four classes, and the IoU of each class."""
 RISE = 0.05
-"""Share of the training during which the learning rate rises."""
+"""Fraction of the training during which the learning rate rises."""
 SAVE_EVERY = 50
 """Steps between checkpoints, besides those at validations; a killed process loses no more steps."""
 
@@ -167,7 +167,7 @@ class Training:
 
     @property
     def progress(self) -> float:
-        """Completed share of the training: of the steps or, if greater, of the time limit; at least 1 at the end."""
+        """Completed fraction of the steps or, if greater, of the time limit; at least 1 at the end."""
         if self.config.minutes is None:
             return self.step / self.config.steps
         return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
@@ -279,7 +279,7 @@ class Training:
 
 
 def rate(progress: float) -> float:
-    """The learning rate as a share of its peak, when this share of the training is completed after the step.
+    """The learning rate as a fraction of its peak, when this fraction of the training is completed after the step.
 
     It rises linearly, then falls to 0 along half a cosine.
     """
@@ -311,7 +311,7 @@ def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
 
 
 def class_weights(clouds: Sequence[LabelledCloud]) -> Tensor:
-    """(C,) float32: 1 over the square root of each class's share of the points; 1 for a class that does not occur."""
+    """(C,) float32: 1 over the square root of each class's fraction of the points; 1 for an absent class."""
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
     share = torch.from_numpy(points / np.sum(points)).float()
     return torch.where(share > 0, share.rsqrt(), 1)

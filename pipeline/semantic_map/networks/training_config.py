@@ -10,12 +10,12 @@ class BlockAugmentation:
     """How random blocks are cut and changed.
 
     Attributes:
-        rare: share of the blocks that are cut around a point of a class drawn uniformly from the frame's classes; the
-            others are cut around any point.
+        rare: fraction of the blocks that are cut around a point of a class drawn uniformly from the frame's classes;
+            the others are cut around any point.
         jitter: standard deviation of the noise of every coordinate and of the height of the cloud, m, and of its roll
             and pitch about the camera, rad.
-        dark: share of the clouds that are black; the others' colours are multiplied by a random factor of at most 1.
-        thinnest: minimum share of a block's points that is kept; the share is drawn uniformly between this and 1.
+        dark: fraction of the clouds that are black; the others' colours are multiplied by a random factor up to 1.
+        thinnest: minimum fraction of a block's points that is kept; it is drawn uniformly between this and 1.
     """
 
     rare: float = 0.5

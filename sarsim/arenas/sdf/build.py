@@ -37,7 +37,7 @@ from sarsim.vetting.model_files import MOST_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
 BEYOND = 2.0  # m by which planes, which are infinite, extend past the margin: goals may lie outside the outer objects
-MOST_THROWN = 0.1  # Maximum share of a world's bodies that may be far out
+MOST_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far out
 FAR_OUT = 3.0  # A body this many times as far from the centre as the others does not belong to the world
 MOST_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
 HEADROOM = robot_model().headroom  # m; a surface that is higher above the lowest point of a model is not ground

@@ -37,9 +37,9 @@ from sarsim.robots.skid_steered import robot_model
 
 DOOR = 2.0  # m, height of a door
 SLENDER = 0.25  # Maximum ratio of thickness to length of a panel
-LARGE = 0.25  # Share of the world's bounding rectangle that level surfaces must fill to be the ground
+LARGE = 0.25  # Fraction of the world's bounding rectangle that level surfaces must fill to be the ground
 _DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
-"""(16, 2) directions in a plane along which widths are measured; the true maximum is at most 0.5 % larger."""
+"""(16, 2) directions in a plane along which widths are measured; the true maximum is at most 0.5% larger."""
 
 
 @cache
@@ -56,7 +56,7 @@ class Outline:
 
     Attributes:
         low, high: heights of the lowest and highest point, m.
-        length: maximum width as seen along the normal of the main face, to 1 %, m.
+        length: maximum width as seen along the normal of the main face, to 1%, m.
         thickness: extent along that normal, m.
         slope: z component of that unit normal.
         area: area of the main face, m².

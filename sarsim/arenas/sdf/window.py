@@ -16,7 +16,7 @@ from sarsim.arenas.sdf.pieces import pieces_of, with_volume
 from sarsim.arenas.sdf.solids import Solid
 
 AROUND = 4.0  # m by which an arena is longer and wider than its contents
-SPARE = 0.98  # Share of the maximum area that is used: cutting and rounding add to it
+SPARE = 0.98  # Fraction of the maximum area that is used: cutting and rounding add to it
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,8 @@ class SignStyle:
         line: whether the sign has the inner line.
         words: whether it has words below the symbol.
         number: whether it has its class number.
-        bold: thickness added to letters, as a share of their height.
-        narrow: maximum mean width of letters, as a share of their height.
+        bold: thickness added to letters, as a fraction of their height.
+        narrow: maximum mean width of letters, as a fraction of their height.
         size: size of the symbol relative to that on the placard.
         tint: factors on red, green and blue, due to ink and paper.
         variant: which variant of a sign is drawn, if it has several, 0 to 3.

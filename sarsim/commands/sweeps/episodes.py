@@ -42,7 +42,7 @@ Row = dict[str, Any]
 
 
 class EpisodeResult(NamedTuple):
-    """What is kept of an episode: its row, its explored share over time, and its processor time, s."""
+    """What is kept of an episode: its row, its explored fraction over time, and its processor time, s."""
 
     row: Row
     curve: ExploredCurve
@@ -134,7 +134,7 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
 
 
 def driven(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
-    """Run an episode with ``--exploration`` set to the method; returns figures, and the explored share over time."""
+    """Run an episode with ``--exploration`` set to the method; returns figures and the explored curve."""
     from sarsim.episode import Episode  # here, because only the workers need it
 
     found = checked(job.arena)

@@ -129,7 +129,7 @@ class Board(NamedTuple):
 
 
 def boards(entries: Iterable[Entry]) -> Iterator[Board]:
-    """A table for each set of arenas and seeds; the method that explores 99 % soonest comes first."""
+    """A table for each set of arenas and seeds; the method that explores 99% soonest comes first."""
     groups: dict[Any, list[Entry]] = defaultdict(list)
     for entry in entries:
         groups[entry.board].append(entry)
@@ -174,7 +174,7 @@ def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], lis
 
 
 def _ratio(group: Sequence[Entry]) -> list[Values]:
-    """Ratios of the times to explore 99 % to the reference's, arena by arena and seed by seed; 1 if neither did."""
+    """Ratios of the times to explore 99% to the reference's, arena by arena and seed by seed; 1 if neither did."""
     times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
     if REFERENCE not in times:
         return []
@@ -183,7 +183,7 @@ def _ratio(group: Sequence[Entry]) -> list[Values]:
 
 
 def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """Mean explored shares up to the end of the longest episode in each arena."""
+    """Mean explored fractions up to the end of the longest episode in each arena."""
 
     def means(group: Sequence[Entry]) -> list[Values]:
         ends = [entry.values(ENDS[axis], 0.0) for entry in group]
@@ -203,13 +203,13 @@ def _mean_speed(group: Sequence[Entry]) -> list[Values]:
 
 
 def _turning(group: Sequence[Entry]) -> list[Values]:
-    """Shares of the time spent turning in place, inf for episodes without this figure; empty if none has it."""
+    """Fractions of the time spent turning in place, inf for episodes without this figure; empty if none has it."""
     found = [e.values("navigation.time_s.turning", np.inf) / e.values("sim_time_s", 1.0) for e in group]
     return found if np.isfinite(found).any() else []
 
 
 def _people_found(group: Sequence[Entry]) -> list[Values]:
-    """Shares of people found, in the arenas that contain any."""
+    """Fractions of people found, in the arenas that contain any."""
     present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
     has_any = present.any(axis=1)
     return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []

@@ -1,4 +1,4 @@
-"""The page of a sweep: plots of each method's explored share over time and distance, and the leaderboard's tables."""
+"""The page of a sweep: each method's explored fraction over time and distance, and the leaderboard's tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
@@ -73,18 +73,18 @@ def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strok
         line = (0, [float(length) for length in dashes.split()]) if dashes else "solid"
         plot.fill_between(places, low, high, facecolor=(colour, 0.12), edgecolor=(colour, 0.5), linewidth=0.5)
         plot.plot(places, mean, color=colour, linestyle=line)
-    plot.set(xlabel=label, ylabel="explored share", xlim=(0, longest or 1), ylim=(0, 1.01))
+    plot.set(xlabel=label, ylabel="explored fraction", xlim=(0, longest or 1), ylim=(0, 1.01))
     plot.label_outer()
     plot.grid(alpha=0.3)
 
 
 def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int) -> NDArray[np.float64]:
-    """The interquartile mean of the explored shares, and the ends of its interval, as in the tables.
+    """The interquartile mean of the explored fractions, and the ends of its interval, as in the tables.
 
     Args:
         curves: curves of the episodes, arena by arena and, in each arena, seed by seed.
         axis: field of the curves that the plot is over.
-        places: (P,) points on the axis, s or m; after its end, an episode holds its last share.
+        places: (P,) points on the axis, s or m; after its end, an episode holds its last fraction.
         seeds: number of seeds per arena.
 
     Returns:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SHARE = 0.95
-"""Share of the resampled means in an interval."""
+"""Fraction of the resampled means in an interval."""
 RESAMPLED = 2000
 """Number of resamples; the ends of an interval are then the 51st values from below and from above."""
 

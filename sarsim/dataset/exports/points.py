@@ -178,7 +178,7 @@ class Blocks(Export):
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
         """The blocks of a cloud, (points, 6 or 9) each, with their (points,) labels.
 
-        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, and x y z as shares
+        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, and x y z as fractions
         of the cloud's extent.
         """
         if not len(cloud.points):

@@ -1,4 +1,4 @@
-"""Builds the lanes of RoboCup Rescue with the fabrication guide's dimensions; docs/arenas.md lists the assumptions."""
+"""Builds RoboCup Rescue lanes to the fabrication guide's dimensions; docs/arenas.md lists the assumptions."""
 
 from collections.abc import Callable
 from math import cos, pi, radians, sin, sqrt, tan

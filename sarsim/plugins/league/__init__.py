@@ -1,1 +1,1 @@
-"""The missions of the rescue leagues: what is handed in, and how it is scored."""
+"""The missions of the rescue leagues: what is submitted, and how it is scored."""

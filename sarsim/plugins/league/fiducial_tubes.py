@@ -27,7 +27,7 @@ class TubeConfig:
         off: maximum distance of a point on a circle from it, m: a voxel of a coarse map.
         step: spacing of the centres that are tried, m.
         low: height above a tube's foot, m, up to which points belong to the floor.
-        arc: minimum share of a circle with points on it: most of a half circle; a flat panel covers 0.27.
+        arc: minimum fraction of a circle with points on it: most of a half circle; a flat panel covers 0.27.
         nearest: number of fiducials from which a code's distances are checked, by the rule book of 2026.
     """
 
@@ -96,7 +96,7 @@ def _circle(points: NDArray[np.float64], near: Place, radius: float, config: Tub
 
 
 def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float, off: float) -> float:
-    """Share of the sectors around ``middle`` with points on the circle and none inside it."""
+    """Fraction of the sectors around ``middle`` with points on the circle and none inside it."""
     away = points - middle
     distance = np.linalg.norm(away, axis=1)
     sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / SECTOR)

@@ -1,4 +1,4 @@
-"""Scores of the files that sarsim or another program handed in for an arena."""
+"""Scores of the files that sarsim or another program submitted for an arena."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from sarsim.scoring.victims import NEAR, pairs_of_least
 
 SHOWN = 0.1  # m; the 3D map also covers cells this near to those it shows: a voxel of a coarse map
 ALIKE = 0.5  # m; the registration ignores points farther than this from every true surface
-MOST_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1 %
+MOST_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
 ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
 
 

@@ -17,7 +17,7 @@ class LeagueRun:
     """Measurements of a run in the labyrinth.
 
     Attributes:
-        coverage: share of the drivable ground that the 3D map shows.
+        coverage: fraction of the drivable ground that the 3D map shows.
         global_error: global error of the 3D map, m.
         extras: how many of RGB, normals and confidence the 3D map has.
         present: number of objects in the arena that score as finds.
@@ -112,9 +112,9 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
 def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Virtual Robot competition 2022, the sum of its rules.
 
-    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. S is the share
+    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. S is the fraction
     of portals discovered; V, v_r and v_w are the numbers of victims, right and wrong; with a, those of living ones.
-    Assumed: without victims, or without living ones, their summand is 0. A contact costs a share of what a living
+    Assumed: without victims, or without living ones, their summand is 0. A contact costs a fraction of what a living
     victim adds to both summands; all contacts cost at most what the right living victims have added.
     """
     share = run.discovered / run.portals if run.portals else 0.0

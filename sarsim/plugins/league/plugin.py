@@ -34,7 +34,7 @@ def load_mission(name: str) -> MissionBrief:
 
 
 class League(Plugin):
-    """A mission: the robot explores and looks for finds until its time is up, and the files are handed in.
+    """A mission: the robot explores and looks for finds until its time is up, and the files are submitted.
 
     Attributes:
         brief: the mission.
@@ -67,7 +67,7 @@ class League(Plugin):
             )
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """What hands in the files and, in a simulation, scores them."""
+        """What submits the files and, in a simulation, scores them."""
         hands_in = HandIn(self.brief, config=self.settings)
         return [hands_in] if context.world is None else [hands_in, MissionScore(context.world, self.brief)]
 
@@ -85,7 +85,7 @@ class _Clock(Sink):
 
 
 class MissionScore(Sink):
-    """Adds the scores of the files that an episode handed in to its report."""
+    """Adds the scores of the files that an episode submitted to its report."""
 
     finishing = "scoring the mission"
 
@@ -99,7 +99,7 @@ class MissionScore(Sink):
 
 
 def mission_score(folder: Path, robot: Any, brief: MissionBrief) -> dict[str, Any]:
-    """The leagues' scores of an episode, as returned by :func:`score_handed_in`; empty if it handed in no files.
+    """The leagues' scores of an episode, as returned by :func:`score_handed_in`; empty if it submitted no files.
 
     Nobody touches the robot, so there are no resets.
     """

@@ -28,7 +28,7 @@ class MissionValidation:
 
 
 def validate_mission(config: MissionValidation) -> None:
-    """Check the 2D map, 3D map and list of finds that a team hands in. The exit status is 1 if any is invalid."""
+    """Check the 2D map, 3D map and list of finds that a team submits. The exit status is 1 if any is invalid."""
     from pipeline.plugins.league.validation import validate
 
     faults = validate(config.path, config=config.tolerances)

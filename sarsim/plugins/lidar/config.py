@@ -30,8 +30,8 @@ class LidarModel:
         range: nearest and farthest distance that is reported, m.
         rate: turns per second.
         sigma: standard deviation of a range at distance 0 and at the farthest distance, m, at normal incidence.
-        reach: distance from which a share ``detection`` of the beams returns at normal incidence, m.
-        detection: that share.
+        reach: distance from which a fraction ``detection`` of the beams returns at normal incidence, m.
+        detection: that fraction.
     """
 
     elevations: tuple[float, ...]
@@ -69,7 +69,7 @@ class LidarModel:
         if not (self.reach > 0 and 0 < self.detection <= 1):
             raise InputError(
                 f"lidar.reach {self.reach:g}, lidar.detection {self.detection:g}: the reach must be above 0 m, and"
-                " the share of beams that return above 0 and at most 1"
+                " the fraction of beams that return above 0 and at most 1"
             )
 
     @property
@@ -105,7 +105,7 @@ PRESETS = {
   "typical accuracy ±3 cm", which is taken as the standard deviation at all distances; the nearest distance is the
   default of Velodyne's ROS driver.
 - Ouster OS1-64 (first generation): 64 rows, ±16.6°, 1024 columns at 10 turns a second, 0.8 to 120 m; repeatability
-  1.5 cm with a strong signal and 10 cm with the weakest one; 40 m on surfaces that reflect 10 %.
+  1.5 cm with a strong signal and 10 cm with the weakest one; 40 m on surfaces that reflect 10%.
 - Hokuyo UTM-30LX: one row of 1081 beams over 270°, 25 ms a scan, 0.1 to 30 m; repeatability 1 cm up to
   10 m and 3 cm up to 30 m.
 """
@@ -126,8 +126,8 @@ class LidarConfig:
         rolling: measure each column where the robot is at its time, not all where the scan begins.
         noise: noise of the ranges, and beams without return.
         sigma: standard deviation of a range at distance 0 and at the farthest one, m.
-        reach: distance from which a share ``detection`` of the beams returns, m.
-        detection: that share.
+        reach: distance from which a fraction ``detection`` of the beams returns, m.
+        detection: that fraction.
     """
 
     sensor: Annotated[str, tyro.conf.Positional] = "vlp-16"

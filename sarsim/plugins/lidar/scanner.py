@@ -58,7 +58,7 @@ class Scan:
 
     @property
     def intensity(self) -> NDArray[np.float32]:
-        """(N,) share of the light that a matt white surface sends back: the cosine of the incidence."""
+        """(N,) fraction of the light that a matt white surface sends back: the cosine of the incidence."""
         along = np.einsum("ij,ij->i", self.points, self.normal)
         return np.clip(-along / np.maximum(self.range, np.float32(1e-6)), 0, 1).astype(np.float32)
 
@@ -244,7 +244,7 @@ class Scanner:
         inverse cosine of the incidence, as the signal gets weaker (Soudarissanane et al., "Incidence angle influence
         on the quality of terrestrial laser scanning points", Laser Scanning 2009). The signal of a matt surface falls
         with the cosine and with the square of the distance. Speckle spreads it exponentially (Goodman, "Some effects
-        of target-induced scintillation on optical radar performance", Proc. IEEE 1965), so the share above the
+        of target-induced scintillation on optical radar performance", Proc. IEEE 1965), so the fraction above the
         detector's threshold is exp(-threshold / signal), which is ``detection`` at ``reach`` and normal incidence.
         """
         if self._rng is None:

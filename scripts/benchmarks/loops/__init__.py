@@ -32,7 +32,7 @@ class TourJob:
 
     Attributes:
         world: one of ``WORLDS``, or an arena.
-        seed: decides the world's details, the way and the noise.
+        seed: decides the world's details, the path and the noise.
         length: m.
     """
 

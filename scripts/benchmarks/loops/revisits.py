@@ -13,7 +13,7 @@ from scripts.benchmarks.loops.tours import Tour
 
 AGAIN = 20.0  # m of path between two passes
 SAME_SURFACE = 0.05  # m
-LEAST_SEEN = 0.4  # Share of a frame's points that were seen in the earlier pass
+LEAST_SEEN = 0.4  # Fraction of a frame's points that were seen in the earlier pass
 DETERMINED = 0.005
 """Minimum eigenvalue, per point, of the information of heading (with a lever of ``LEVER``), x and y in the normals of
 these points; along a corridor it is 0, in a square room 0.3."""

@@ -126,7 +126,7 @@ class Ways(ABC):
 
     @abstractmethod
     def lead_on_from(self, place: Places) -> bool:
-        """Whether there is a way on from a place (2,), m."""
+        """Whether a path leads on from a place (2,), m."""
 
 
 class GraphWays(Ways):

@@ -30,7 +30,7 @@ class World:
         nodes: (N, 3) m, places between which the robot may drive in straight lines; None if it plans its paths on
             the true ground.
         edges: pairs of neighbouring nodes.
-        lap: nodes of a way around the whole world, along which every tour begins.
+        lap: nodes of a path around the whole world, along which every tour begins.
     """
 
     arena: RescueArena
@@ -125,7 +125,7 @@ def on_floor(nodes: ArrayLike, floor: float = 0.0) -> NDArray[np.float64]:
 
 
 def neighbours(*ways: tuple[int, ...]) -> frozenset[tuple[int, int]]:
-    """The pairs of neighbouring nodes along some ways."""
+    """The pairs of neighbouring nodes along some paths."""
     return frozenset((a, b) for way in ways for a, b in pairwise(way))
 
 

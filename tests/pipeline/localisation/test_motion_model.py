@@ -72,7 +72,7 @@ def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:
 
 
 def test_whole_turns_between_keyframes_count() -> None:
-    """1.6 turns by a gyro that measures 0.7 % too much end 4° before the measured heading, not 1.5° after it."""
+    """1.6 turns by a gyro that measures 0.7% too much end 4° before the measured heading, not 1.5° after it."""
     turned = 1.6 * 2 * np.pi
     motion = MeasuredMotion(from_yaw(0, 0, 0, turned), np.array([0.0, 0.0, 1.0]), 20.0, turned)
     np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)

@@ -36,7 +36,7 @@ def tilted(roll: float, pitch: float) -> NDArray[np.float64]:
 
 
 def test_a_square_closes() -> None:
-    """Each side is 2 m long and measured 2 % too long, each corner 2° too wide."""
+    """Each side is 2 m long and measured 2% too long, each corner 2° too wide."""
     edges = [from_yaw(2.04, 0, 0, np.deg2rad(92))] * 4
     graph = chain(edges, 1e3 * np.eye(6))
     assert np.linalg.norm(graph.poses[-1][:2, 3]) > 0.19
@@ -249,7 +249,7 @@ def driven(motions: list[MeasuredMotion]) -> PoseGraph:
 
 
 def test_a_turn_that_closes_shows_what_is_wrong_with_the_gyro() -> None:
-    """24 steps of 15° by a gyro that measures 0.7 % too much; a loop joins the last keyframe to the first."""
+    """24 steps of 15° by a gyro that measures 0.7% too much; a loop joins the last keyframe to the first."""
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
     graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
     graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6), Kind.MOTION)
@@ -260,7 +260,7 @@ def test_a_turn_that_closes_shows_what_is_wrong_with_the_gyro() -> None:
 
 
 def test_a_return_shows_the_tyres_radius_and_every_motion_follows() -> None:
-    """30 m ahead, measured 2 % too short, the robot meets a place that it knows."""
+    """30 m ahead, measured 2% too short, the robot meets a place that it knows."""
     graph = driven([MeasuredMotion(from_yaw(0.3 / 1.02, 0, 0, 0), UP, 1.0)] * 100)
     graph.optimise()
     assert graph.odometry.errors[0] == pytest.approx(0, abs=1e-6)

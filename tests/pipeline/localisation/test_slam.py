@@ -26,7 +26,7 @@ AROUND = drive(*[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN, *[(0.3, 0.0)]
 
 @cache
 def frames() -> list[Frame]:
-    """Frames of that drive, with an odometry that measures 2 % too long and turns by 0.06° from frame to frame."""
+    """Frames of that drive, with an odometry that measures 2% too long and turns by 0.06° from frame to frame."""
     odometry = drifting(AROUND, stretch=1.02, veer=np.deg2rad(0.06))
     return [seen(*poses, time=k) for k, poses in enumerate(zip(AROUND, odometry, strict=True))]
 
@@ -324,7 +324,7 @@ def test_a_robot_that_has_seen_nothing_for_long_no_longer_knows_its_place() -> N
 
 
 def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:
-    """The gyro is off by 0.5 %, and walls are seen only at the start and at the end of the turn."""
+    """The gyro is off by 0.5%, and walls are seen only at the start and at the end of the turn."""
     turns = drive(*[(0.0, np.pi / 12)] * 24)
     slam = Slam()
     for k, T in enumerate(turns):

@@ -36,7 +36,7 @@ def test_pixels_without_a_return_confirm_nothing(nothing: float) -> None:
 
 
 def test_dust_leaves_surfaces_and_loses_its_specks() -> None:
-    """The shares in the module's docstring: four fifths of a wall are hidden, and 2 % of the image are specks."""
+    """The fractions in the module's docstring: four fifths of a wall are hidden, and 2% of the image are specks."""
     rng = np.random.default_rng(0)
     wall = np.where(rng.random((480, 640)) < 0.2, rng.normal(3.0, 0.015, (480, 640)), 0.0)
     specks = rng.random((480, 640)) < 0.02

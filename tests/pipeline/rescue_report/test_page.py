@@ -70,11 +70,11 @@ def test_a_card_says_where_a_person_is(root: Tag) -> None:
     alice, bob = root.all("article")
     assert alice.attributes["class"] == "card"
     assert "x 1.60, y 0.30, z 0.20 m" in alice.text
-    # √5.991 deviations of 0.1 m hold 95 % of the plane.
+    # √5.991 deviations of 0.1 m hold 95% of the plane.
     assert "within 0.2 m (σ 0.10 / 0.10 / 0.10 m)" in alice.text
     assert "1.6 m from the entrance" in alice.text
     assert "0.3 × 0.3 × 0.4 m" in alice.text
-    assert "90 % confidence, in 2 keyframes, up to 1.0 m apart" in alice.text
+    assert "90% confidence, in 2 keyframes, up to 1.0 m apart" in alice.text
     assert "unconfirmed" in bob.attributes["class"]
     assert "Posturelying, " in bob.text
     assert "cannot reach the person" in bob.text
@@ -120,7 +120,7 @@ def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: boo
     tile = next(tile for tile in root.all("div", "tile") if "Explored" in tile.text)
     assert ("good" in tile.attributes["class"]) == is_good
     assert said in tile.text
-    assert ("contradicts itself: 5 %" in root.text) == (trust.contradicted == 0.05)
+    assert ("contradicts itself: 5%" in root.text) == (trust.contradicted == 0.05)
     assert ("1.6 m from where they are" in root.text) == (trust.deviation == 0.8)
 
 

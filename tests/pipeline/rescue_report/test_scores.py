@@ -27,7 +27,7 @@ def test_rules_and_losses_in_words() -> None:
     league, virtual = league_scores(REPORT)
     assert (league.points, virtual.points) == (2.65, 0.125)
     assert league.rules["map"] == "0.65: coverage 0.5, bonus 1.3"
-    assert league.losses == ["50 % of the ground not mapped", "detections: 1 wrong"]
+    assert league.losses == ["50% of the ground not mapped", "detections: 1 wrong"]
     assert virtual.losses == ["portals: 2 missed", "contacts: 0.12 points"]
 
 

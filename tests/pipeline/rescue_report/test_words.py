@@ -10,7 +10,7 @@ from pipeline.victims.display import letters
 def test_numbers_as_people_read_them() -> None:
     assert [words.number(-1.25, 1), words.number(-0.04)] == ["−1.2", "0.0"]
     assert words.place([-0.51, 2]) == "(−0.5, 2.0) m"
-    assert [words.percent(share) for share in (0, 0.5, 0.996, 1)] == ["0 %", "50 %", "99 %", "100 %"]
+    assert [words.percent(share) for share in (0, 0.5, 0.996, 1)] == ["0%", "50%", "99%", "100%"]
     assert [words.counted(n, "drop") for n in range(3)] == ["no drops", "1 drop", "2 drops"]
     assert [words.minutes(s) for s in (9.6, 60, 3725)] == ["10 s", "1 min 00 s", "62 min 05 s"]
 

@@ -19,7 +19,7 @@ CAMERA = np.array([0.0, 0.0, 0.6])
 
 
 def block(extents: tuple[float, float, float], middle: tuple[float, float, float], count: int = 3000) -> np.ndarray:
-    """(N, 3) returns spread over a block of x, y, z extents, m, so that the middle 90 % measure them."""
+    """(N, 3) returns spread over a block of x, y, z extents, m, so that the middle 90% measure them."""
     spread = np.random.default_rng(0).uniform(-0.5, 0.5, (count, 3)) / 0.9
     return spread * extents + middle
 

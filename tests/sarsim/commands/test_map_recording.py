@@ -133,7 +133,7 @@ def test_gaps_cost_no_more_than_the_frames_in_them(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("every", [1, 4])
 def test_the_drift_is_the_error_at_the_end_over_the_way(every: int, tmp_path: Path) -> None:
-    # Straight on by 1.2 m, which the odometry takes for 2 % more; in steps of 15 or of 60 cm.
+    # Straight on by 1.2 m, which the odometry takes for 2% more; in steps of 15 or of 60 cm.
     straight = 9
     poses = {"groundtruth": camera_poses(WAY[:straight]), "odometry": camera_poses(ODOMETRY[:straight])}
     folder = write_tum_folder(tmp_path / "room", straight, **poses)
@@ -213,7 +213,7 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     ways_in: dict[str, Path], tmp_path: Path
 ) -> None:
     run(ways_in["without"], "--out", tmp_path, "--labels", "rules")
-    assert not [tile.text for tile in tiles(tmp_path) if "good" in tile.attributes["class"] or " 0 %" in tile.text]
+    assert not [tile.text for tile in tiles(tmp_path) if "good" in tile.attributes["class"] or " 0%" in tile.text]
     (summary,) = read((tmp_path / "report.html").read_text()).all("p", "summary")
     notes = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
     assert "--camera" in summary.text and all("--camera" in note for note in notes)

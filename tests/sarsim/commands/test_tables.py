@@ -30,10 +30,10 @@ def lines(report: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[st
 def test_a_run_ends_with_six_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "report.html").touch()
     explored, legs, pose, labels, people, results = lines(REPORT, tmp_path, capsys)
-    assert "99.9 %" in explored and "2:21 min" in explored  # what is not whole is not 100 %
+    assert "99.9%" in explored and "2:21 min" in explored  # what is not whole is not 100%
     assert "34 of 35" in legs and "1 contact " in legs
     assert "1.1 cm" in pose and "0.11°" in pose
-    assert "99.6 %" in labels and "0.987" in labels
+    assert "99.6%" in labels and "0.987" in labels
     assert "1 of 2" in people and " cm off" in people
     assert "sarsim-view" in results and str(tmp_path / "report.html") in results
 

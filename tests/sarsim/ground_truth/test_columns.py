@@ -57,7 +57,7 @@ def test_tops_are_where_rays_meet_them(shape, quat):
     by_columns, by_rays = highest(*compiled(geom, WEDGE), GRID)
     both = ~np.isnan(by_columns) & ~np.isnan(by_rays)
     assert both.sum() > 40
-    # A round shape is a polyhedron here: its rim may miss a few cells, and it lies up to 1 % of its radius lower.
+    # A round shape is a polyhedron here: its rim may miss a few cells, and it lies up to 1% of its radius lower.
     assert (np.isnan(by_columns) != np.isnan(by_rays)).sum() <= 0.05 * both.sum()
     error = np.abs(by_columns - by_rays)[both]
     if shape in ("box", "mesh"):

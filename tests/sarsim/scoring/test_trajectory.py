@@ -45,7 +45,7 @@ def test_drift_is_the_error_at_the_end_over_the_way():
 
 @pytest.mark.parametrize("poses", [2, 5, 101, 20_001])
 def test_drift_of_a_recording_does_not_depend_on_how_many_poses_it_has(poses):
-    # 2 m on and 1.5 m up a ramp, in the end 5 cm off: 2 %
+    # 2 m on and 1.5 m up a ramp, in the end 5 cm off: 2%
     share = np.linspace(0, 1, poses)
     ways = [(from_yaw(2 * s, 0, 1.5 * s, 0), from_yaw(2 * s, 0.05 * s, 1.5 * s, 0)) for s in share]
     score = scored([Pose(t, true, believed) for t, (true, believed) in enumerate(ways)])

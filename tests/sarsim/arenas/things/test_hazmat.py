@@ -17,7 +17,7 @@ def faces():
 
 
 def test_no_two_classes_look_alike(faces):
-    """The nearest two, a gas and a liquid that burn, differ by a word and a digit: in 2 % of the pixels at least."""
+    """The nearest two, a gas and a liquid that burn, differ by a word and a digit: in 2% of the pixels at least."""
     for a, b in combinations(HAZMAT_CLASSES, 2):
         differs = np.abs(faces[a] - faces[b]).max(axis=2) > 100
         assert differs.mean() > 0.02, (a, b)

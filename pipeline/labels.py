@@ -20,6 +20,18 @@ class Label(IntEnum):
     CLUTTER = 7
 
 
+PLAIN_NAMES = {
+    Label.UNLABELLED: "not classified",
+    Label.WALL: "wall",
+    Label.TERRAIN: "ground",
+    Label.INCLINED_RAMP: "slope",
+    Label.STRAIGHT_RAMP: "raised deck",
+    Label.CEILING: "ceiling",
+    Label.VICTIM: "person",
+    Label.CLUTTER: "clutter",
+}
+"""The words for the classes in everything that people read; files have the names of the labels."""
+
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.files import read_numbers
 from pipeline.keyframes import Seen
-from pipeline.labels import COLOURS, Label
+from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.map_file import read_keyframes
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
@@ -40,8 +40,7 @@ PAINT = 0.8
 """Opacity of a label's colour."""
 AROUND = 0.1
 """Margin around the box of a person who was found, m; points inside belong to the person."""
-NAMES = {Label.WALL: "wall", Label.TERRAIN: "terrain", Label.INCLINED_RAMP: "inclined ramp",
-         Label.STRAIGHT_RAMP: "straight ramp", Label.VICTIM: "person found"}  # fmt: skip
+NAMED = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.VICTIM
 INK, DIM, GROUND, TRACK = (240, 240, 240), (160, 165, 170), (24, 27, 31), (255, 255, 255)
 QUALITY = 62
 IMAGE = Path(__file__).parents[1] / "images" / "episode.webp"
@@ -191,10 +190,10 @@ def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, exp
     draw.text((left, top), f"{minutes}:{seconds:02d}", INK, ImageFont.load_default(30))
     draw.text((left + 100, top), f"{explored:.0%}", INK, ImageFont.load_default(30))
     draw.text((left + 185, top + 12), "explored", DIM, ImageFont.load_default(18))
-    for n, (label, name) in enumerate(NAMES.items()):
+    for n, label in enumerate(NAMED):
         y = top + 46 + 27 * n
         draw.rectangle((left, y, left + 20, y + 20), tuple(COLOURS[label].tolist()))
-        draw.text((left + 32, y - 2), name, INK, ImageFont.load_default(18))
+        draw.text((left + 32, y - 2), PLAIN_NAMES[label], INK, ImageFont.load_default(18))
     return image
 
 

@@ -15,7 +15,7 @@ from pipeline.arrays import Labels, Places, Points, Pose, Poses, Rgb
 from pipeline.explorer import Step
 from pipeline.frame import Frame, jpeg
 from pipeline.geometry.thinning import first_in_voxels
-from pipeline.labels import COLOURS, Label
+from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.segments.segments import Segments
@@ -42,7 +42,7 @@ ABOVE_GROUND = np.array([0, 0, 0.08])
 def annotations() -> rr.AnnotationContext:
     """The table of labels, with names and colours."""
     return rr.AnnotationContext(
-        [rr.AnnotationInfo(int(label), label.name.lower(), tuple(COLOURS[label])) for label in Label]
+        [rr.AnnotationInfo(int(label), PLAIN_NAMES[label], tuple(COLOURS[label])) for label in Label]
     )
 
 
@@ -128,7 +128,7 @@ def segment_boxes(segments: Segments) -> rr.Boxes3D:
         half_sizes=np.array([box.extent / 2 for box in boxes]).reshape(-1, 3),
         quaternions=quaternions,
         class_ids=[int(segment.label) for segment in segments],
-        labels=[f"{segment.label.name.lower()} {segment.id}" for segment in segments],
+        labels=[f"{PLAIN_NAMES[segment.label]} {segment.id}" for segment in segments],
         show_labels=False,
         fill_mode="transparentfillmajorwireframe",
     )

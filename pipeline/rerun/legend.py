@@ -5,7 +5,7 @@ import numpy as np
 from PIL import ImageColor
 
 from pipeline.arrays import Rgb
-from pipeline.labels import COLOURS, Label
+from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.rerun import drawings
 from pipeline.rerun.drawings import FONT
 from pipeline.rerun.find_drawings import FIND_COLOUR
@@ -13,7 +13,7 @@ from pipeline.rerun.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
 PAPER, INK = ImageColor.getrgb("whitesmoke"), ImageColor.getrgb("black")
 MEANINGS = {
-    **{f"label: {label.name.lower().replace('_', ' ')}": tuple(COLOURS[label].tolist()) for label in Label},
+    **{PLAIN_NAMES[label]: tuple(COLOURS[label].tolist()) for label in Label},
     "path to the next viewpoint": drawings.PLAN_COLOUR,
     "frontier of unseen ground": drawings.FRONTIER_COLOUR,
     "edge of the topological map": drawings.EDGE_COLOUR,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.html_page import render
-from pipeline.labels import PERSON_COLOUR, Label
+from pipeline.labels import PERSON_COLOUR, PLAIN_NAMES, Label
 from pipeline.rescue_report.figures import figures
 from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale
 from pipeline.rescue_report.records import people_data
@@ -20,13 +20,6 @@ from pipeline.tracks.find import plain_text
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
-PLAIN_NAMES = {
-    Label.UNLABELLED: "seen, not classified",
-    Label.INCLINED_RAMP: "slope",
-    Label.STRAIGHT_RAMP: "raised deck",
-    Label.TERRAIN: "ground",
-}
-"""Plain names of some of the classes."""
 
 
 def page(situation: Situation, report: Mapping[str, Any], written: datetime | None = None) -> str:
@@ -48,7 +41,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         report=report,
         title=arena.stem if arena.suffix.lower() in (".raf", ".xml") else report["arena"],
         map=draw_map(situation),
-        classes={PLAIN_NAMES.get(k, k.name.lower()): pale(k) for k in map(Label, drawn[drawn >= 0])},
+        classes={PLAIN_NAMES[k]: pale(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
         person_colour=PERSON_COLOUR,
         written=written,

@@ -12,7 +12,7 @@ class RuleConfig:
 
     Attributes:
         wall_tilt: minimum tilt of a wall, rad.
-        deck: height above the ground where the robot was set down, m; level surfaces above it are straight ramps.
+        deck: height above the ground where the robot was set down, m; level surfaces above it are decks.
         ceiling: height above the same ground, m; level surfaces above it are ceilings.
     """
 

@@ -29,7 +29,7 @@ JOINT = 0.6
 SAME_LEVEL = 0.12
 """Maximum difference in height between a segment and ground that belongs to it, m."""
 LARGE_RAMP = 1.8
-"""Length above which a straight ramp has a node in each half, m."""
+"""Length above which a deck has a node in each half, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def thesis_places(
 
 
 def label_at(point: Place, segments: Segments) -> Label:
-    """The label of a node at a point on the ground: straight ramp if one is within ``SAME_LEVEL``, else terrain."""
+    """The label of a node at a point on the ground: deck if one is within ``SAME_LEVEL``, else terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= SAME_LEVEL:
             return Label.STRAIGHT_RAMP
@@ -82,7 +82,7 @@ def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapCon
 
 
 def _middles(segment: Segment) -> Places:
-    """(N, 3) the centre of a straight ramp, or the centres of its two halves if it is longer than ``LARGE_RAMP``."""
+    """(N, 3) the centre of a deck, or the centres of its two halves if it is longer than ``LARGE_RAMP``."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
     if extent[long] <= LARGE_RAMP:

@@ -8,7 +8,7 @@ do not face down; the first rule that applies decides:
 1. if that face is tilted by at most the slope that the P3-AT can climb (20°),
    - inclined ramp, if it is wide and tilted by more than 8°;
    - terrain, if it is level and within a step of the ground;
-   - straight ramp, if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
+   - deck (``STRAIGHT_RAMP``), if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
    - terrain, the floor of a higher level, if it is level, lower than a door and fills a quarter of the rectangle;
    - ceiling, if it is level and the body's underside is above the height of a door (2 m) over the ground;
 2. wall, if the face is within 20° of the vertical and at least as long as the P3-AT is wide (0.6 m with clearance),

@@ -78,7 +78,7 @@ class Cloud:
 class S3dis(Export):
     """Area_N/room/room.txt and Annotations/<class>_<n>.txt, with lines of x y z (m) and r g b (0 to 255).
 
-    Classes have S3DIS's names: floor is terrain, beam an inclined ramp, table a straight ramp, chair a victim, window
+    Classes have S3DIS's names: floor is terrain, beam a slope, table a deck, chair a victim, window
     unlabelled. The lists in meta/ replace those of published readers, so that a class has the number of its label.
     """
 

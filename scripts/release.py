@@ -9,8 +9,9 @@ ROOT = Path(__file__).resolve().parents[1]
 DATE = r"\d{4}-\d\d-\d\d"
 RESULTS = "<!-- results: written by make results -->"
 """Marks the beginning of README's results."""
-ROW = re.compile(rf"^\|.*?(?:, {DATE}, ([0-9a-f]{{7,40}}\+?) )?\|$", re.MULTILINE)
-"""A row of README's results, whose end gives date and commit of the measurement."""
+NOT_MEASURED = "not measured yet"
+MEASURED = re.compile(rf"\bon {DATE} at commit ([0-9a-f]{{7,40}}\+?)(?=[ .])")
+"""Where README's results say at which commit they were measured."""
 
 
 def main() -> None:
@@ -40,10 +41,10 @@ def checked(tag: str, version: str, changelog: str, citation: str, readme: str) 
     else:
         wrong.append(f"CHANGELOG.md: must have a heading with the release date, such as '## {version}, 2026-11-27'")
     # Every row of the results must be measured, and all on one commit without changes.
-    table = readme.partition(RESULTS)[2].strip().partition("\n\n")[2].partition("\n\n")[0]
-    commits = ROW.findall(table)[2:]  # without the header and the line below it
-    if len({commit[:7] for commit in commits}) != 1 or not commits[0] or commits[0].endswith("+"):
-        sources = ", ".join(dict.fromkeys(commit or "none" for commit in commits)) or "none"
+    results = readme.partition(RESULTS)[2]
+    commits = MEASURED.findall(results) + ["none"] * (NOT_MEASURED in results)
+    if len({commit[:7] for commit in commits}) != 1 or commits[0].endswith("+"):
+        sources = ", ".join(dict.fromkeys(commits)) or "none"
         wrong.append(f"README.md: all results must come from one commit, not {sources}; run 'make results'")
     return (found[2].strip() if found else ""), wrong
 

@@ -38,6 +38,7 @@ README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
+LEADERBOARD_PAGE = "leaderboard"
 FOLDER_WORD = "FOLDER"  # Stands for a folder outside the checkout in the command of a page
 DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
@@ -191,15 +192,15 @@ def texts() -> dict[Path, str]:
 
 def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None]) -> list[str]:
     """README's results and claims, as Markdown."""
-    pages = content["pages"]
-    rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
+    pages, board = content["pages"], leaderboard_record(tuple(sorted(ENTRIES.glob("*.json"))))
+    rows = [readme_row(row, {**records, LEADERBOARD_PAGE: board}[row["page"]]) for row in content["readme"]]
     claims = [claim_row(c, pages[c["page"]], records[c["page"]]) for c in content["claims"]]
     return [
         "## Results",
-        "\n".join(["| figure | sarsim | baseline | computed by | measured |", "|---|---|---|---|---|", *rows]),
-        "[All results](docs/results/index.md)",
+        "\n".join(["| figure | sarsim | baseline | page |", "|---|---|---|---|", *rows]),
+        f"{measured_at(records.get(row['page']) for row in content['readme'])} [All results](docs/results/index.md)",
         "## Reproduce",
-        "`make claims` runs these commands and reports which claims hold. The minutes are processor time.",
+        "`make claims` runs these commands and reports which claims hold.",
         "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
     ]
 
@@ -213,6 +214,21 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
     older = "[`earlier.md`](earlier.md) has older figures, [`tried.md`](../tried.md) those of rejected ideas."
     return markdown("Results", INDEX, "make results   # measure everything", "\n".join(rows), board, older)
+
+
+@cache
+def leaderboard_record(files: tuple[Path, ...]) -> Record:
+    """The leaderboard's cells, by the end of their table's title, their method and their column; cached."""
+    from sarsim.commands.sweeps.leaderboard import boards, read_entry
+
+    return {
+        "figures": {
+            f"{board.title.rpartition(': ')[2]}.{row[0]}.{head}": cell
+            for board in boards(map(read_entry, files))
+            for row in board.rows
+            for head, cell in zip(board.heads, row, strict=True)
+        }
+    }
 
 
 @cache
@@ -305,16 +321,18 @@ def line(cells: Iterable[str]) -> str:
 
 def readme_row(row: Mapping[str, str], record: Record | None) -> str:
     """A row of README's results: ``ours`` and ``baseline`` with figures in place of the fields in braces."""
+    page = f"[{row['page']}](docs/results/{row['page']}.md)"
+    figures = record["figures"] if record else {}
     try:
-        cells = [
-            filled(row[who], record["figures"] if record else {}) if who in row else "–"
-            for who in ("ours", "baseline")
-        ]
-        when = f", {record['date']}, {record['commit']}" if record else ""
+        return line([row["what"], *(filled(row.get(who, "–"), figures) for who in ("ours", "baseline")), page])
     except KeyError:
-        cells, when = [NOT_MEASURED, "–"], f", `make results PAGE={row['page']}`"
-    code = f"[{Path(row['code']).stem}]({row['code']})"
-    return line([row["what"], *cells, code, f"[{row['page']}](docs/results/{row['page']}.md){when}"])
+        return line([row["what"], f"{NOT_MEASURED}: `make results PAGE={row['page']}`", "–", page])
+
+
+def measured_at(records: Iterable[Record | None]) -> str:
+    """When and at which commits the figures were measured, as a sentence; empty if none was."""
+    states = dict.fromkeys(f"on {record['date']} at commit {record['commit']}" for record in records if record)
+    return f"Measured {' and '.join(states)}." if states else ""
 
 
 def filled(text: str, figures: Mapping[str, float]) -> str:
@@ -325,13 +343,23 @@ def filled(text: str, figures: Mapping[str, float]) -> str:
 def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record | None) -> str:
     """A row of README's claims."""
     figures = record["figures"] if record else {}
-    value = number(figures[claim["figure"]]) if claim["figure"] in figures else NOT_MEASURED
+    value = value_of(claim, figures, NOT_MEASURED)
     command = f"`{shown(page['command'])}`"
     return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
 
 
+def value_of(claim: Mapping[str, Any], figures: Mapping[str, float], otherwise: str) -> str:
+    """The figure that a claim names, as text; yes or no if it is 1 where something is true."""
+    if claim["figure"] not in figures:
+        return otherwise
+    value = figures[claim["figure"]]
+    return ("no", "yes")[value == 1] if claim.get("is_true") else number(value)
+
+
 def expected(claim: Mapping[str, Any]) -> str:
     """The figures that a claim allows."""
+    if claim.get("is_true"):
+        return "yes"
     return f"≥ {claim['least']:g}" if "least" in claim else f"≤ {claim['most']:g}"
 
 
@@ -342,7 +370,7 @@ def check_claims() -> None:
         figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
         for claim in group:
             failed += not holds(claim, figures)
-            value = number(figures[claim["figure"]]) if claim["figure"] in figures else "missing"
+            value = value_of(claim, figures, "missing")
             word = "holds" if holds(claim, figures) else "FAILS"
             print(f"{word}  {claim['claim']}: {value}, expected {expected(claim)}", flush=True)
     if failed:
@@ -352,6 +380,8 @@ def check_claims() -> None:
 def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
     """Whether the figure that a claim names exists and is within its bounds."""
     figure = figures.get(claim["figure"], float("nan"))
+    if claim.get("is_true"):
+        return figure == 1
     return bool(claim.get("least", figure) <= figure <= claim.get("most", figure))
 
 

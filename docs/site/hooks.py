@@ -61,8 +61,7 @@ def reference(package: Path) -> str:
 def root_page(name: str) -> str:
     """A file of the repository's root as a page of the site."""
     text = (ROOT / name).read_text().replace(NOTEBOOK, "docs/notebook.md")
-    text = text.replace("`ADDRESS` is this repository's address. ", "")
-    text = re.sub(r"\bADDRESS\b", PROJECT["urls"]["Repository"], text)
+    text = text.replace("REPOSITORY_URL", PROJECT["urls"]["Repository"])
     return AT_ROOT.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
 
 

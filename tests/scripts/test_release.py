@@ -9,9 +9,9 @@ CITATION = "version: 0.2.0\ndate-released: 2027-01-02\n"
 
 
 def readme(*commits: str) -> str:
-    rows = [f"| a | 1 m | – | b | [c](d), 2026-11-27, {commit} |\n" for commit in commits]
-    head = "| what | here | baseline | computed by | measured |\n|---|---|---|---|---|\n"
-    return f"# x\n\n| y | 2026-11-27, 0000000 |\n\n{RESULTS}\n\n## Results\n\n{head}{''.join(rows)}\n[All](e)\n"
+    measured = " and ".join(f"on 2026-11-27 at commit {commit}" for commit in commits)
+    table = "| figure | sarsim | baseline | page |\n|---|---|---|---|\n| a | 1 m | – | [c](d) |\n"
+    return f"# x\n\nMade on 2026-11-26 at commit 0000000.\n\n{RESULTS}\n\n{table}\nMeasured {measured}. [All](e)\n"
 
 
 GOOD = {
@@ -39,7 +39,7 @@ def test_the_notes_are_the_changes_of_the_version() -> None:
         ({"citation": CITATION.replace("2027", "2026")}, "CITATION.cff"),
         ({"readme": readme("f86fbd0d", "9f38a35")}, "README.md"),
         ({"readme": readme("f86fbd0d+", "f86fbd0d+")}, "README.md"),
-        ({"readme": readme("f86fbd0d", "not measured")}, "README.md"),
+        ({"readme": readme("f86fbd0d").replace("1 m", "not measured yet")}, "README.md"),
         ({"readme": readme()}, "README.md"),
     ],
 )

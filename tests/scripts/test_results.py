@@ -15,6 +15,7 @@ from scripts.results import (
     claim_row,
     holds,
     kept,
+    measured_at,
     plan,
     readme_row,
     record_of,
@@ -30,6 +31,7 @@ RECORD: dict[str, Any] = {
 }  # fmt: skip
 LEAST = {"claim": "fast", "page": "camera", "figure": "times", "least": 2}
 MOST = {"claim": "exact", "page": "camera", "figure": "error", "most": 0.5}
+TRUE = {"claim": "equal", "page": "camera", "figure": "a.ms", "is_true": True}
 
 
 def test_numbers_are_kept_with_five_digits() -> None:
@@ -61,15 +63,17 @@ def test_folder_stands_for_a_folder_or_is_left_out(tmp_path: Path) -> None:
 
 
 def test_rows_of_the_readme() -> None:
-    row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
-    end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
+    row = {"what": "speed", "page": "camera", "ours": "{a.ms:.1f} ms"}
+    end = "[camera](docs/results/camera.md) |"
     assert readme_row(row, RECORD) == f"| speed | 2.0 ms | – | {end}"
     assert readme_row(row | {"baseline": "{a.ms:.0f} s"}, RECORD) == f"| speed | 2.0 ms | 2 s | {end}"
     unknown = readme_row(row | {"ours": "{b.ms:.1f} ms"}, RECORD)
     assert "not measured yet" in unknown and "make results PAGE=camera" in unknown
     assert readme_row(row, None) == unknown
     claim = {"claim": "fast", "page": "camera", "figure": "a.ms", "most": 2.5}
+    assert measured_at([RECORD, None, RECORD]) == "Measured on 2026-11-24 at commit abc."
     assert claim_row(claim, PAGE, RECORD) == "| fast | `python scripts/benchmark.py camera` | 2.0 | ≤ 2.5 | 2 |"
+    assert claim_row(TRUE, PAGE, RECORD).endswith("| yes | no |") and not holds(TRUE, RECORD["figures"])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.labels import COLOURS, Label
+from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.localisation.localisation import Localised, Loop
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -89,7 +89,7 @@ def test_z_is_up_and_labels_have_their_names_and_colours(recording):
     world = rows["/world"][0]
     assert world["ViewCoordinates:xyz"] == [[3, 5, 1]]  # right, forward, up
     infos = [entry["class_description"]["info"] for entry in world["AnnotationContext:context"][0]]
-    assert [(info["id"], info["label"]) for info in infos] == [(int(x), x.name.lower()) for x in Label]
+    assert [(info["id"], info["label"]) for info in infos] == [(int(x), PLAIN_NAMES[x]) for x in Label]
     red, green, blue = COLOURS[Label.VICTIM].tolist()
     assert infos[Label.VICTIM]["color"] == red << 24 | green << 16 | blue << 8 | 255
 

@@ -121,7 +121,8 @@ class Frame:
         T_base_camera: pose of ``camera_optical`` in ``base_link``.
         T_odom_base: pose of ``base_link`` in ``odom`` from the robot's odometry.
         label: (H, W) uint8 true label of every pixel; None without a simulator.
-        instance: (H, W) int32 id of the object at every pixel, -1 = none; None without a simulator.
+        instance: (H, W) int32 id of the geom, a shape in the MJCF, at every pixel, -1 = none; an object, such as a
+            person, may consist of several. None without a simulator.
         sensor: the camera that measured the depth.
         thermal: (h, w) float32 °C, registered to the colour image, same field of view; None without a thermal camera.
     """

@@ -22,7 +22,7 @@ from sarsim.robots.model import paced_model, robot_sensor
 from sarsim.robots.names import ROBOTS
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
-from sarsim.sensors.camera import LabelledImage, RgbdCamera
+from sarsim.sensors.camera import LabelledImage, RgbdCamera, geom_objects
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting, set_lighting
 from sarsim.sensors.odometry import WheelOdometry
@@ -88,6 +88,8 @@ class SimulatedRobot:
         sensor: range and noise of its camera; its frames' sensor ends where depth is no longer precise.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
+        object_of_geom: (ngeom + 1,) int32 the object of each geom, as :func:`sarsim.sensors.camera.geom_objects` tells
+            them apart: ``object_of_geom[frame.instance]`` is the image of objects.
         true_frame: the newest frame without noise; None before the first.
         trajectory: one pose per control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
@@ -112,6 +114,7 @@ class SimulatedRobot:
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr, *config.camera_size)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
+        self.object_of_geom = geom_objects(self.physics.model.ptr)
         things = things_of(self.physics.model.ptr, self.physics.data.ptr)
         self._thermal = ThermalCamera(temperatures(self.physics.model.ptr, things))
         self._living = [thing.geoms for thing in things if thing.is_warm]

@@ -28,7 +28,7 @@ from sarsim.methods.plugins import make_plugins
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steered import SkidSteered
-from sarsim.sensors.camera import RgbdCamera, geom_labels
+from sarsim.sensors.camera import RgbdCamera, geom_labels, geom_objects
 from sarsim.sensors.lighting import set_lighting
 from sarsim.sensors.rendering import Renderer, hidden
 from sarsim.victims.victims import victims_of
@@ -194,6 +194,7 @@ class World(ExitStack):
             geom_name=[model.geom(geom).name for geom in range(model.ngeom)],
             geom_label=geom_labels(model),
             geom_victim=self._victim_of_geom,
+            geom_object=geom_objects(model)[:-1].astype(np.int16),
             victim_id=[victim.id for victim in victims],
             victim_pose=np.array([victim.T_world_victim for victim in victims]).reshape(-1, 4, 4),
             victim_box=np.array([victim.box for victim in victims]).reshape(-1, 2, 3),

@@ -33,7 +33,15 @@ _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.u
 
 _CONTENT = {
     name: name.replace("s/", "_")
-    for name in ("geoms/name", "geoms/label", "geoms/victim", "victims/id", "victims/pose", "victims/box")
+    for name in (
+        "geoms/name",
+        "geoms/label",
+        "geoms/victim",
+        "geoms/object",
+        "victims/id",
+        "victims/pose",
+        "victims/box",
+    )
 }  # The attribute of :class:`SceneContent` for each name in the file
 
 _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
@@ -52,11 +60,14 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "geoms/name": ("S", "G"),
     "geoms/label": ("u1", "G"),
     "geoms/victim": ("i2", "G"),
+    "geoms/object": ("i2", "G"),
     "victims/id": ("S", "V"),
     "victims/pose": ("f8", "V", 4, 4),
     "victims/box": ("f8", "V", 2, 3),
 }
 """Type and shape of every dataset in a file; a letter stands for the same size everywhere."""
+LATER = ("geoms/object",)
+"""Datasets that older files of this version lack."""
 MOST_BYTES = 2**28
 """Maximum bytes of a frame's image, and of any other dataset, because a small file may claim to hold terabytes."""
 MOST_FRAMES = 100_000
@@ -73,6 +84,7 @@ class SceneContent:
         geom_name: (G,) names of the geoms, by instance id.
         geom_label: (G,) uint8.
         geom_victim: (G,) int16 index of the victim to which each geom belongs; -1 = none.
+        geom_object: (G,) int16 id of the object to which each geom belongs: that of its first geom.
         victim_id: (V,) names.
         victim_pose: (V, 4, 4) T_world_victim.
         victim_box: (V, 2, 3) lowest and highest corner in the victim's own frame, m.
@@ -84,9 +96,15 @@ class SceneContent:
     geom_name: list[str]
     geom_label: Labels
     geom_victim: NDArray[np.int16]
+    geom_object: NDArray[np.int16]
     victim_id: list[str]
     victim_pose: Poses
     victim_box: Boxes
+
+    @property
+    def object_of_geom(self) -> NDArray[np.int32]:
+        """(G + 1,) ``geom_object``, and -1 for pixels without a geom: index it with ``instance``."""
+        return np.append(self.geom_object, -1).astype(np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +253,8 @@ class Scene(ExitStack):
         """The size for each letter; ValueError if a dataset is external or huge, or has the wrong type or shape."""
         sizes: dict[str, int] = {}
         for name, (kind, *shape) in _LAYOUT.items():
+            if name in LATER and name not in self._file:
+                continue
             part = self._file[name]
             if part.file.filename != self._file.filename or part.external or part.is_virtual:
                 raise ValueError(f"{name} must not refer to another file")
@@ -272,6 +292,9 @@ class Scene(ExitStack):
             raise ValueError(
                 f"geoms/victim contains {wrong[0]}, which is neither -1 nor an index of the {count} victims"
             )
+        objects, geoms = content.geom_object, len(content.geom_name)
+        if (wrong := objects[(objects < 0) | (objects >= geoms)]).size:
+            raise ValueError(f"geoms/object contains {wrong[0]}, which is not an index of the {geoms} geoms")
         boxes = self.victim_pixels[self.victim_area > 0]
         if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MOST_BYTES).any():
             raise ValueError(
@@ -313,7 +336,8 @@ class Scene(ExitStack):
     def content(self) -> SceneContent:
         """The scene's content without the frames; InputError if the file is broken."""
         with self._telling():
-            arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
+            arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items() if name in self._file}
+            arrays.setdefault("geom_object", _objects_by_victims(arrays["geom_victim"]))
             for names in ("geom_name", "victim_id"):
                 arrays[names] = [name.decode() for name in arrays[names]]
             mjcf = self._file["mjcf"][:].tobytes().decode()
@@ -334,6 +358,13 @@ class Scene(ExitStack):
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
             raise self._damaged(f"{name} of frame {index} cannot be read") from error
+
+
+def _objects_by_victims(geom_victim: NDArray[np.int16]) -> NDArray[np.int16]:
+    """(G,) objects of a file that does not tell them: (G,) victims, and geoms."""
+    owners = np.where(geom_victim >= 0, geom_victim, -1 - np.arange(len(geom_victim)))
+    _, first, part = np.unique(owners, return_index=True, return_inverse=True)
+    return first[part].astype(np.int16)
 
 
 def read_scene(path: Path) -> Recording:

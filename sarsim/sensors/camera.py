@@ -120,6 +120,25 @@ def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height:
     return Intrinsics(width, height, float(fx), float(fy), float(width / 2 - px), float(height / 2 - py))
 
 
+def geom_objects(model: mujoco.MjModel) -> NDArray[np.int32]:
+    """The object to which each geom belongs.
+
+    The geoms of a body of the world and of all bodies in it are one object, such as a person, if they have the same
+    label; a geom of the world itself, such as a wall, is one of its own. An object's id is that of its first geom.
+
+    Returns:
+        (ngeom + 1,) int32 ids; the last one, -1, is for pixels without a geom, whose id is -1.
+
+    Raises:
+        InputError: as for :func:`geom_labels`.
+    """
+    bodies = model.body_rootid[model.geom_bodyid]
+    owners = np.where(bodies > 0, bodies, -1 - np.arange(model.ngeom))
+    parts = np.column_stack([owners, geom_labels(model)])
+    _, first, part = np.unique(parts, axis=0, return_index=True, return_inverse=True)
+    return np.append(first[part.ravel()], -1).astype(np.int32)
+
+
 def geom_labels(model: mujoco.MjModel) -> Labels:
     """Labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
 

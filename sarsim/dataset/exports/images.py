@@ -22,7 +22,7 @@ CATEGORIES = [{"id": int(label), "name": label.name.lower()} for label in Label 
 
 @dataclass(frozen=True)
 class Coco(ImageExport):
-    """images/<split>/*.jpg and annotations/<split>.json: boxes and masks of victims, and of every other geom."""
+    """images/<split>/*.jpg and annotations/<split>.json: boxes and masks of all labelled objects."""
 
     _splits: dict[str, dict[str, list[dict[str, Any]]]] = field(default_factory=dict, init=False)
 
@@ -48,12 +48,8 @@ class Coco(ImageExport):
 def objects(
     instance: NDArray[np.int32], content: SceneContent, min_area: int
 ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """Label and (H, W) mask of each object, a geom or a victim, with at least ``min_area`` pixels in an image."""
-    victims = content.geom_victim.astype(np.int64)
-    geoms = np.arange(len(victims))
-    # All geoms of a victim share the number of its first geom.
-    first = np.array([geoms[victims == v][0] if v >= 0 else g for g, v in zip(geoms, victims, strict=True)])
-    merged = np.where(instance >= 0, first[instance], -1)
+    """Label and (H, W) mask of each object with at least ``min_area`` pixels in an image."""
+    merged = content.object_of_geom[instance]
     for number, area in zip(*np.unique(merged[merged >= 0], return_counts=True), strict=True):
         label = int(content.geom_label[number])
         if area >= min_area and label != Label.UNLABELLED:

@@ -89,7 +89,7 @@ class S3dis(Export):
         check("voxel", self.voxel, 0.001)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """Write a room for the scene, with a file for each geom or victim that is seen in it."""
+        """Write a room for the scene, with a file for each object that is seen in it."""
         name = room(entry)
         annotations = folder / AREAS[entry.split] / name / "Annotations"
         annotations.mkdir(parents=True)
@@ -118,11 +118,9 @@ class S3dis(Export):
             (folder / "meta" / name).write_text("".join(f"{line}\n" for line in lines))
 
 
-def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
-    """(N,) the number of each point's object: a geom, or all geoms of a victim; -1 for specks of dust."""
-    # Index -1, no geom, selects the element appended at the end.
-    victim = np.append(scene.content.geom_victim, -1).astype(np.int64)[cloud.instance]
-    return np.where(victim >= 0, len(scene.content.geom_name) + victim, cloud.instance)
+def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int32]:
+    """(N,) int32 the object of each point; -1 for specks of dust."""
+    return scene.content.object_of_geom[cloud.instance]
 
 
 def write_lines(path: Path, cloud: Cloud) -> None:

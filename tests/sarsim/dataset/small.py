@@ -30,6 +30,7 @@ def content(victims: int = 2) -> SceneContent:
         geom_name=["floor", "wall", "arm", "leg"],
         geom_label=np.array([2, 1, 6, 6], np.uint8),
         geom_victim=np.array([-1, -1, 0, 0] if victims else [-1] * 4, np.int16),
+        geom_object=np.array([0, 1, 2, 2] if victims else range(4), np.int16),
         victim_id=[f"v{k}" for k in range(victims)],
         victim_pose=np.array([np.eye(4) * (k + 1) for k in range(victims)]).reshape(-1, 4, 4),
         victim_box=np.arange(6.0 * victims).reshape(-1, 2, 3),

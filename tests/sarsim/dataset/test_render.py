@@ -95,6 +95,14 @@ def test_boxes_enclose_what_is_seen_of_each_victim(scene: Scene) -> None:
     assert met
 
 
+def test_a_victim_is_one_object(scene: Scene) -> None:
+    content = scene.content
+    for number in range(len(content.victim_id)):
+        mine = content.geom_victim == number
+        assert len(np.unique(content.geom_object[mine])) == 1 < mine.sum()
+        assert not np.isin(content.geom_object[~mine], content.geom_object[mine]).any()
+
+
 def test_points_of_a_victim_lie_in_its_box(scene: Scene) -> None:
     content, met = scene.content, 0
     for index, frame in enumerate(scene):

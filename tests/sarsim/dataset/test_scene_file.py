@@ -184,6 +184,20 @@ def test_a_file_that_is_no_whole_scene_is_refused(file: Path, spoil: Callable[[P
         list(Scene(file))
 
 
+def test_a_file_without_objects_has_those_of_its_victims(file: Path) -> None:
+    with h5py.File(file, "r+") as scene:
+        del scene["geoms/object"]
+    with Scene(file) as scene:
+        np.testing.assert_array_equal(scene.content.object_of_geom, [*content().geom_object, -1])
+
+
+def test_objects_that_are_no_geoms_are_refused(file: Path) -> None:
+    with h5py.File(file, "r+") as scene:
+        scene["geoms/object"][2] = 4
+    with pytest.raises(InputError, match="geoms/object contains 4"):
+        Scene(file)
+
+
 @pytest.mark.parametrize(("name", "value"), [("label", 8), ("instance", 4), ("instance", -2)])
 def test_pixels_of_labels_and_geoms_that_are_none(file: Path, name: str, value: int) -> None:
     with h5py.File(file, "r+") as scene:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.transforms import transform_points
-from sarsim.sensors.camera import LabelledImage, RgbdCamera, camera_intrinsics, geom_labels
+from sarsim.sensors.camera import LabelledImage, RgbdCamera, camera_intrinsics, geom_labels, geom_objects
 from sarsim.sensors.rendering import Renderer
 
 ARENA = Path(__file__).parents[3] / "assets/arenas/nist_6x4.xml"
@@ -164,6 +164,21 @@ def test_a_camera_of_the_world_sees_everything() -> None:
     assert (image.instance == 0).all()
     np.testing.assert_allclose(image.T_base_camera, image.T_world_camera)
     assert (image.label == 0).all()  # a model without user numbers
+
+
+THINGS = """<mujoco><size nuser_geom="1"/><worldbody><geom type="plane" size="9 9 1" user="2"/>
+<body name="person"><geom size="1" user="6"/><body><geom size="1" user="6"/></body><geom size="1" user="7"/></body>
+<geom size="1" user="1"/><geom size="1" user="1"/><body><geom size="1" user="6"/><geom size="1" user="6"/></body>
+</worldbody></mujoco>"""
+
+
+def test_geoms_of_one_body_and_label_are_one_object_and_those_of_the_world_are_their_own() -> None:
+    model, _ = load(THINGS)
+    floor, wall, other_wall, trunk, seat, arm, other_head, other_trunk = range(8)
+    objects = geom_objects(model)
+    assert objects[arm] == objects[trunk] and objects[other_head] == objects[other_trunk]
+    different = [floor, wall, other_wall, trunk, seat, other_head]
+    assert objects[different].tolist() == different and objects[-1] == -1
 
 
 def test_intrinsics_of_a_field_of_view() -> None:

@@ -88,8 +88,8 @@ class SimulatedRobot:
         sensor: range and noise of its camera; its frames' sensor ends where depth is no longer precise.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
-        object_of_geom: (ngeom + 1,) int32 the object of each geom, as :func:`sarsim.sensors.camera.geom_objects` tells
-            them apart: ``object_of_geom[frame.instance]`` is the image of objects.
+        object_of_geom: (ngeom + 1,) int32 the object of each geom by :func:`sarsim.sensors.camera.geom_objects`;
+            ``object_of_geom[frame.instance]`` is the image of objects.
         true_frame: the newest frame without noise; None before the first.
         trajectory: one pose per control period.
         collisions: counts the robot's contacts with walls, clutter and victims.

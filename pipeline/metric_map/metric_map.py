@@ -19,7 +19,7 @@ from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.updates import Scan, Updater
 from pipeline.transforms import FARTHEST, POSE, are_poses
 
-OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
+OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: how surely it is free
 
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
 COLUMN = 8  # Side of the columns that are rebuilt, voxels
@@ -28,8 +28,8 @@ COLUMN = 8  # Side of the columns that are rebuilt, voxels
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
 
-    Internally a voxel is an int8 log-odds value (0 = unknown); queries return one of the thesis's three values. A
-    frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
+    A voxel is an int8 log-odds value of being occupied (0 = unknown); :meth:`p_free_at` returns the thesis's values.
+    A frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
 
     Attributes:
         config: the settings, of which ``voxel_size`` and ``max_range``, m, are also attributes of the map itself.
@@ -156,8 +156,11 @@ class MetricMap:
         """
         self._log_odds.write(lower, np.clip(values, self.config.min_log_odds, self.config.max_log_odds))
 
-    def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
-        """(N,) float32 states (0 occupied, 0.5 unknown, 1 free) at points (N, 3) in ``map``, m."""
+    def p_free_at(self, points: ArrayLike) -> NDArray[np.float32]:
+        """(N,) float32 1 (free), 0.5 (unknown) or 0 (occupied) at points (N, 3) in ``map``, m.
+
+        These are the thesis's values; most libraries give the probability that a voxel is occupied instead.
+        """
         signs = np.sign(self.log_odds_at(self.voxel_index(points)))
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
@@ -175,9 +178,9 @@ class MetricMap:
         The voxels of a thin wall represent both of its sides; in front of a side that no frame has shown, space is
         unknown. Noise spreads a surface over at most two voxels; inside an object on the surface, more are occupied.
         """
-        before, next_before = (self.state_at(points + n * self.voxel_size * normal) for n in (1, 2))
+        before, next_before = (self.p_free_at(points + n * self.voxel_size * normal) for n in (1, 2))
         is_open = (before == FREE) | (before == OCCUPIED) & (next_before == FREE)
-        return (self.state_at(points) == OCCUPIED) & is_open
+        return (self.p_free_at(points) == OCCUPIED) & is_open
 
     def are_free_along(
         self,
@@ -207,7 +210,7 @@ class MetricMap:
         # A line is free if it is at the target before it meets anything.
         is_there, is_barred = np.zeros((2, len(starts), len(along) + 1), np.bool_)
         is_there[line, k] = target.query(points)[0] <= margin
-        is_barred[line, k] = self.state_at(points) < (UNKNOWN if may_be_unknown else FREE)
+        is_barred[line, k] = self.p_free_at(points) < (UNKNOWN if may_be_unknown else FREE)
         is_there[:, -1] = is_barred[:, -1] = True
         return np.asarray(is_there.argmax(axis=1) <= is_barred.argmax(axis=1))
 

@@ -258,7 +258,7 @@ def test_maps_move_as_one_with_all_keyframes():
     mapper.correct(moved)
     centres = TRUE.metric_map.occupied_centres()
     assert len(mapper.metric_map.occupied_centres()) == pytest.approx(len(centres), rel=2e-3)
-    assert (mapper.metric_map.state_at(centres + shift) == 0).mean() > 0.998
+    assert (mapper.metric_map.p_free_at(centres + shift) == 0).mean() > 0.998
     assert len(mapper.semantic_map) == pytest.approx(len(TRUE.semantic_map), rel=2e-3)
     grid, known = TRUE.elevation_map.grid, ~np.isnan(TRUE.elevation_map.elevation)
     there = mapper.elevation_map.grid.at(

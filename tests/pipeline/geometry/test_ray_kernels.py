@@ -46,7 +46,7 @@ def test_a_walk_along_an_axis_on_a_face_stays_straight(axis, step):
 def test_a_voxel_with_an_end_point_is_occupied_though_other_rays_cross_it():
     grid = MetricMap(MetricMapConfig(margin=0))
     grid.integrate_points([(1.0, 0, 0), *[(2.0, 0, 0)] * 50], (0, 0, 0))
-    assert grid.state_at([(1, 0, 0), (2, 0, 0), (1.5, 0, 0)]).tolist() == [OCCUPIED, OCCUPIED, FREE]
+    assert grid.p_free_at([(1, 0, 0), (2, 0, 0), (1.5, 0, 0)]).tolist() == [OCCUPIED, OCCUPIED, FREE]
 
 
 def test_a_scan_counts_once_however_many_rays_it_has():
@@ -60,7 +60,7 @@ def test_a_scan_counts_once_however_many_rays_it_has():
 def test_a_point_beyond_the_range_frees_up_to_the_range():
     grid = MetricMap(MetricMapConfig(max_range=2, margin=0))
     grid.integrate_points([(5.0, 0, 0)], (0, 0, 0))
-    assert grid.state_at([(1.95, 0, 0), (2.2, 0, 0), (5, 0, 0)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
+    assert grid.p_free_at([(1.95, 0, 0), (2.2, 0, 0), (5, 0, 0)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
 
 
 @settings(deadline=None)

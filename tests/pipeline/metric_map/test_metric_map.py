@@ -20,7 +20,7 @@ def wall(depth: float = 2.0) -> np.ndarray:
 def test_wall_ahead_is_occupied_space_before_it_free_and_behind_it_unknown() -> None:
     grid = MetricMap()
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
-    states = grid.state_at([(1, 0, 0.5), (1.9, 0, 0.5), (2, 0, 0.5), (2.11, 0, 0.5), (-0.2, 0, 0.5), (1, 1, 0.5)])
+    states = grid.p_free_at([(1, 0, 0.5), (1.9, 0, 0.5), (2, 0, 0.5), (2.11, 0, 0.5), (-0.2, 0, 0.5), (1, 1, 0.5)])
     assert states.tolist() == [FREE, FREE, OCCUPIED, UNKNOWN, UNKNOWN, UNKNOWN]
 
 
@@ -34,7 +34,7 @@ def test_wall_is_a_surface_for_the_side_from_which_it_was_seen_alone() -> None:
 def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> None:
     grid = MetricMap(MetricMapConfig(max_range=3.0))
     grid.integrate(wall(5.0), CAMERA, T_MAP_CAMERA)
-    assert grid.state_at([(2.9, 0, 0.5), (3.2, 0, 0.5), (5, 0, 0.5)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
+    assert grid.p_free_at([(2.9, 0, 0.5), (3.2, 0, 0.5), (5, 0, 0.5)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
     assert len(grid.occupied_centres()) == 0
 
 
@@ -54,7 +54,7 @@ def test_hits_outweigh_crossings_and_both_are_clamped() -> None:
         values.append(int(grid.log_odds_at(voxel)[0]))
     assert values[:6] == [10, 20, 30, 40, 40, 39]
     assert values[44:46] == [0, -1] and values[-2:] == [-9, 1]
-    assert grid.state_at([(1.0, 0.0, 0.0)]).tolist() == [OCCUPIED]
+    assert grid.p_free_at([(1.0, 0.0, 0.0)]).tolist() == [OCCUPIED]
 
 
 def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unknown_space() -> None:
@@ -95,8 +95,8 @@ def test_returns_besides_the_image_are_end_points_up_to_its_range():
     plain.integrate(depth, camera, T_map_camera)
     near, far = np.float32([(0.01, 0.01, 1.0)]), np.float32([(0.01, 0.01, 3.6), (50.0, 0.0, 1.0)])
     denser.integrate(depth, camera, T_map_camera, np.concatenate([near, far]))
-    assert plain.state_at(near) == FREE and denser.state_at(near) == OCCUPIED
-    assert (denser.state_at(far) != OCCUPIED).all()
+    assert plain.p_free_at(near) == FREE and denser.p_free_at(near) == OCCUPIED
+    assert (denser.p_free_at(far) != OCCUPIED).all()
 
 
 def test_only_the_columns_that_a_box_touches_are_rebuilt():
@@ -109,7 +109,7 @@ def test_only_the_columns_that_a_box_touches_are_rebuilt():
         assert meets(np.stack([places - 0.1, places + 0.1], axis=1)).tolist() == [True, False]
         for _ in range(3):
             metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))  # elsewhere nothing changes
-    assert metric_map.state_at(places).tolist() == [UNKNOWN, OCCUPIED]
+    assert metric_map.p_free_at(places).tolist() == [UNKNOWN, OCCUPIED]
     hits = metric_map.log_odds_at(metric_map.voxel_index(places[1:]))
     metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))
     assert metric_map.log_odds_at(metric_map.voxel_index(places[1:])) > hits

@@ -86,7 +86,7 @@ def test_the_narrow_ends_of_the_field_of_view_are_free():
     middle_and_corners = CAMERA.rays[[60, 0, 0, -1, -1], [80, 0, -1, 0, -1]].astype(np.float64)
     reach = np.linspace(0, [0.5, 2.9, 2.9, 2.9, 2.9], 100)
     along = (reach[..., None] * middle_and_corners).reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
-    assert (metric_map.state_at(along) == FREE).all()
+    assert (metric_map.p_free_at(along) == FREE).all()
 
 
 def test_what_lies_right_behind_a_crest_stays_unknown():
@@ -99,10 +99,10 @@ def test_what_lies_right_behind_a_crest_stays_unknown():
     rays.integrate_points(returns(depth, T), T[:3, 3])
     x = np.arange(1.0, 1.8, 0.05)
     crest = np.column_stack([x, np.zeros_like(x), 0.5 - x * 18 / CAMERA.fy])
-    assert (metric_map.state_at(crest) == UNKNOWN).mean() > 0.7
-    assert (metric_map.state_at(crest + UP) == FREE).all()
-    assert (metric_map.state_at(crest - UP) == UNKNOWN).all()
-    assert (rays.state_at(crest + UP / 30) == FREE).all()
+    assert (metric_map.p_free_at(crest) == UNKNOWN).mean() > 0.7
+    assert (metric_map.p_free_at(crest + UP) == FREE).all()
+    assert (metric_map.p_free_at(crest - UP) == UNKNOWN).all()
+    assert (rays.p_free_at(crest + UP / 30) == FREE).all()
 
 
 def test_beside_a_post_nothing_is_left_out():
@@ -118,7 +118,7 @@ def test_images_of_any_size_are_mapped(shape):
     camera = Intrinsics(width, height, 0.9 * max(shape), 0.9 * max(shape), width / 2, height / 2)
     metric_map = MetricMap(MetricMapConfig(**EXACT))
     metric_map.integrate(np.full(shape, 1.0, np.float32), camera, looking(0, 0, 0.5, 0, 0))
-    assert metric_map.state_at([(1, 0, 0.5), (0.5, 0, 0.5)]).tolist() == [0, 1]
+    assert metric_map.p_free_at([(1, 0, 0.5), (0.5, 0, 0.5)]).tolist() == [0, 1]
 
 
 @given(st.tuples(*[st.integers(-1000, 1000)] * 3))

@@ -35,6 +35,8 @@ MOST_STEPS = 30
 """Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
 SMALLEST_STEP = 2.0**-10
 """A step that increases the error even when it is shortened to this fraction is not taken."""
+SLOW = 0.25
+"""A step that decreases the error by more than this fraction of what the step before did calls for new factors."""
 LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
 """Factors of the distance from which a constraint loses its weight, one after another where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
@@ -276,14 +278,16 @@ class PoseGraph:
         """Move the poses to where they best fit all constraints, and sample their distribution anew.
 
         If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a
-        constraint was removed, or a new one to one of them contradicts them.
+        constraint was removed, or a new motion or loop from one of them contradicts them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
         self._settled = len(self._kinds)
         grown, window = len(self) - self._solved, self._config.graph.window
-        self.is_unsettled |= bool((contradicted & (new.first < len(self) - 2 * window)).any())
+        # One with surfaces seen there moves the newest poses, and the others by and by.
+        tells = np.isin(self._kinds.values[-len(off) :], (Kind.MOTION, Kind.LOOP)) if len(off) else contradicted
+        self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
         free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
         problem = Problem.of(self, free, is_whole)
@@ -359,20 +363,24 @@ class Problem:
         ``loosening``: multiplies the distance from which a constraint loses its weight.
         """
         self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
-        error = self._error(self.poses, self.errors)
+        error, decrease, last, is_stale = self._error(self.poses, self.errors), np.inf, np.inf, True
         for _ in range(MOST_STEPS):
-            # Linearise, and weigh each constraint by how well it fits.
-            gradient, self._factor = self._linearised()
+            # Linearise, and weigh each constraint by how well it fits. What takes most time is the factorisation: it
+            # is done again only where steps with the last one converge slowly.
+            gradient = self._linearised(factorises=is_stale)
             step, length = self._factor.solve(gradient), 1.0
             # Take the step, shortened as long as it would increase the error.
             unchanged = tolerance * max(1.0, error)
             while not (after := self._error(*self._moved(length * step))) <= error + unchanged:
                 length /= 2
                 if length < SMALLEST_STEP:
-                    return
-            self.poses, self.errors = self._moved(length * step)
-            decrease, error = error - after, after
-            if not decrease > unchanged:
+                    break
+            else:
+                self.poses, self.errors = self._moved(length * step)
+                last, decrease, error = decrease, error - after, after
+            is_stuck = length < SMALLEST_STEP
+            was_new, is_stale = is_stale, is_stuck or decrease > SLOW * last
+            if (is_stuck and was_new) or (not decrease > unchanged and (was_new or not is_stale)):
                 return
 
     def sample(self, rng: np.random.Generator, samples: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -449,8 +457,8 @@ class Problem:
         poses[self.free] = T
         return poses, self.errors + step[self._variables :] if self.frees_errors else self.errors
 
-    def _linearised(self) -> tuple[Values, SuperLU]:
-        """The gradient, downhill, and the factorised information of all variables."""
+    def _linearised(self, factorises: bool) -> Values:
+        """The gradient, downhill; ``factorises``: whether to factorise the information of all variables anew, too."""
         c, size = self.constraints, self._size
         before, after, errors = c.jacobians(self.poses)
         residuals = c.residuals(self.poses, self.errors)
@@ -462,7 +470,7 @@ class Problem:
             free = self.free[one]
             left = weight[free, None, None] * J[free].swapaxes(1, 2)
             self._add(gradient, one[free], -left @ residuals[free][..., None])
-            for other, K in ends:
+            for other, K in ends if factorises else ():
                 both = self.free[other[free]]
                 blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
         # Gravity, and where the first keyframe is.
@@ -476,31 +484,37 @@ class Problem:
             whole[0] += np.diag(self._held**2)
             gradient[:6, 0] -= self._held * self._off_start(self.poses)
         blocks.append((free_keyframes, free_keyframes, whole))
-        information = _sparse(blocks, size)
+        # The odometry's systematic errors.
         if self.frees_errors:
-            information = information + self._error_information(before, after, errors, weight, residuals, gradient)
-        options = {"SymmetricMode": True}
-        factor = splu(information, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        return gradient[:, 0], factor
+            left = weight[:, None, None] * errors.swapaxes(1, 2)
+            gradient[self._variables :, 0] -= np.einsum("nir,nr->i", left, residuals)
+            gradient[self._variables :, 0] -= self._before.T @ self._before @ (self.errors - self.before.errors)
+        if factorises:
+            information = _sparse(blocks, size)
+            if self.frees_errors:
+                information = information + self._error_information(ends, errors, left)
+            options = {"SymmetricMode": True}
+            self._factor: SuperLU = splu(information, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return gradient[:, 0]
 
     def _error_information(
         self,
-        before: NDArray[np.float64],
-        after: NDArray[np.float64],
+        ends: tuple[tuple[Indices, NDArray[np.float64]], ...],
         errors: NDArray[np.float64],
-        weight: Values,
-        residuals: NDArray[np.float64],
-        gradient: NDArray[np.float64],
+        left: NDArray[np.float64],
     ) -> csc_array:
-        """The rows and columns of the information that belong to the systematic errors; adds to the gradient, too."""
+        """The rows and columns of the information that belong to the systematic errors.
+
+        Args:
+            ends: for both ends of the constraints, the keyframe of each and the Jacobian w.r.t. its pose.
+            errors: Jacobians w.r.t. the systematic errors.
+            left: these, weighted and transposed.
+        """
         size, first = self._size, self._variables
-        left = weight[:, None, None] * errors.swapaxes(1, 2)
-        gradient[first:, 0] -= np.einsum("nir,nr->i", left, residuals)
-        gradient[first:, 0] -= self._before.T @ self._before @ (self.errors - self.before.errors)
         dense = np.zeros((size, ERRORS))
-        for ends, J in ((self.constraints.first, before), (self.constraints.second, after)):
-            free = self.free[ends]
-            self._add(dense, ends[free], (left[free] @ J[free]).swapaxes(1, 2))
+        for keyframe, J in ends:
+            free = self.free[keyframe]
+            self._add(dense, keyframe[free], (left[free] @ J[free]).swapaxes(1, 2))
         dense[first:] = (np.einsum("nir,nrj->ij", left, errors) + self._before.T @ self._before) / 2
         rows, columns = np.nonzero(np.ones_like(dense))
         part = coo_array((dense.ravel(), (rows, first + columns)), shape=(size, size))

@@ -1,6 +1,7 @@
 """The whole pipeline (thesis, chapter 3): sense, localise, map, decide where to go, plan, drive."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from pipeline.pilot import Pilot
 from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.planning.stretches import stretches_of
+from pipeline.planning.way_back import way_back
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
@@ -60,7 +62,7 @@ class Explorer:
         self._sinks: list[Sink] = []
         self.pilot = Pilot(robot, mapper, self._sinks, navigator)
         self.steps = 0
-        self._failed_drives = 0
+        self._failed_drives = self._ways_back = 0
 
     def watch(self, *sinks: Sink) -> None:
         """Add sinks, which are notified of every event in the given order."""
@@ -83,6 +85,10 @@ class Explorer:
         # Decide where to look next, or why exploration ends.
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
+            back = self._way_back(context) if viewpoint is None else None
+            self._ways_back = self._ways_back + 1 if back else 0
+            if back is not None:
+                viewpoint = Viewpoint(back.way_points[-1, :2], 0.0, turn=False, gain=0.0, stands=True)
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
             left = self.mission.left(context) if has_ended and not self.is_held else []
@@ -91,7 +97,7 @@ class Explorer:
         mapper.connect(keyframe, context.paths)
         # Plan a path to the viewpoint (3.4).
         with mapper.stopwatch("path_plan"):
-            plan = self._plan(viewpoint, context) if viewpoint else None
+            plan = back or (self._plan(viewpoint, context) if viewpoint else None)
         if plan is None:
             self.pilot.halt()
         step = Step(
@@ -104,7 +110,7 @@ class Explorer:
             left=left,
             explores=self.mission.explores,
             ended=ended,
-            can_drive=context.paths.start is not None and not self.is_held,
+            can_drive=back is not None or (context.paths.start is not None and not self.is_held),
             was_carried=self.pilot.was_carried and self.steps > 0,
         )
         self.steps += 1
@@ -149,6 +155,12 @@ class Explorer:
         context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
+
+    def _way_back(self, context: Context) -> PathPlan | None:
+        """A plan back along the robot's own track if no path leads to where it came from."""
+        if self.is_held or self.mission.is_out_of_time or self._ways_back >= self._config.explorer.patience:
+            return None
+        return way_back(context.poses, context.paths)
 
     def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
         heading = viewpoint.heading if viewpoint.turn else None
@@ -195,7 +207,9 @@ class Explorer:
         check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check)
         course = Course(way, heading, here, speed_limit, rolls, planned)
         with mapper.stopwatch("navigation"):
-            outcome = pilot.follow(check, course, lambda: self.mission.is_shown(mapper.elevation_map))
+            # On a way back, the robot has set out to see nothing.
+            is_shown = viewpoint.gain > 0 and partial(self.mission.is_shown, mapper.elevation_map)
+            outcome = pilot.follow(check, course, is_shown or (lambda: False))
 
         # Judge the drive: a tilt where the map shows no ramp casts doubt on the pose.
         reached = outcome is Outcome.REACHED

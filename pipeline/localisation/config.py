@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.arrays import Pose
 from pipeline.errors import InputError, require_at_least, require_positive
+from pipeline.labels import RAMP_TILT
 from pipeline.transforms import angle_of, inverse
 
 
@@ -249,23 +250,27 @@ class KeyframePolicy:
     Attributes:
         way: distance from the last keyframe at which a new one is due, m.
         turn: rotation from the last keyframe at which a new one is due, rad.
+        on_ramps: fraction of both at which a new one is due on a ramp, where the robot slides.
         labelled_every: a keyframe of a drive is labelled only if the number of keyframes before it is a multiple of
             this, because the network is the slowest stage.
     """
 
     way: float = 0.3
     turn: float = radians(25)
+    on_ramps: float = 0.4
     labelled_every: int = 6
 
     def __post_init__(self) -> None:
         """InputError if keyframes cannot be spaced like this."""
-        require_positive("localisation.keyframes", self, "way", "turn")
+        require_positive("localisation.keyframes", self, "way", "turn", "on_ramps")
         require_at_least(1, "localisation.keyframes", self, "labelled_every")
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
         """Whether a pose is far enough from that of the last keyframe to take a new one."""
         moved = inverse(T_odom_keyframe) @ T_odom_base
-        return bool(np.linalg.norm(moved[:3, 3]) >= self.way or angle_of(moved) >= self.turn)
+        tilt = np.arccos(min(T_odom_keyframe[2, 2], T_odom_base[2, 2], 1.0))
+        spacing = self.on_ramps if tilt > RAMP_TILT else 1.0
+        return bool(np.linalg.norm(moved[:3, 3]) >= spacing * self.way or angle_of(moved) >= spacing * self.turn)
 
     def is_labelled(self, keyframes: int) -> bool:
         """Whether the next keyframe of a drive is labelled, given the number of ``keyframes`` before it."""

@@ -1,0 +1,57 @@
+"""The way back along the robot's own track, for where no path leads to the ground that it came from.
+
+An error of a few centimetres, of the pose or in the height of a ramp, may show an obstacle where the robot has just
+passed. Where it has driven, it can drive back.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+from pipeline.arrays import Poses
+from pipeline.planning.path_plan import PathPlan
+from pipeline.planning.pose_paths import PosePaths
+from pipeline.transforms import yaw_of
+
+NEAR = 2
+"""Distance from a keyframe to drivable ground within which it counts as on that ground, cells."""
+LEAST_DRIVE = 0.05
+"""Distance between keyframes below which the robot only turned, m."""
+FARTHEST = 1.0
+"""Distance between keyframes above which the robot was carried from one to the other, m."""
+
+
+def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
+    """A plan back along the track to the ground on which most keyframes were taken.
+
+    Args:
+        poses: (K, 4, 4) ``T_map_base`` of all keyframes, the newest last.
+        paths: the paths from the robot's position.
+
+    Returns:
+        The plan; None if paths lead to half of the keyframes or more, if no drivable ground is near the others, or if
+        the robot was carried from there.
+    """
+    ground, near = paths.traversability, np.ones((2 * NEAR + 1, 2 * NEAR + 1))
+    places, cells = poses[:, :2, 3], ground.grid.cell_of(poses[:, :2, 3])
+    # Which keyframes are cut off, and on which piece of ground they were taken.
+    is_near = ndimage.binary_dilation(paths.reachable, near)[tuple(cells.T)]
+    if 2 * np.count_nonzero(is_near) >= len(poses):
+        return None
+    pieces, _ = ndimage.label(ground.traversable & ~paths.reachable, np.ones((3, 3)))
+    piece = np.where(is_near, 0, ndimage.maximum_filter(pieces, 2 * NEAR + 1)[tuple(cells.T)])
+    counts = np.bincount(piece)
+    if not counts[1:].any():
+        return None
+    # Back to the newest keyframe on the piece with most of them, turning as little as possible.
+    first = int(np.flatnonzero(piece == 1 + counts[1:].argmax())[-1])
+    drives = np.diff(places[: first - 1 : -1], axis=0) if first else np.diff(places[::-1], axis=0)
+    lengths = np.linalg.norm(drives, axis=1)
+    is_drive = lengths > LEAST_DRIVE
+    if not is_drive.any() or lengths.max() > FARTHEST:
+        return None
+    ends = places[-1] + np.cumsum(drives, axis=0)[is_drive]
+    backwards, heading = [], yaw_of(poses[-1])
+    for x, y in drives[is_drive]:
+        backwards.append(bool(x * np.cos(heading) + y * np.sin(heading) < 0))
+        heading = float(np.arctan2(y, x)) + np.pi * backwards[-1]
+    return PathPlan(ground.on_ground(ends), np.array(backwards), [], float(lengths[is_drive].sum()))

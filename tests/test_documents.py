@@ -133,6 +133,14 @@ def test_arenas_of_the_tutorial_have_a_start(name: str) -> None:
     assert load_arena(str(ROOT / "docs" / name)).T_world_start.shape == (4, 4)
 
 
+def test_an_mjcf_file_of_a_page_is_an_arena(tmp_path: Path) -> None:
+    (room,) = re.findall(
+        r"^```xml\n(<mujoco.*?)^```", (ROOT / "docs" / "arenas.md").read_text(), re.DOTALL | re.MULTILINE
+    )
+    (tmp_path / "room.xml").write_text(room)
+    assert load_arena(str(tmp_path / "room.xml")).T_world_start.shape == (4, 4)
+
+
 def test_the_site_is_made_with_pinned_tools() -> None:
     asked = dict(PIN.findall("\n".join(PROJECT["optional-dependencies"]["docs"])))
     locked, shared = (dict(PIN.findall((ROOT / d / "requirements.txt").read_text())) for d in ("docs", "."))

@@ -6,6 +6,7 @@ Snippets and lines that take over a minute run in ``make endurance`` (``SARSIM_D
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -169,6 +170,8 @@ def test_the_python_of_a_page_runs_from_its_top(
     page: Path, desk: Path, request: pytest.FixtureRequest, few_steps: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = "\n".join(blocks(page, "python"))
+    for source, copy in re.findall(r"^cp (\S+) (\S+)$", "\n".join(blocks(page, "sh")), re.MULTILINE):
+        shutil.copy(source, copy)
     if "runs/nist_6x4-0" in code:  # an episode takes long, and most pages need none
         (desk / "runs").mkdir()
         (desk / "runs" / "nist_6x4-0").symlink_to(request.getfixturevalue("episode"))

@@ -96,7 +96,7 @@ def _labels(semantic_map: Mapping[str, Any]) -> str:
     if semantic_map.get("accuracy") is None:
         return ""
     miou = semantic_map.get("miou_four")
-    mean = f"; mean IoU of wall, terrain and ramps {miou:.3f}" if miou is not None else ""
+    mean = f"; mean IoU of walls, ground, slopes and decks {miou:.3f}" if miou is not None else ""
     return f"{_percent(semantic_map['accuracy'])} of {semantic_map['points']:,} points correct{mean}"
 
 

@@ -22,7 +22,7 @@ from pipeline.pilot import Pilot
 from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.planning.stretches import stretches_of
-from pipeline.planning.way_back import way_back
+from pipeline.planning.way_back import is_cut_off, way_back
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
@@ -124,7 +124,7 @@ class Explorer:
             return "time"
         if self.is_held:
             return "held"
-        if context.paths.start is None:
+        if context.paths.start is None or is_cut_off(context.poses, context.paths):
             return "shut_in"
         return "not_worth_it" if any(view.is_reachable for view in left) else "nothing_left"
 

@@ -7,7 +7,7 @@ passed. Where it has driven, it can drive back.
 import numpy as np
 from scipy import ndimage
 
-from pipeline.arrays import Poses
+from pipeline.arrays import Mask, Poses
 from pipeline.planning.path_plan import PathPlan
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import yaw_of
@@ -18,6 +18,11 @@ LEAST_DRIVE = 0.05
 """Distance between keyframes below which the robot only turned, m."""
 FARTHEST = 1.0
 """Distance between keyframes above which the robot was carried from one to the other, m."""
+
+
+def is_cut_off(poses: Poses, paths: PosePaths) -> bool:
+    """Whether paths lead to less than half of the places where keyframes (K, 4, 4) were taken."""
+    return bool(2 * np.count_nonzero(_are_reached(poses, paths)) < len(poses))
 
 
 def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
@@ -31,14 +36,13 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
         The plan; None if paths lead to half of the keyframes or more, if no drivable ground is near the others, or if
         the robot was carried from there.
     """
-    ground, near = paths.traversability, np.ones((2 * NEAR + 1, 2 * NEAR + 1))
-    places, cells = poses[:, :2, 3], ground.grid.cell_of(poses[:, :2, 3])
-    # Which keyframes are cut off, and on which piece of ground they were taken.
-    is_near = ndimage.binary_dilation(paths.reachable, near)[tuple(cells.T)]
-    if 2 * np.count_nonzero(is_near) >= len(poses):
+    if not is_cut_off(poses, paths):
         return None
+    # The pieces of ground on which the other keyframes were taken.
+    ground, places = paths.traversability, poses[:, :2, 3]
     pieces, _ = ndimage.label(ground.traversable & ~paths.reachable, np.ones((3, 3)))
-    piece = np.where(is_near, 0, ndimage.maximum_filter(pieces, 2 * NEAR + 1)[tuple(cells.T)])
+    piece = ndimage.maximum_filter(pieces, 2 * NEAR + 1)[tuple(ground.grid.cell_of(places).T)]
+    piece[_are_reached(poses, paths)] = 0
     counts = np.bincount(piece)
     if not counts[1:].any():
         return None
@@ -55,3 +59,9 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
         backwards.append(bool(x * np.cos(heading) + y * np.sin(heading) < 0))
         heading = float(np.arctan2(y, x)) + np.pi * backwards[-1]
     return PathPlan(ground.on_ground(ends), np.array(backwards), [], float(lengths[is_drive].sum()))
+
+
+def _are_reached(poses: Poses, paths: PosePaths) -> Mask:
+    """(K,) whether a path leads to each keyframe, or near it."""
+    near = ndimage.binary_dilation(paths.reachable, np.ones((2 * NEAR + 1, 2 * NEAR + 1)))
+    return np.asarray(near[tuple(paths.traversability.grid.cell_of(poses[:, :2, 3]).T)])

@@ -1,4 +1,4 @@
-"""All numbers of the robot's software that one may change, a field for each room."""
+"""All parameters of the robot's software that may be changed, a field for each package."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,7 @@ class ExplorerConfig:
 
 @dataclass(frozen=True)
 class PipelineConfig:
-    """The numbers of all rooms; a run writes them into config.yaml, and ``--config`` changes any of them."""
+    """The parameters of all packages; a run writes them to config.yaml, and ``--config`` changes any of them."""
 
     localisation: LocalisationConfig = LocalisationConfig()
     keyframes: KeyframesConfig = KeyframesConfig()

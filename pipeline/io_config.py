@@ -1,6 +1,7 @@
-"""All numbers of what surrounds the robot's decisions, a field for each room: recordings and files of results.
+"""All parameters of reading recordings and writing results, a field for each package.
 
-The mapper imports :class:`pipeline.config.PipelineConfig`, and these rooms import the mapper: hence a second tree.
+They are not part of :class:`pipeline.config.PipelineConfig`, because the mapper imports that, and these packages
+import the mapper.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from pipeline.rescue_report.config import RescueReportConfig
 
 @dataclass(frozen=True)
 class IoConfig:
-    """The numbers of these rooms; a run writes them into config.yaml, and ``--config`` changes any of them."""
+    """The parameters of these packages; a run writes them to config.yaml, and ``--config`` changes any of them."""
 
     datasets: DatasetsConfig = DatasetsConfig()
     rerun: RerunConfig = RerunConfig()

@@ -154,7 +154,7 @@ class Seen:
             semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Add the returns, dropouts, rays and the robot's own footprint for a given pose of the robot."""
+        """Add the returns, dropouts and rays, and the robot's footprint, for a given pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera, height = (T_map_base @ self.T_base_camera)[:3, 3], float(T_map_base[2, 3])
         elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above, height)

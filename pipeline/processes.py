@@ -1,4 +1,4 @@
-"""Child processes."""
+"""Child processes that end with their parent."""
 
 import ctypes
 import signal

@@ -120,7 +120,7 @@ class SinkConfig:
 
     Attributes:
         sink: your own class that observes the run.
-        io: all numbers of recordings and result files; set them in a ``--config`` file.
+        io: all parameters of recordings and result files; set them in a ``--config`` file.
         plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
     """
 
@@ -167,7 +167,7 @@ class PerceptionConfig:
         detector_names: file with the detector's classes, one per line. By default, a .names file next to it.
         detector_class: your own victim detector, MODULE:CLASS.
         reader: your own class that finds objects.
-        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
+        pipeline: all parameters of the robot's software; set them in a ``--config`` file.
     """
 
     labels: Labels = NETWORK
@@ -293,7 +293,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     @property
     def continues(self) -> tuple[str, ...]:
-        """A file that the folder for the results must have if it has any: that of an episode to be resumed."""
+        """Files that a folder for the results must contain if it is not empty: those of an episode to be resumed."""
         return ("config.yaml",) if self.resume else ()
 
 
@@ -311,7 +311,7 @@ class TeleopConfig(SinkConfig):
         out: new folder for the recording, maps and report of the drive: the files of an episode except config.yaml.
             Rerun shows the maps during the drive. Without --out nothing is mapped.
         gamepad: Linux joystick device, such as /dev/input/js0; its left stick drives the robot.
-        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
+        pipeline: all parameters of the robot's software; set them in a ``--config`` file.
     """
 
     arena: str = "nist_6x4"

@@ -180,7 +180,7 @@ class _Score(Sink):
         self._coverage.see(required(self._robot.true_frame).points())
 
     def finish(self, result: Result) -> None:
-        """Add the figures."""
+        """Add the scores to the report."""
         result.add(
             {
                 "navigation": self._navigation.report(),

@@ -90,7 +90,7 @@ def results(settings: Results) -> None:
 
 
 def plan() -> dict[str, Any]:
-    """The title, command, minutes of processor time and tables of each page; and README's rows and claims."""
+    """The content of pages.yaml: what each page shows and how it is measured, and README's rows and claims."""
     content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
     return content
 

@@ -142,7 +142,7 @@ def _association_rows(path: Path) -> tuple[Path, list[tuple[str, str, str]]] | N
 
 
 def _is_depth(path: Path, name: str) -> bool:
-    """Whether a listed image is of depth, by its name or else its content."""
+    """Whether a listed image is a depth image, by its name or, failing that, its content."""
     if "depth" in name.lower() or not (path / name).is_file():
         return "depth" in name.lower()
     try:

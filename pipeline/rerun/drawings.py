@@ -47,7 +47,7 @@ def annotations() -> rr.AnnotationContext:
 
 
 def transform(T: Pose) -> rr.Transform3D:
-    """A pose."""
+    """A pose as Rerun's transform."""
     return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
 
 

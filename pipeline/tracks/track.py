@@ -179,7 +179,7 @@ class Track:
 
     @property
     def position(self) -> Place:
-        """Position of its middle."""
+        """Position of the object's middle, m in ``map``."""
         return self.where.position
 
     @property
@@ -194,12 +194,12 @@ class Track:
 
     @property
     def cameras(self) -> list[Place]:
-        """Positions of the camera in the frames that show it."""
+        """Positions of the camera in the frames that show the object."""
         return [observation.camera for observation in self.placed]
 
     @property
     def keyframes(self) -> set[int]:
-        """Indices of the keyframes that show it."""
+        """Indices of the keyframes that show the object."""
         return {observation.keyframe for observation in self.seen}
 
     @property
@@ -209,7 +209,7 @@ class Track:
 
     @property
     def photo(self) -> Rgb:
-        """The photo that shows it best."""
+        """The photo that shows the object best."""
         return self.seen[self.best].photo
 
     @property
@@ -263,7 +263,7 @@ class Track:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether it is reported."""
+        """Whether the object is sure enough to be reported."""
         least = self.policy.confirmation
         if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
             return False

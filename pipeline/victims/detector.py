@@ -35,7 +35,7 @@ class VictimDetector:
     """Finds people, and other objects for which its network has classes, with a network of the YOLO family."""
 
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
-        """Detect with a network."""
+        """``network``: finds boxes; ``config``: which of them are kept."""
         self._network, self._config = network, config
 
     @classmethod

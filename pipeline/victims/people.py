@@ -62,7 +62,7 @@ class PersonVoxels:
 
     @classmethod
     def joined(cls, observations: Sequence["PersonVoxels"]) -> "PersonVoxels":
-        """The voxels of all the given observations, at least one."""
+        """The voxels of one or more observations together."""
         seen, edge = np.concatenate([voxels.seen for voxels in observations]), observations[0].edge
         voxel, keys = voxels_of(seen / edge)
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)

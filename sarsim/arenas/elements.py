@@ -79,7 +79,7 @@ class ElementLibrary:
 
 @cache
 def element_library() -> ElementLibrary:
-    """The library, read once."""
+    """The library of arena elements; its file is read once."""
     return ElementLibrary()
 
 

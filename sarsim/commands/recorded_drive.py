@@ -56,7 +56,7 @@ class _Score(Sink):
         self._score = score
 
     def finish(self, result: Result) -> None:
-        """Add the errors."""
+        """Add the errors to the report, if there are true poses."""
         if self._score.has_truth:
             result.add({"localisation": self._score.report()})
 

@@ -187,7 +187,7 @@ class DeadReckoning:
     """The wheel odometry of a robot that is moved from pose to pose without physics."""
 
     def __init__(self, rng: np.random.Generator, period: float):
-        """``rng``: for the odometry's errors; ``period``: time between poses, s."""
+        """Begin at the first pose; ``rng`` draws the odometry's errors; ``period`` is the time between poses, s."""
         self._odometry = WheelOdometry(rng, WHEEL_RADIUS)
         self._period = period
         self._angle = self._speed = 0.0

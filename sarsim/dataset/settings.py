@@ -57,7 +57,7 @@ class ArenaRange:
         check("random.painted", self.painted, 0, 1)
 
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
-        """One of these arenas."""
+        """Settings of one arena, drawn from these ranges."""
         return RandomArenaConfig(
             columns=int(rng.integers(*self.tiles, endpoint=True)),
             rows=int(rng.integers(*self.tiles, endpoint=True)),

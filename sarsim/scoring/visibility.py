@@ -18,7 +18,7 @@ class HasGeoms(Protocol):
 
     @property
     def geoms(self) -> Indices:
-        """Their ids."""
+        """Ids of the geoms."""
 
 
 class Visibility:

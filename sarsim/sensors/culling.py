@@ -26,7 +26,7 @@ def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[n
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
-    """The planes that face up and have no geom's centre below them: their shadow falls on nothing."""
+    """The planes that face up and have no geom's centre below them: they cast no visible shadow."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))

@@ -151,7 +151,7 @@ class People:
 
 @cache
 def people() -> People:
-    """The library, read once."""
+    """The library of people; its file is read once."""
     with np.load(asset("victims", "people.npz"), allow_pickle=False) as file:
         return People({name: file[name] for name in file.files})
 

@@ -327,7 +327,7 @@ class BarnSettings(RunsSettings):
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seeds: number of runs in each world.
         speed: top speed on level, seen ground with enough clearance, m/s. By default the robot's own.
-        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
+        pipeline: all parameters of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "barn"
@@ -346,7 +346,7 @@ class WorldsSettings(RunsSettings):
         worlds: folder with the worlds and their models; a model.sdf that no world includes counts as a world.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seed: seed of every random number.
-        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
+        pipeline: all parameters of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "worlds"

@@ -33,7 +33,7 @@ class EdgeConv(nn.Module):
         self.layers = nn.Sequential(*(_layer(*pair) for pair in pairwise((2 * channels, *widths))))
 
     def forward(self, x: Tensor, neighbours: Tensor) -> Tensor:
-        """(P, C) features and (P, k) neighbours to (P, C') features."""
+        """(P, C') features of points with (P, C) features and (P, k) neighbours."""
         return largest(edge_features(x, neighbours), self.layers)
 
 

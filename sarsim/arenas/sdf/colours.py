@@ -47,7 +47,7 @@ class Materials:
     """Finds the colours of a world's materials; each texture is read once."""
 
     def __init__(self, resources: Resources):
-        """``resources``: the world's files."""
+        """``resources``: finds the world's files."""
         self._resources = resources
         self._means: dict[Path, Colour | None] = {}
         self._scripts: dict[Path, dict[str, str]] = {}

@@ -20,7 +20,7 @@ class MissionValidation:
 
     Attributes:
         path: folder of the files, or an episode's folder that contains handed_in/.
-        tolerances: numbers of the validation; set them in a ``--config`` file.
+        tolerances: limits of the validation; set them in a ``--config`` file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]

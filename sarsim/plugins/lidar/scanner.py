@@ -35,7 +35,7 @@ class Scan:
         points: (N, 3) m in ``lidar``, each in the frame at its own time.
         range: (N,) float32 measured distance, m.
         ring: (N,) uint16 row of the beam, from the first of the model's elevations.
-        column: (N,) int32.
+        column: (N,) int32 column of the beam, in the order in which a turn measures them.
         time: (N,) float32 s since ``start``; 0 if the scan does not roll.
         normal: (N, 3) float32 true unit normal of the surface in ``lidar``, towards the sensor.
         label: (N,) true label of the surface.

@@ -29,7 +29,7 @@ class BagConfig:
     Attributes:
         path: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
         images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
-        ros: all numbers of ROS messages.
+        ros: all parameters of ROS messages.
     """
 
     path: Annotated[Path, tyro.conf.Positional]

@@ -28,7 +28,7 @@ class RosRobotConfig(SimulatorConfig):
         out: new folder for the ground truth of the drive: report.json and trajectory_true.tum. Without it, neither
             is written.
         plugins: the plug-ins to use and their settings, by name; ``--NAME`` adds one.
-        ros: all numbers of ROS; set them in a ``--config`` file.
+        ros: all parameters of ROS; set them in a ``--config`` file.
     """
 
     camera_rate: float = 5.0
@@ -55,7 +55,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
         patience: longest silence of the robot or one of its topics, s; after that, the drive ends.
         name: name of the ROS 2 node.
         network: connect to other machines too. By default only to this machine.
-        ros: all numbers of ROS; set them in a ``--config`` file.
+        ros: all parameters of ROS; set them in a ``--config`` file.
     """
 
     out: Path

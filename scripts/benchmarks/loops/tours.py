@@ -324,7 +324,7 @@ class Drive:
         self._take()
 
     def _take(self) -> None:
-        """Take a frame."""
+        """Take a frame, and record it with the true pose."""
         frame = self.robot.sense()
         pose = self.robot.trajectory[-1]
         k = frame.intrinsics

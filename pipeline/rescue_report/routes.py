@@ -25,6 +25,8 @@ VIEWS = 400
 """Maximum number of cells whose view of a person is checked: the nearest, and fewer of those farther away."""
 BEND = radians(20)
 """Change of direction above which a new straight part of a path begins, rad."""
+SHORTEST = 0.2
+"""Length below which a straight part of a path is told together with the next one, m."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class Route:
         in_sight: whether the robot's map shows nothing between the end and the person.
         arrives: whether the path ends next to the person.
         legs: straight parts of the path, for directions.
+        heading: heading at the end of the directions, rad.
     """
 
     way: Places
@@ -65,6 +68,7 @@ class Route:
     in_sight: bool
     arrives: bool
     legs: list[RouteLeg]
+    heading: float
 
     @property
     def end(self) -> Place:
@@ -131,6 +135,7 @@ class Router:
         ends = pairwise(way[:, :2])
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in ends]
         trace = self._traversability.on_ground(np.vstack(parts))
+        legs, heading = self._directions(way)
         return Route(
             way=way,
             trace=trace,
@@ -138,7 +143,8 @@ class Router:
             gap=float(gaps[end]),
             in_sight=seeing is not None,
             arrives=seeing is not None and float(gaps[end]) <= self.config.arrival,
-            legs=list(self._legs(way)),
+            legs=legs,
+            heading=heading,
         )
 
     def _sees(self, place: Place, person: KDTree) -> bool:
@@ -149,14 +155,15 @@ class Router:
         of_person = self.metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
         return bool(self.metric_map.are_free_along(eye[None], middle, person, of_person, may_be_unknown=True)[0])
 
-    def _legs(self, way: Places) -> Iterator[RouteLeg]:
-        heading = self.heading
-        for points in straight_parts(way[:, :2], BEND):
-            first, last = np.diff(points, axis=0)[[0, -1]]
-            bearing = float(np.arctan2(first[1], first[0]))
+    def _directions(self, way: Places) -> tuple[list[RouteLeg], float]:
+        """The legs of a path, and the heading at their end, rad."""
+        legs, heading = list[RouteLeg](), self.heading
+        for line, points in told_parts(way[:, :2]):
+            first, last = _bearings(line)
             length, steepest = self._measure(points)
-            yield RouteLeg(wrap_angle(bearing - heading), length, steepest, steepest > RAMP_TILT)
-            heading = float(np.arctan2(last[1], last[0]))
+            legs.append(RouteLeg(wrap_angle(first - heading), length, steepest, steepest > RAMP_TILT))
+            heading = last
+        return legs, heading
 
     def _measure(self, points: Places) -> tuple[float, float]:
         """Length along the ground, m, and maximum inclination, rad, of a path over points."""
@@ -185,6 +192,42 @@ class Router:
         beside = np.zeros(grid.shape, np.bool_)
         beside[tuple(edges[near].T)] = True
         return places(grid, beside, self.hazards.drop, robot.width)
+
+
+def told_parts(way: Places) -> list[tuple[Places, Places]]:
+    """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is.
+
+    What is shorter belongs to the next part, or at the end of the path to the last one. Where no bend is left between
+    two parts, they are one.
+
+    Returns:
+        Of each part a line with its direction at both ends, and all its points.
+    """
+    told = list[tuple[Places, Places]]()
+    short = way[:0]
+    for part in straight_parts(way, BEND):
+        short = np.vstack([short, part])
+        if _length(short) >= SHORTEST:
+            line = part if _length(part) >= SHORTEST else short[[0, -1]]
+            if told and abs(wrap_angle(_bearings(line)[0] - _bearings(told[-1][0])[1])) <= BEND:
+                before, points = told.pop()
+                line, short = np.vstack([before, line]), np.vstack([points, short])
+            told.append((line, short))
+            short = way[:0]
+    if len(short):
+        line, points = told.pop() if told else (short[[0, -1]], short[:0])
+        told.append((line, np.vstack([points, short])))
+    return told
+
+
+def _length(way: Places) -> float:
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def _bearings(line: Places) -> tuple[float, float]:
+    """Directions of the first and of the last piece of a line, rad."""
+    first, last = np.arctan2(*np.diff(line, axis=0)[[0, -1]].T[::-1]).tolist()
+    return first, last
 
 
 def straight_parts(way: Places, bend: float) -> Iterator[Places]:

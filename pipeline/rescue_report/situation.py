@@ -91,12 +91,11 @@ class Person:
 
     @property
     def beyond_way(self) -> float:
-        """Direction from the path's end to the person, rad to the left of the path's last part; 0 without a path."""
-        if self.route is None or len(self.route.way) < 2:
+        """Direction from the path's end to the person, rad to the left of where the path leads; 0 without a path."""
+        if self.route is None:
             return 0.0
-        x, y = np.diff(self.route.way[-2:, :2], axis=0)[0]
-        u, v = self.victim.position[:2] - self.route.end
-        return wrap_angle(float(np.arctan2(v, u) - np.arctan2(y, x)))
+        x, y = self.victim.position[:2] - self.route.end
+        return wrap_angle(float(np.arctan2(y, x)) - self.route.heading)
 
 
 @dataclass(frozen=True)

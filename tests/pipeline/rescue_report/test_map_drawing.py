@@ -12,7 +12,7 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.rescue_report.map_drawing import Paper, draw_map, pale
 from pipeline.rescue_report.situation import Situation
-from tests.pipeline.rescue_report.html_page import read
+from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 
 GRID = Grid(np.array([-20, -40]), 0.05, (200, 120))
@@ -63,12 +63,22 @@ def test_an_empty_map_can_be_drawn() -> None:
     assert Paper(GRID, known((0, 0), (0, 0))).width == pytest.approx(1000)
 
 
+def place_of(group: Tag) -> tuple[float, ...]:
+    """Where a group of the drawing has its origin, units."""
+    return tuple(map(float, re.findall(r"translate\(([\d.-]+) ([\d.-]+)\)", group.attributes["transform"])[0]))
+
+
 def test_round_coordinates_stand_at_the_edges_where_they_are() -> None:
     situation = before_a_wall(None)
     paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
-    ticks = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" class="tick">([^<]+)<', draw_map(situation))
-    along_x = {float(text.replace("−", "-")): float(x) for x, y, text in ticks if y == "16.0"}
-    along_y = {float(text.replace("−", "-")): float(y) - 5 for x, y, text in ticks if x == "16.0"}
+    groups = [
+        (place_of(group), group) for group in read(draw_map(situation)).all("g") if group.attributes.get("transform")
+    ]
+    ticks = [
+        (*place, float(tick.text.replace("−", "-"))) for place, group in groups for tick in group.all("text", "tick")
+    ]
+    along_x = {value: x for x, y, value in ticks if y == 0}
+    along_y = {value: y for x, y, value in ticks if x == 0}
     assert len(along_x) >= 4 and len(along_y) >= 4
     assert all(across == paper([x, 0])[0] for x, across in along_x.items())
     assert all(up == paper([0, y])[1] for y, up in along_y.items())
@@ -99,8 +109,10 @@ def test_a_person_is_drawn_where_the_map_has_them() -> None:
     situation = before_a_wall(victims(person))
     root = read(draw_map(situation))
     paper = Paper(situation.traversability.grid, ~np.isnan(situation.traversability.elevation))
-    (disc,) = root.all("circle", "person")
-    assert (float(disc.attributes["cx"]), float(disc.attributes["cy"])) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
+    (disc,) = (
+        group for group in root.all("g") if group.attributes.get("transform") and any(group.all("circle", "person"))
+    )
+    assert place_of(disc) == pytest.approx(paper((1.6, 0.3)), abs=0.2)
     (ellipse,) = root.all("ellipse")
     assert float(ellipse.attributes["rx"]) == pytest.approx(0.2448 * paper.scale, rel=1e-3)
     (way,) = root.all("path", "way")

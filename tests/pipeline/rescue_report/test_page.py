@@ -80,6 +80,12 @@ def test_a_card_says_where_a_person_is(root: Tag) -> None:
     assert "cannot reach the person" in bob.text
 
 
+def test_a_card_counts_the_keyframes_that_missed_the_person() -> None:
+    missed = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)))
+    missed.missed = {7, 9}
+    assert "not found in 2 keyframes" in read(page(before_a_wall(victims(missed)), REPORT)).text
+
+
 def test_the_page_holds_the_people_as_data(root: Tag) -> None:
     (data,) = root.all("script")
     assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), ended="interrupted"))

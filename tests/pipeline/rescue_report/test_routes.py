@@ -9,7 +9,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.ground import find_hazards
-from pipeline.rescue_report.routes import Route, Router, straight_parts
+from pipeline.rescue_report.routes import Route, Router, straight_parts, told_parts
 from pipeline.topological_map.topological_map import TopologicalMap
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.still_robot import HEIGHT
@@ -117,3 +117,28 @@ def test_small_bends_make_no_parts() -> None:
     parts = list(straight_parts(way, np.deg2rad(20)))
     assert [part.tolist() for part in parts] == [[[0, 0], [1, 0], [2, 0.1]], [[2, 0.1], [2, 1]]]
     assert list(straight_parts(way[1:3], np.deg2rad(20))) == []
+
+
+@pytest.mark.parametrize(
+    ("way", "lengths", "directions"),
+    [
+        ([(0, 0), (2, 0), (2, 0.1), (4, 2.1)], [2, 2.93], [0, 45]),  # a short part belongs to the next one
+        ([(0, 0), (2, 0), (2, 1), (1.9, 1)], [2, 1.1], [0, 90]),  # but the last one to the one before
+        ([(0, 0), (2, 0), (2, 0.1), (4, 0.1)], [4.1], [0]),  # what is straight on again is no direction
+        ([(0, 0), (0.1, 0), (0.1, 0.15), (0.1, 0.15)], [0.25], [56]),  # short parts that together are not short
+        ([(0, 0), (0.1, 0)], [0.1], [0]),  # a path that is short as a whole
+    ],
+)
+def test_no_direction_is_shorter_than_can_be_followed(
+    way: list[tuple[float, float]], lengths: list[float], directions: list[float]
+) -> None:
+    told = told_parts(np.array(way, float))
+    assert [np.linalg.norm(np.diff(points, axis=0), axis=1).sum() for _, points in told] == pytest.approx(
+        lengths, abs=0.01
+    )
+    first = [np.degrees(np.arctan2(*(line[1] - line[0])[::-1])) for line, _ in told]
+    assert first == pytest.approx(directions, abs=1)
+
+
+def test_directions_do_not_stand_still() -> None:
+    assert told_parts(np.zeros((2, 2))) == []

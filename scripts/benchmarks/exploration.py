@@ -1,4 +1,4 @@
-"""Exploration of many arenas, against two baselines: the nearest frontier on straight lines, and a random walk."""
+"""Exploration of many arenas, against the nearest frontier as a baseline."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,13 +9,14 @@ import numpy as np
 from sarsim.commands.sweeps.statistics import estimate
 from scripts.benchmarks.common import Result
 from scripts.benchmarks.reports import flat, group_figures, pairs, reports
-from scripts.benchmarks.runs import RANDOM_WALK, Job, Results, arena_name, failures, jobs_of, run_episode, run_jobs
+from scripts.benchmarks.runs import Job, Results, arena_name, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import ExplorationSettings
 
 NEAREST_FRONTIER = "nearest_frontier"
-BASELINES = (NEAREST_FRONTIER, RANDOM_WALK)
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
-"""The parts of a baseline's report that are summarised."""
+"""The parts of the baseline's report that are summarised."""
+WITHOUT_BASELINE = ("raf", "esogu_52x15")
+"""Groups of large arenas, in which the baseline would take hours."""
 RATIO = "seen90_vs_nearest_frontier"
 T99_RATIO = "t99_vs_nearest_frontier"
 PENALTY = 10.0  # A run that never saw 90% counts with this multiple of its duration (PAR10)
@@ -23,16 +24,16 @@ WORST = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
-    """Run the missing episodes and summarise all; the baselines run without the victim detector.
+    """Run the missing episodes and summarise all; the baseline runs without the victim detector.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    # Set up: the episodes of our strategy, and of each baseline in the same arenas with the same seeds.
-    jobs = list(jobs_of(settings.episode, settings))
-    groups = list(dict.fromkeys(job.group for job in jobs))
-    if settings.baselines:
-        jobs += [job_of_baseline(job, baseline) for job in jobs for baseline in BASELINES]
+    # Set up: the episodes of our strategy, and of the baseline in the same arenas with the same seeds.
+    own = list(jobs_of(settings.episode, settings))
+    groups = list(dict.fromkeys(job.group for job in own))
+    compared = [job for job in own if settings.baselines and job.group not in WITHOUT_BASELINE]
+    jobs = [*own, *map(job_of_baseline, compared)]
     # Measure.
     results = run_jobs(jobs, settings, run_episode)
     found: dict[str, list[dict[str, Any] | None]] = {}
@@ -44,8 +45,7 @@ def measure(settings: ExplorationSettings) -> Result:
         figures |= figures_of(group, of_group)
     figures |= ratios(found, groups) | t99_ratio(found, groups)
     # A row for each arena.
-    ours = len(jobs) // (1 + len(BASELINES)) if settings.baselines else len(jobs)
-    of_arenas, words = arena_figures(jobs[:ours], results[:ours])
+    of_arenas, words = arena_figures(own, results[: len(own)])
     figures |= of_arenas
     left_out = {
         job.config.arena: r["left_out"] for job, r in zip(jobs, results, strict=True) if r and "left_out" in r
@@ -71,15 +71,15 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
     return figures, words
 
 
-def job_of_baseline(job: Job, baseline: str) -> Job:
-    """The episode of a baseline in the same arena with the same seed; its figures begin with the baseline's name."""
-    return Job(f"{baseline}.{job.group}", replace(job.config, exploration=baseline, detector=None))
+def job_of_baseline(job: Job) -> Job:
+    """The episode of the baseline in the same arena with the same seed; its figures begin with its name."""
+    return Job(f"{NEAREST_FRONTIER}.{job.group}", replace(job.config, exploration=NEAREST_FRONTIER, detector=None))
 
 
 def figures_of(group: str, results: Results) -> dict[str, float]:
     """The figures of a group."""
     scored = reports(results)
-    if group.startswith(BASELINES):
+    if group.startswith(NEAREST_FRONTIER):
         scored = [{stage: report[stage] for stage in BASELINE_STAGES} for report in scored]
     counts = {
         "runs": len(scored),

@@ -23,7 +23,6 @@ from sarsim.episode import Episode
 from sarsim.jobs import locked, make_engine
 from sarsim.methods.perception import make_classifier
 from sarsim.plugins.finds.score import FindScore
-from sarsim.scoring.progress import MOST
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import at_least
 from scripts.benchmarks.settings import DrivesSettings, RunsSettings
@@ -31,7 +30,6 @@ from scripts.benchmarks.settings import DrivesSettings, RunsSettings
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
 """Groups of arenas whose episodes are summarised together; any other arena is a group of its own."""
 STEPS = 1000  # Maximum number; an episode ends earlier if no viewpoint is left
-RANDOM_WALK = "random_walk"
 
 Results = Sequence[dict[str, Any] | None]  # One per job; None where the job failed
 
@@ -160,13 +158,10 @@ def leave(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -
 
 
 def run_episode(job: Job) -> dict[str, Any] | None:
-    """Run an episode; the result is its report, and the position errors of people and finds.
-
-    A random walk also ends once 90% of the arena has been seen.
-    """
+    """Run an episode; the result is its report, and the position errors of people and finds."""
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         try:
-            episode = BenchmarkEpisode(replace(job.config, out=Path(out)))
+            episode = Episode(replace(job.config, out=Path(out)))
         except InputError as error:
             return {"left_out": str(error)}
         if not episode.run(show_progress=False):
@@ -178,12 +173,3 @@ def run_episode(job: Job) -> dict[str, Any] | None:
         "position_errors": score.position_errors,
         "find_errors": found[0] if found else {},
     }
-
-
-class BenchmarkEpisode(Episode):
-    """An episode in which a random walk ends early."""
-
-    def _may_step(self) -> bool:
-        """Whether the task may continue; a random walk also ends once 90% of the arena has been seen."""
-        is_random = self.config.exploration == RANDOM_WALK
-        return super()._may_step() and not (is_random and self.score.coverage.fraction >= MOST["t90_s"])

@@ -253,7 +253,7 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorationSettings(EpisodesSettings):
-    """Whole episodes, against the nearest frontier and a random walk."""
+    """Whole episodes, against the nearest frontier except in large arenas."""
 
     runs: Path = Path("runs/benchmark-exploration")
 

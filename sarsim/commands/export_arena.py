@@ -1,5 +1,6 @@
 """Write any arena as plain MJCF, which MuJoCo's viewer opens: ``export_arena.py --arena A --out FILE.xml``."""
 
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,7 +34,7 @@ class ExportArena:
 
 
 def export_arena(settings: ExportArena) -> None:
-    """Write an arena as MJCF, without the robot. View it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
+    """Write an arena as MJCF, without the robot, and print how to view it."""
     with without_opengl():
         from sarsim.methods.arena import make_arena
 
@@ -41,10 +42,14 @@ def export_arena(settings: ExportArena) -> None:
         raise InputError(f"--out {settings.out}: the file name must end in .xml")
     check_folder_of("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)
-    for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
+    assets = arena.mjcf_model.get_assets()
+    for name, content in (assets | {settings.out.name: arena.to_xml().encode()}).items():
         with atomic_write(settings.out.with_name(name)) as part:
             part.write_bytes(content)
-    print(f"python -m mujoco.viewer --mjcf={settings.out}")
+    count = len(assets)
+    beside = f" and {count} file{'s' * (count > 1)} that it refers to" if count else ""
+    viewer = f"python -m mujoco.viewer --mjcf={shlex.quote(str(settings.out))}"
+    print(f"Exported {settings.arena} to {settings.out}{beside}; to view it: {viewer}")
 
 
 def main() -> None:

@@ -36,6 +36,12 @@ def test_what_was_written_is_an_arena_again(name, tmp_path):
         assert np.allclose(getattr(after, values), getattr(before, values), rtol=0, atol=1e-12), values
 
 
+def test_it_says_what_it_wrote_in_one_line(tmp_path, capsys):
+    exported(tmp_path, "--arena", "random:1")
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "random:1" in line and f"--mjcf={tmp_path / 'out.xml'}" in line
+
+
 def test_a_raf_file_is_written_with_the_start_that_is_asked_for(tmp_path):
     path = tmp_path / "arena.raf"
     path.write_text(RAF)

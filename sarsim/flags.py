@@ -28,7 +28,9 @@ VALUES = ConstructorRegistry()
 
 @VALUES.primitive_rule
 def _shown_without_none(flag: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | UnsupportedTypeAnnotationError | None:
-    if NoneType not in get_args(flag.type) or tyro.conf.DisallowNone in flag.markers:
+    values = get_args(flag.type)
+    has_parts_of_none = any(NoneType in get_args(part) for value in values for part in get_args(value))
+    if NoneType not in values or has_parts_of_none or tyro.conf.DisallowNone in flag.markers:
         return None
     value = ConstructorRegistry.get_primitive_spec(replace(flag, markers=flag.markers | {tyro.conf.DisallowNone}))
     if isinstance(value, UnsupportedTypeAnnotationError):

@@ -11,9 +11,9 @@ from pipeline.arrays import Direction, Directions, Pose, Values
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import front_normals
-from pipeline.localisation.slam import cloud_of_frame
 from pipeline.localisation.vertical import T_level_camera, vertical
 from pipeline.transforms import inverse
 

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Mask, Pose, Values
 from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.registration import Prior, Registration, Target, register, shares_of
-from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import angle_of, from_rotation, inverse, transform_places
 
 GUESS_SIGMA = 0.15

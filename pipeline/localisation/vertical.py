@@ -10,8 +10,8 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.geometry.planes import ransac_plane
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.registration import front_normals
-from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import from_rotation, inverse, level
 
 FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)

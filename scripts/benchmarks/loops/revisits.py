@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import RegistrationConfig
-from pipeline.localisation.slam import cloud_of_frame
+from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.transforms import transform_places
 from scripts.benchmarks.localisation_scores import way_driven
 from scripts.benchmarks.loops.tours import Tour

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig
+from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.localisation import LostError
+from pipeline.localisation.motion_states import log_likelihoods
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
-from pipeline.localisation.slam import Slam, cloud_of_frame, log_likelihoods
+from pipeline.localisation.slam import Slam
 from pipeline.transforms import from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
 from tests.pipeline.polygon_scene import floor, wall

@@ -1,0 +1,85 @@
+"""What a frame says about the robot's motion: as measured, slipping wheels, or held where it was."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import small_gicp
+from scipy.linalg import block_diag
+
+from pipeline.arrays import Pose, Values
+from pipeline.frame import Frame
+from pipeline.localisation.belief import MotionState, evidence_of_overlap, likelihood_of_view, tiles_covered
+from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
+from pipeline.localisation.loops import in_view
+from pipeline.localisation.registration import Prior, Registration, Target, exponential, register
+
+HELD_SIGMA = 0.02
+"""Standard deviation of the position of a robot that is held, m, and of one that slips across its direction."""
+
+
+def log_likelihoods(
+    found: Sequence[Registration], target: Target, frame: Frame, config: RegistrationConfig
+) -> Values:
+    """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
+
+    They are compared by how many of the old points that should be in view are shown. The fraction of a frame's points
+    that were seen before says less: along a corridor, a robot that has moved shows new ground, while at its old place
+    everything would have been seen before. The best one gets the better of both kinds of evidence that the robot is
+    where it registers at all: new ground lowers the one kind, and what hides old ground the other.
+    """
+    chance = config.chance_overlap
+    compared, evidence = np.empty(len(found)), []
+    for n, registration in enumerate(found):
+        pixels, z, depth = in_view(frame, registration.T, target.points)
+        shown = float(np.mean(np.abs(depth - z) < config.fine)) if len(z) else 0.0
+        covered = tiles_covered(pixels, frame.intrinsics.width)
+        compared[n] = likelihood_of_view(shown, covered)
+        evidence += [evidence_of_overlap(shown, chance, covered), evidence_of_overlap(registration.overlap, chance)]
+    surprise = np.array([registration.surprise for registration in found])
+    return compared - compared.max() + max(evidence) - surprise
+
+
+def otherwise(
+    target: Target,
+    cloud: small_gicp.PointCloud,
+    odometry: Prior,
+    T_map_base: Pose,
+    frame: Frame,
+    config: LocalisationConfig,
+) -> dict[MotionState, tuple[Prior, Registration]]:
+    """Register a frame as if the robot had stayed at ``T_map_base``, or had slipped: no farther than measured.
+
+    For a slip, the registration is started from both the previous position and that of the odometry.
+    """
+    held, slips = held_or_slipping(odometry, T_map_base)
+
+    def registered(*priors: Prior) -> Registration:
+        level = by_gravity(priors[-1].T, frame, config.odometry.gravity_sigma)
+        return register(target, cloud, [*priors, level], config.registration.coarse, config.registration)
+
+    begins = (Prior(prior.T, np.zeros_like(slips.information)) for prior in (held, odometry))
+    slipped = [registered(begin, slips) for begin in begins]
+    likeliest = int(log_likelihoods(slipped, target, frame, config.registration).argmax())
+    return {MotionState.HELD: (held, registered(held)), MotionState.SLIPPING: (slips, slipped[likeliest])}
+
+
+def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
+    """Priors of the pose if the robot has stayed at ``T_map_base``, and if it has moved no farther than measured.
+
+    Slipping wheels move the robot less far than they measure, but hardly sideways.
+    """
+    stayed = odometry.T.copy()
+    stayed[:3, 3] = T_map_base[:3, 3]
+    way = odometry.T[:3, :3].T @ (odometry.T[:3, 3] - stayed[:3, 3])
+    rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
+    still = HELD_SIGMA**2 * np.eye(3)
+    held = Prior(stayed, block_diag(rotation, np.linalg.inv(still)))
+    return held, Prior(odometry.T, block_diag(rotation, np.linalg.inv(still + np.outer(way, way))))
+
+
+def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
+    """A prior of roll and pitch alone, with ``sigma`` rad: the pose, rotated to the vertical of the odometry."""
+    up = frame.T_odom_base[2, :3]
+    level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
+    tilt = (np.eye(3) - np.outer(up, up)) / sigma**2
+    return Prior(level, block_diag(tilt, np.zeros((3, 3))))

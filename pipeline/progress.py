@@ -10,7 +10,7 @@ class Progress:
     Attributes:
         text: what the robot is doing and how much is explored, or what is being written at the end.
         share: fraction of the run that is done, 0 to 1; None if unknown.
-        is_timed: whether the share is a share of time, so that the remaining time follows from it.
+        is_timed: whether ``share`` is a fraction of time, so that the remaining time follows from it.
     """
 
     text: str

@@ -53,7 +53,7 @@ class UnseenWaysConfig:
         ahead: length of the path through unseen ground that a view should show, m.
         second_look: cost of a second view if the first shows none of this ground, s.
         detour: maximum detour for a view, s; longer ones are considered only if no view is within it.
-        least_share: minimum share of this ground that a view must show.
+        least_share: minimum fraction of this ground that a view must show.
         alternatives: maximum number of paths through different unseen ground that are compared.
         tries: number of keyframes that miss unseen ground, after which it no longer counts as free.
         drives: number of drives to views of unseen ground, wherever they ended, with the same effect.

@@ -20,7 +20,7 @@ class ClassShares:
 
     Attributes:
         classes: (N, 2) uint8, the most probable class and the next; the lower id wins a tie.
-        share: (N,) uint8, the first class's share of ``WHOLE``; the second class has the rest.
+        share: (N,) uint8, the first class's part of ``WHOLE``; the second class has the rest.
     """
 
     classes: NDArray[np.uint8]

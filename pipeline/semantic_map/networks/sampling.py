@@ -20,7 +20,7 @@ class Batch:
 
     Attributes:
         points: (P, 6 or 9) float32 channels of every point.
-        shares: (P, 6) float32 share of every class in a point's voxel.
+        shares: (P, 6) float32 fraction of every class in a point's voxel.
         sizes: number of points of every block.
     """
 

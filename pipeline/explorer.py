@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.arrays import Place, Places, Pose
+from pipeline.arrays import Place, Places, Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
@@ -124,7 +124,7 @@ class Explorer:
             return "time"
         if self.is_held:
             return "held"
-        if context.paths.start is None or is_cut_off(context.poses, context.paths):
+        if context.paths.start is None or is_cut_off(self._own_poses(context), context.paths):
             return "shut_in"
         return "not_worth_it" if any(view.is_reachable for view in left) else "nothing_left"
 
@@ -160,7 +160,11 @@ class Explorer:
         """A plan back along the robot's own track if no path leads to where it came from."""
         if self.is_held or self.mission.is_out_of_time or self._ways_back >= self._config.explorer.patience:
             return None
-        return way_back(context.poses, context.paths)
+        return way_back(self._own_poses(context), context.paths)
+
+    def _own_poses(self, context: Context) -> Poses:
+        """(K, 4, 4) poses of the keyframes of this episode."""
+        return context.poses[self.mapper.keyframes.loaded :]
 
     def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
         heading = viewpoint.heading if viewpoint.turn else None

@@ -82,7 +82,7 @@ class Explorer:
         # Sense, localise and map (thesis 3.1 and 3.2).
         keyframe = self.pilot.look_around()
         self.reobservation.count(keyframe.frame)
-        # Decide where to look next, or why exploration ends.
+        # Decide where to look next, or to go back if no path leads to where the robot came from, or why to end.
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             back = self._way_back(context) if viewpoint is None else None

@@ -1,6 +1,7 @@
 """Odometry from an RGB-D camera alone: each frame is registered with earlier ones, starting from visual odometry."""
 
 from collections.abc import Sequence
+from math import radians
 
 import cv2
 import numpy as np
@@ -27,6 +28,9 @@ LEAST_OVERLAP = 0.4
 MOST_BLIND = 30
 """Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
 is lost."""
+KEPT_WAY, KEPT_TURN = 0.15, radians(7.5)
+"""m and rad. The surfaces of a frame are kept if the camera has moved or turned this far since the last such frame, so
+that the next frames overlap with them."""
 MOST_CORNERS, LEAST_CORNERS = 400, 20
 """Maximum number of corners, and minimum number that agree on a motion; at least half of the tracked ones must."""
 CORNER_QUALITY = 0.01
@@ -74,9 +78,8 @@ class DepthOdometry:
             self._T = T
             new = shares_of(target, cloud, T, registration)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
-        # Keep frames at half the spacing of keyframes, so that these find all their surfaces.
-        moved, spacing = inverse(self._kept[-1] if self._kept else self._T) @ self._T, self._config.keyframes
-        is_far = np.linalg.norm(moved[:3, 3]) > spacing.way / 2 or angle_of(moved) > spacing.turn / 2
+        moved = inverse(self._kept[-1] if self._kept else self._T) @ self._T
+        is_far = np.linalg.norm(moved[:3, 3]) > KEPT_WAY or angle_of(moved) > KEPT_TURN
         if not self._kept or is_far:
             self._map.add(len(self._kept), self._T, cloud, frame.T_base_camera[:3, 3], new)
             self._kept.append(self._T)

@@ -29,8 +29,8 @@ MOST_BLIND = 30
 """Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
 is lost."""
 KEPT_WAY, KEPT_TURN = 0.15, radians(7.5)
-"""m and rad. The surfaces of a frame are kept if the camera has moved or turned this far since the last such frame, so
-that the next frames overlap with them."""
+"""m and rad. The surfaces of a frame are kept if the camera has moved or turned this far since the last such frame,
+so that the next frames overlap with them."""
 MOST_CORNERS, LEAST_CORNERS = 400, 20
 """Maximum number of corners, and minimum number that agree on a motion; at least half of the tracked ones must."""
 CORNER_QUALITY = 0.01

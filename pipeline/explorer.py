@@ -1,7 +1,6 @@
 """The whole pipeline (thesis, chapter 3): sense, localise, map, decide where to go, plan, drive."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -88,6 +87,7 @@ class Explorer:
             back = self._way_back(context) if viewpoint is None else None
             self._ways_back = self._ways_back + 1 if back else 0
             if back is not None:
+                self.mission.set_out_to_see_nothing()
                 viewpoint = Viewpoint(back.way_points[-1, :2], 0.0, turn=False, gain=0.0, stands=True)
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
@@ -211,9 +211,7 @@ class Explorer:
         check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check)
         course = Course(way, heading, here, speed_limit, rolls, planned)
         with mapper.stopwatch("navigation"):
-            # On a way back, the robot has set out to see nothing.
-            is_shown = viewpoint.gain > 0 and partial(self.mission.is_shown, mapper.elevation_map)
-            outcome = pilot.follow(check, course, is_shown or (lambda: False))
+            outcome = pilot.follow(check, course, lambda: self.mission.is_shown(mapper.elevation_map))
 
         # Judge the drive: a tilt where the map shows no ramp casts doubt on the pose.
         reached = outcome is Outcome.REACHED

@@ -109,7 +109,9 @@ def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
     fx, fy, cx, cy = pinhole
     u, v = fx * point[0] / point[2] + cx, fy * point[1] / point[2] + cy
     du, dv = u - pixel[0], v - pixel[1]
-    length = max(np.hypot(du, dv), 1.0)
+    length = np.hypot(du, dv)
+    if length < 1:  # A camera that looks straight down sees no wall below a hole
+        return False
     _, edge = _height_and_distance(pixel[0], pixel[1], depth[pixel[1], pixel[0]], pinhole, up)
     margin, top = noise + limits.nearer, -np.inf
     while True:

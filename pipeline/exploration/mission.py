@@ -52,7 +52,8 @@ class Mission:
         self.may_explore = True
         self.deadline: Deadline | None = None
         self.inspection: Strategy | None = None
-        self._sender, self._is_on_retreat = exploration, False
+        self._sender: Strategy | None = exploration
+        self._is_on_retreat = False
         self._visited: dict[str, Goals] = {}
         self._reported: dict[str, int] = {}
 
@@ -115,10 +116,14 @@ class Mission:
                 return viewpoint
         return None
 
+    def set_out_to_see_nothing(self) -> None:
+        """Begin a drive that no strategy has chosen, so that none may end it early."""
+        self._sender = None
+
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the drive to the last viewpoint has already shown what the robot set out for."""
         has_answer = hasattr(self._sender, "is_shown")  # A user's own strategy may lack it
-        return has_answer and self._sender.is_shown(elevation_map)
+        return has_answer and required(self._sender).is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
         """Whether the clock allows the drive, which then begins. On the retreat, the clock is no longer asked."""

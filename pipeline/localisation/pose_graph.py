@@ -283,11 +283,11 @@ class PoseGraph:
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
-        self._settled = len(self._kinds)
         grown, window = len(self) - self._solved, self._config.graph.window
         # One with surfaces seen there moves the newest poses, and the others by and by.
-        tells = np.isin(self._kinds.values[-len(off) :], (Kind.MOTION, Kind.LOOP)) if len(off) else contradicted
+        tells = np.isin(self.kinds[self._settled :], (Kind.MOTION, Kind.LOOP))
         self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
+        self._settled = len(self._kinds)
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
         free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
         problem = Problem.of(self, free, is_whole)

@@ -48,7 +48,7 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
         return None
     # Back to the newest keyframe on the piece with most of them, turning as little as possible.
     first = int(np.flatnonzero(piece == 1 + counts[1:].argmax())[-1])
-    drives = np.diff(places[: first - 1 : -1], axis=0) if first else np.diff(places[::-1], axis=0)
+    drives = np.diff(places[first:][::-1], axis=0)
     lengths = np.linalg.norm(drives, axis=1)
     is_drive = lengths > LEAST_DRIVE
     if not is_drive.any() or lengths.max() > FARTHEST:

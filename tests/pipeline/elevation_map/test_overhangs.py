@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.overhangs_kernels import Limits, _has_sill
 from pipeline.elevation_map.traversability import Traversability, assess_map
 from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import Seen
@@ -157,3 +158,11 @@ def test_ground_seen_through_a_hole_in_a_wall_is_free() -> None:
     _, ground = mapped(wall, poses)
     place = np.array([[0.7, 0.0], [0.9, 0.1]])
     assert np.isfinite(ground.grid.at(ground.elevation, place)).all()
+
+
+def test_no_wall_is_sought_below_a_hole_by_a_camera_that_looks_straight_down() -> None:
+    """The line above the ground is a point in its image, from which no direction leads down."""
+    limits = Limits(0.65, 0.8, 3.5, 0.05, 2.0, 2, 0.05, 0.08)
+    pinhole, down = np.array([100.0, 100.0, 50.0, 40.0]), np.array([0.0, 0.0, -1.0])
+    depth = np.full((80, 100), 1.0, np.float32)
+    assert not _has_sill(np.array([0.0, 0.0, 2.0]), 0.01, depth, pinhole, (50, 40), down, limits)

@@ -6,13 +6,15 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.exploration import mission
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.mission import Goals, Mission
-from pipeline.exploration.viewpoint import Context
+from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
+from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
@@ -134,3 +136,28 @@ def test_a_goal_is_refused_when_the_episode_ends_before_any_step():
     goals = Goals([(1.0, 2.0)])
     goals.refuse()
     assert "(1.00, 2.00) m" in goals.visits[0].obstacle
+
+
+class Shown:
+    """A strategy of one's own that sends the robot to one place, and takes it as shown at once."""
+
+    def observe(self, context):
+        pass
+
+    def next_viewpoint(self, context):
+        return Viewpoint(np.array(START), 0.0, turn=False, gain=0.0)
+
+    def commit(self, viewpoint, context):
+        pass
+
+    def is_shown(self, elevation_map):
+        return True
+
+
+def test_only_a_drive_that_a_strategy_chose_may_end_because_what_it_should_show_is_shown(world):
+    plan = Mission(Shown())
+    for _ in range(2):
+        assert plan.choose(context_at(world, START)) is not None
+        assert plan.is_shown(ElevationMap(PIONEER))
+        plan.set_out_to_see_nothing()
+        assert not plan.is_shown(ElevationMap(PIONEER))

@@ -16,6 +16,7 @@ from pipeline.explorer import Step
 from pipeline.frame import Frame, jpeg
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.labels import COLOURS, PLAIN_NAMES, Label
+from pipeline.lettering import write
 from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.segments.segments import Segments
@@ -32,7 +33,7 @@ KEYFRAME_COLOUR = ImageColor.getrgb("orange")
 LOOP_COLOUR = ImageColor.getrgb("red")
 FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
-FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Font face of text in images, and its scale
+CAPTION = 0.1  # Height of a photo's caption, including its margins, as a fraction of the photo's side
 MARK = 0.08  # Radius of marks, m
 LINE = 0.012  # Half the width of lines that must be visible from afar, m
 ABOVE_GROUND = np.array([0, 0, 0.08])
@@ -214,8 +215,8 @@ def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedIma
 
 def _photo(text: str, photo: Rgb, colour: Colour, side: int) -> Rgb:
     """A photo, scaled to fit above its caption."""
-    (_, caption), _ = cv2.getTextSize(text, *FONT, thickness=1)
-    fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (side, side - 2 * caption)))
-    cell = np.vstack([fitted, np.zeros((2 * caption, side, 3), np.uint8)])
-    cv2.putText(cell, text, (caption, side - caption // 2), *FONT, colour, 1, cv2.LINE_AA)
+    caption = round(CAPTION * side)
+    fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (side, side - caption)))
+    cell = np.vstack([fitted, np.zeros((caption, side, 3), np.uint8)])
+    write(cell, (caption // 4, side - caption // 4), text, 0.8 * caption, colour)
     return cell

@@ -1,17 +1,17 @@
 """The legend of a recording's colours, as an image with its own background that suits any theme."""
 
-import cv2
 import numpy as np
-from PIL import ImageColor
 
 from pipeline.arrays import Rgb
 from pipeline.labels import COLOURS, PLAIN_NAMES, Label
+from pipeline.lettering import width_of, write
 from pipeline.rerun import drawings
-from pipeline.rerun.drawings import FONT
 from pipeline.rerun.find_drawings import FIND_COLOUR
 from pipeline.rerun.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
-PAPER, INK = ImageColor.getrgb("whitesmoke"), ImageColor.getrgb("black")
+GROUND, INK = (24, 27, 31), (235, 235, 235)
+SIZE, LINE, PATCH, GAP = 17, 27, 16, 9
+"""Height of the letters, of a line and of a patch of colour, and the gap between patch and text, pixels."""
 MEANINGS = {
     **{PLAIN_NAMES[label]: tuple(COLOURS[label].tolist()) for label in Label},
     "path to the next viewpoint": drawings.PLAN_COLOUR,
@@ -30,16 +30,12 @@ MEANINGS = {
 
 
 def legend() -> Rgb:
-    """The legend, in two columns with lines twice as high as their text."""
-    sizes = [cv2.getTextSize(meaning, *FONT, thickness=1)[0] for meaning in MEANINGS]
-    width, height = np.max(sizes, axis=0).tolist()
-    line, rows = 2 * height, (len(MEANINGS) + 1) // 2
-    column = line + height + width + height
-    picture = np.full((rows * line + height, 2 * column + height, 3), PAPER, np.uint8)
+    """The legend, in two columns."""
+    rows = (len(MEANINGS) + 1) // 2
+    column = 3 * GAP + PATCH + max(width_of(meaning, SIZE) for meaning in MEANINGS)
+    picture = np.full((rows * LINE + GAP, 2 * column + GAP, 3), GROUND, np.uint8)
     for k, (meaning, colour) in enumerate(MEANINGS.items()):
-        x, y = k // rows * column + height, k % rows * line + height
-        patch = (x, y), (x + line, y + height)
-        cv2.rectangle(picture, *patch, colour, cv2.FILLED)
-        cv2.rectangle(picture, *patch, INK)
-        cv2.putText(picture, meaning, (x + line + height, y + height), *FONT, INK, 1, cv2.LINE_AA)
+        x, y = k // rows * column + 2 * GAP, k % rows * LINE + GAP
+        picture[y : y + PATCH, x : x + PATCH] = colour
+        write(picture, (x + PATCH + GAP, y + PATCH - 2), meaning, SIZE, INK)
     return picture

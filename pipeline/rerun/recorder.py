@@ -76,7 +76,7 @@ class Recorder(Sink):
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
-        self.stream.log("legend", rr.Image(legend()), static=True)
+        self.stream.log("legend", rr.Image(legend(), magnification_filter="linear"), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def on_motion(self, motion: Motion) -> None:

@@ -13,6 +13,7 @@ from scipy.special import expit
 from pipeline.arrays import Cells, Layer, MaskLayer, Place, Places, Points, Pose, Rgb
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid, check_memory
+from pipeline.lettering import IN_MIDDLE, width_of, write
 from pipeline.metric_map.io.plans import write_geotiff
 from pipeline.metric_map.io.ros_map import LETHAL, costs
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
@@ -20,7 +21,7 @@ from pipeline.plugins.league.pois import PointOfInterest
 from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS, pixels
 from pipeline.transforms import inverse, transform_points
 
-FONT = cv2.FONT_HERSHEY_SIMPLEX
+CAPITALS = 0.7  # Height of capital letters as a fraction of the font's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,25 +172,23 @@ def _draw_find(plan: Plan, poi: PointOfInterest) -> None:
         radius, text = pixels("diamond", 0.5), poi.name[:2]
         tips = np.array([(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)], np.int32)
         cv2.fillPoly(plan.image, [tips], MAP_COLOURS[poi.type])
-    (wide, high), _ = cv2.getTextSize(text, FONT, 1, 1)
-    scale = radius / max(wide, high)
-    at = (round(x - scale * wide / 2), round(y + scale * high / 2))
-    cv2.putText(plan.image, text, at, FONT, scale, MAP_COLOURS["text"])
+    size = radius * min(1 / CAPITALS, radius / max(1, width_of(text, radius)))
+    write(plan.image, (x, y), text, size, MAP_COLOURS["text"], IN_MIDDLE, is_smooth=False)
 
 
 def _draw_scale(plan: Plan, title: str) -> None:
     """Draw the file's name at the top left; the scale and the axes, x up and y left, at the top right."""
     letter, right, axis = pixels("title"), plan.image.shape[1] - pixels("margin", 0.5), pixels("axis")
-    cv2.putText(plan.image, title, (letter, 2 * letter), FONT, _scale(letter), MAP_COLOURS["file_name"], 2)
+    _write(plan, (letter, 2 * letter), title, letter, "file_name")
     first = right - pixels("scale")
     plan.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
-    cv2.putText(plan.image, "1 m", (first, 2 * letter - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+    _write(plan, (first, 2 * letter - 3), "1 m", letter / 2, "scale")
     foot = (right, 3 * letter + axis)
     for name, tip in (("x", (right, foot[1] - axis)), ("y", (right - axis, foot[1]))):
         cv2.arrowedLine(plan.image, foot, tip, MAP_COLOURS["scale"], 2)
-        cv2.putText(plan.image, name, (tip[0] + 3, tip[1] - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+        _write(plan, (tip[0] + 3, tip[1] - 8), name, letter / 2, "scale")
 
 
-def _scale(height: int) -> float:
-    """Font scale for letters with a height in pixels."""
-    return float(cv2.getFontScaleFromHeight(FONT, height))
+def _write(plan: Plan, at: tuple[int, int], text: str, height: float, element: str) -> None:
+    """Write a text with capitals of a height, pixels, in exactly the colour that the rules give to the element."""
+    write(plan.image, at, text, height / CAPITALS, MAP_COLOURS[element], is_smooth=False)

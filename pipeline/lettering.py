@@ -1,0 +1,54 @@
+"""Text in images, in the typeface that Pillow carries with it, so that it looks the same on every machine."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from pipeline.arrays import Rgb
+
+ON_LINE, IN_MIDDLE = "ls", "mm"
+"""What the position of a text refers to: the left end of its baseline, or its centre (Pillow's text anchors)."""
+
+
+@cache
+def font(size: float) -> Any:
+    """The typeface with a nominal height of ``size`` pixels; its capitals are 0.7 times as high."""
+    return ImageFont.load_default(size)
+
+
+def width_of(text: str, size: float) -> int:
+    """The width of a line of text, pixels."""
+    return int(np.ceil(font(size).getlength(_in_a_line(text))))
+
+
+def write(
+    image: Rgb,
+    at: tuple[int, int],
+    text: str,
+    size: float,
+    colour: tuple[int, ...],
+    anchor: str = ON_LINE,
+    is_smooth: bool = True,
+) -> None:
+    """Write a line of text into an image.
+
+    Args:
+        image: the image, which is changed; what would be outside it is cut off.
+        at: column and row of the anchor.
+        text: the text; each run of line breaks and other white space becomes one space.
+        size: nominal height of the letters, pixels.
+        colour: RGB.
+        anchor: ``ON_LINE`` or ``IN_MIDDLE``.
+        is_smooth: whether the letters' edges are blended with the image; otherwise only ``colour`` itself is used.
+    """
+    picture = Image.fromarray(image)
+    draw = ImageDraw.Draw(picture)
+    draw.fontmode = "L" if is_smooth else "1"
+    draw.text(at, _in_a_line(text), tuple(colour), font(size), anchor=anchor)
+    image[:] = np.asarray(picture)
+
+
+def _in_a_line(text: str) -> str:
+    return " ".join(text.split())

@@ -20,8 +20,8 @@ def inked(image):
 
 def test_text_stands_on_its_line_and_is_as_wide_as_announced():
     top, bottom, left, right = inked(written("HEH"))
-    assert bottom == 59 and bottom - top == pytest.approx(0.7 * 30, abs=1.5)
-    assert 20 <= left and right <= 20 + width_of("HEH", 30)
+    assert bottom == pytest.approx(59, abs=1) and bottom - top == pytest.approx(0.7 * 30, abs=2)
+    assert left >= 20 and right <= 20 + width_of("HEH", 30)
 
 
 def test_text_can_be_centred():

@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup develop ros episode test endurance lint benchmark results claims docs dist clean
+.PHONY: help setup develop ros episode test endurance lint benchmark results claims pictures docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -51,6 +51,9 @@ results: develop ## measure and write all pages of results, or one: make results
 
 claims: develop ## check the claims in the section Reproduce of README, and report which hold
 	$(PYTHON) scripts/results.py --claims
+
+pictures: develop ## draw the pictures of the run that PAGE=episode measured, or others: make pictures PICTURE="camera lanes"
+	$(PYTHON) scripts/draw_pictures.py $(PICTURE)
 
 docs: develop .venv/docs-installed ## build the documentation site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet

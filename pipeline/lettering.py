@@ -1,5 +1,7 @@
 """Text in images, in the typeface that Pillow carries with it, so that it looks the same on every machine."""
 
+import re
+import unicodedata
 from functools import cache
 from typing import Any
 
@@ -10,6 +12,8 @@ from pipeline.arrays import Rgb
 
 ON_LINE, IN_MIDDLE = "ls", "mm"
 """What the position of a text refers to: the left end of its baseline, or its centre (Pillow's text anchors)."""
+LOOKALIKES = str.maketrans("×−–—‘’“”ıµ", "x---''\"\"iu")
+"""The typeface has ASCII and a few other characters."""
 
 
 @cache
@@ -20,7 +24,7 @@ def font(size: float) -> Any:
 
 def width_of(text: str, size: float) -> int:
     """The width of a line of text, pixels."""
-    return int(np.ceil(font(size).getlength(_in_a_line(text))))
+    return int(np.ceil(font(size).getlength(_written(text))))
 
 
 def write(
@@ -37,7 +41,8 @@ def write(
     Args:
         image: the image, which is changed; what would be outside it is cut off.
         at: column and row of the anchor.
-        text: the text; each run of line breaks and other white space becomes one space.
+        text: the text; each run of line breaks and other white space becomes one space, and characters that the
+            typeface lacks become similar ones, or question marks.
         size: nominal height of the letters, pixels.
         colour: RGB.
         anchor: ``ON_LINE`` or ``IN_MIDDLE``.
@@ -46,9 +51,11 @@ def write(
     picture = Image.fromarray(image)
     draw = ImageDraw.Draw(picture)
     draw.fontmode = "L" if is_smooth else "1"
-    draw.text(at, _in_a_line(text), tuple(colour), font(size), anchor=anchor)
+    draw.text(at, _written(text), tuple(colour), font(size), anchor=anchor)
     image[:] = np.asarray(picture)
 
 
-def _in_a_line(text: str) -> str:
-    return " ".join(text.split())
+def _written(text: str) -> str:
+    """The text in one line, in characters that the typeface has."""
+    letters = unicodedata.normalize("NFKD", " ".join(text.split()).translate(LOOKALIKES))
+    return re.sub("[^ -~°]", "?", re.sub("[\u0300-\u036f]", "", letters))  # Without accents

@@ -118,7 +118,7 @@ def test_every_picture_is_shown_on_a_page() -> None:
 
 
 def test_badges_are_drawn_from_the_project() -> None:
-    namespace = runpy.run_path(str(ROOT / "docs" / "figures" / "draw_badges.py"))
+    namespace = runpy.run_path(str(ROOT / "scripts" / "pictures" / "badges.py"))
     assert {file: file.read_text() for file in namespace["badges"]()} == namespace["badges"]()
 
 

@@ -39,3 +39,8 @@ def test_text_that_is_not_smooth_has_its_colour_alone():
 def test_any_text_can_be_written(text):
     assert written(text).shape == (100, 200, 3)
     assert width_of(text, 30) >= 0
+
+
+@pytest.mark.parametrize(("text", "same"), [("Işıkdemir", "Isikdemir"), ("2 × 3 m²", "2 x 3 m2"), ("−1", "-1")])
+def test_characters_that_the_typeface_lacks_become_similar_ones(text, same):
+    np.testing.assert_array_equal(written(text), written(same))

@@ -1,16 +1,13 @@
-"""Draw the pictures of lighting.md: ``python docs/figures/draw_lighting.py``."""
+"""Draw the pictures of lighting.md."""
 
-from pathlib import Path
-
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.summary import depth_picture
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.pictures.layout import beside, captioned, save, scaled, stacked
 
-IMAGES = Path(__file__).parents[1] / "images"
 PLACES = [(-2.2, 1.2, 0.3), (2.6, 0.5, -1.5)]
 """x, y in m and yaw in rad in ``nist_6x4``: in front of the lying child, in front of the sitting woman."""
 CONDITIONS = {
@@ -26,29 +23,22 @@ GRAIN = (slice(60, 380), slice(1480, 1800))
 """Rows and columns of a row of images that show the woman at full size."""
 
 
-def main() -> None:
-    rows = [row_of(title, config) for title, config in CONDITIONS.items()]
-    save("lighting.jpg", cv2.resize(np.vstack(rows), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
-    save("lighting-grain.jpg", np.hstack([row[GRAIN] for row in rows[:3]]))
+def draw() -> None:
+    """Draw each condition, and the grain of the images."""
+    rows = [row_of(config) for config in CONDITIONS.values()]
+    titled = (captioned(scaled(row, 0.5), title) for row, title in zip(rows, CONDITIONS, strict=True))
+    save("lighting.jpg", stacked(*titled, gap=4), 82)
+    save("lighting-grain.jpg", beside(*(row[GRAIN] for row in rows[:3])))
 
 
-def save(name: str, picture: NDArray[np.uint8]) -> None:
-    cv2.imwrite(str(IMAGES / name), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
-
-
-def row_of(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
-    """Colour and depth images at each pose, side by side, (H, W, 3) BGR."""
+def row_of(config: SimulationConfig) -> Rgb:
+    """Colour and depth images at each pose, side by side."""
     robot = SimulatedRobot(load_arena("nist_6x4"), config, seed=0)
     pictures = []
     for x, y, yaw in PLACES:
         robot.robot.set_pose(robot.physics, (x, y, 0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
         robot.physics.forward()
         frame = robot.sense()
-        pictures += [frame.rgb[..., ::-1].copy(), depth_picture(frame.depth)[..., ::-1]]
+        pictures += [frame.rgb, depth_picture(frame.depth)]
     robot.close()
-    cv2.putText(pictures[0], title, (12, 34), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (255, 255, 255), 2, cv2.LINE_AA)
     return np.hstack(pictures)
-
-
-if __name__ == "__main__":
-    main()

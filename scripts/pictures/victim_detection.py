@@ -1,15 +1,14 @@
-"""Draw the picture of victim-detection.md: ``python docs/figures/draw_victim_detection.py [CFG WEIGHTS]``."""
+"""Draw the picture of victim-detection.md: what the shipped detector finds in each lighting."""
 
-import sys
 from collections.abc import Iterator
 from itertools import count
-from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Points, Rgb
 from pipeline.frame import Frame
+from pipeline.lettering import width_of, write
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.config import DetectorConfig
@@ -19,22 +18,22 @@ from sarsim.dataset.render import World, find_scene
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 from sarsim.settings import DETECTOR
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
 from scripts.benchmarks.victims import recipe, with_lighting
+from scripts.pictures.layout import beside, save, scaled, stacked
 
-IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
+FACTOR, LETTERS = 0.75, 15
+"""By which images are made smaller, and the height of letters, pixels."""
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
 """Seed of the arenas; frames per arena; images per lighting; minimum number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 """RGB of a box in which depth confirms a person, and of others; the pixels of confirmed people are tinted."""
 
 
-def main() -> None:
-    """Draw the detections of a detector, the shipped one if none is given, in each lighting."""
-    detector = VictimDetector.load(*map(Path, sys.argv[1:3] or DETECTOR), config=DetectorConfig(confidence=0.5))
-    rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
-    cv2.imwrite(str(IMAGE), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
+def draw() -> None:
+    """Draw the detections in each lighting."""
+    detector = VictimDetector.load(*DETECTOR, config=DetectorConfig(confidence=0.5))
+    rows = (beside(*(picture(frame, detector) for frame in frames(light)), gap=4) for light in Lighting)
+    save("victim-detections.jpg", stacked(*rows, gap=4))
 
 
 def frames(light: Lighting) -> Iterator[Frame]:
@@ -55,9 +54,9 @@ def frames(light: Lighting) -> Iterator[Frame]:
             return
 
 
-def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
+def picture(frame: Frame, detector: VictimDetector) -> Rgb:
     """(H, W, 3) the image with its detections, coloured by whether depth confirms a person."""
-    result = frame.rgb.copy()
+    result, texts = frame.rgb.copy(), []
     for detection in detector.detect(frame.rgb):
         seen = observe(frame, detection, frame.T_base_camera)
         if isinstance(seen, Observation):
@@ -65,17 +64,17 @@ def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
         colour = FOUND if isinstance(seen, Observation) else REFUSED
         x0, y0, x1, y1 = (round(edge) for edge in detection.box)
         cv2.rectangle(result, (x0, y0), (x1, y1), colour, 2)
-        text = f"{detection.confidence:.2f}" + ("" if isinstance(seen, Observation) else f" {seen.reason[:24]}")
-        cv2.putText(result, text, (x0 + 4, max(y0 - 6, 18)), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 2)
-    return np.asarray(cv2.resize(result, (480, 360), interpolation=cv2.INTER_AREA), np.uint8)
+        text = f"{detection.confidence:.2f}" + ("" if isinstance(seen, Observation) else f" {seen.reason}")
+        texts.append((FACTOR * x0, FACTOR * y0, text, colour))
+    result = scaled(result, FACTOR)
+    for x, y, text, colour in texts:  # On the smaller image, where letters stay sharp
+        left = min(round(x), result.shape[1] - width_of(text, LETTERS) - 4)
+        write(result, (left, max(round(y) - 5, LETTERS)), text, LETTERS, colour)
+    return result
 
 
-def tint(image: NDArray[np.uint8], frame: Frame, points: NDArray[np.float32]) -> None:
+def tint(image: Rgb, frame: Frame, points: Points) -> None:
     """Tint the pixels of (N, 3) points, m in ``base_link``."""
     pixels, inside = frame.intrinsics.project(transform_points(inverse(frame.T_base_camera), points))
     v, u = pixels[inside].T
     image[v, u] = (0.6 * image[v, u] + 0.4 * np.array(FOUND)).astype(np.uint8)
-
-
-if __name__ == "__main__":
-    main()

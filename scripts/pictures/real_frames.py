@@ -1,11 +1,11 @@
 """Draw docs/images/real-*.jpg: real frames from a folder like ../shared/real_rgbd, and the labels of their maps.
 
-``python docs/figures/draw_real_frames.py FOLDER`` also prints the fractions of the labels among all returns.
+It also prints the fractions of the labels among all returns.
 """
 
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,21 +14,31 @@ from scipy.spatial import KDTree
 
 from pipeline.datasets.replay import Replay, localisation_of
 from pipeline.datasets.tum_folder import read_tum_folder
+from pipeline.errors import InputError
 from pipeline.frame import Calibration
 from pipeline.labels import COLOURS, Label
 from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
+from scripts.pictures.layout import save
 
 SCALE = 5000
 """Units per metre of the depth images that are mapped."""
 
 
+def read(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
+    """The image in a file; InputError if it cannot be read."""
+    image = cv2.imread(str(path), flags)
+    if image is None:
+        raise InputError(f"{path}: must be an image")
+    return np.asarray(image)
+
+
 def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, whose depth has its bits rotated."""
-    depth = cv2.imread(str(folder / "SUN_depth.png"), cv2.IMREAD_UNCHANGED)
+    depth = read(folder / "SUN_depth.png", cv2.IMREAD_UNCHANGED)
     turned = ((depth >> 3) | (depth << 13)).astype(np.uint16)
-    return cv2.imread(str(folder / "SUN_color.jpg")), turned / 1000, Calibration(570.3, 570.3, 320, 240)
+    return read(folder / "SUN_color.jpg"), turned / 1000, Calibration(570.3, 570.3, 320, 240)
 
 
 def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
@@ -36,13 +46,13 @@ def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     raw = (folder / "NYU_depth.pgm").read_bytes()[-2 * 640 * 480 :]
     disparity = np.frombuffer(raw, "<u2").reshape(480, 640).astype(float)
     depth = np.where(disparity < 1092, 351.3 / np.maximum(1092.5 - disparity, 1), 0)
-    return cv2.imread(str(folder / "NYU_color.ppm")), depth, Calibration(518.9, 519.5, 325.6, 253.7)
+    return read(folder / "NYU_color.ppm"), depth, Calibration(518.9, 519.5, 325.6, 253.7)
 
 
 def desk(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     """Colour (H, W, 3), depth (H, W), m, and intrinsics of TUM RGB-D's frame."""
-    depth = cv2.imread(str(folder / "TUM_depth.png"), cv2.IMREAD_UNCHANGED) / 5000
-    return cv2.imread(str(folder / "TUM_color.png")), depth, Calibration(525, 525, 319.5, 239.5)
+    depth = read(folder / "TUM_depth.png", cv2.IMREAD_UNCHANGED) / 5000
+    return read(folder / "TUM_color.png"), depth, Calibration(525, 525, 319.5, 239.5)
 
 
 def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDArray[np.uint8]:
@@ -63,21 +73,16 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
     return labels
 
 
-def main() -> None:
+def draw(folder: Path) -> None:
     """Map each frame, draw it next to its labels, and print the labels' fractions."""
-    folder, images = Path(sys.argv[1]), Path(__file__).parents[1] / "images"
-    for read in (corridor, basement, desk):
-        colour, depth, calibration = read(folder)
+    for frame in (corridor, basement, desk):
+        colour, depth, calibration = frame(folder)
         labels = labels_of(colour, depth, calibration)
         counts = np.bincount(labels[labels > 0], minlength=len(Label))
         text = ", ".join(
             f"{label.name.lower()} {counts[label] / counts.sum():.3f}" for label in Label if counts[label]
         )
-        print(f"{read.__name__}: {text}", flush=True)
-        tinted = np.where(labels[..., None] > 0, 0.45 * colour + 0.55 * COLOURS[labels][..., ::-1], colour / 3)
-        picture = np.hstack([colour, tinted.astype(np.uint8)])[::2, ::2]
-        cv2.imwrite(str(images / f"real-{read.__name__}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
-
-
-if __name__ == "__main__":
-    main()
+        print(f"{frame.__name__}: {text}", flush=True)
+        rgb = colour[..., ::-1]
+        tinted = np.where(labels[..., None] > 0, 0.45 * rgb + 0.55 * COLOURS[labels], rgb / 3)
+        save(f"real-{frame.__name__}.jpg", np.hstack([rgb, tinted.astype(np.uint8)])[::2, ::2])

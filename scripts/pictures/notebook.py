@@ -1,15 +1,16 @@
-"""Run docs/episode.ipynb and store its outputs in it: ``MPLBACKEND=agg run_notebook.py``, in an empty folder."""
+"""Run docs/episode.ipynb, in a folder of its own, and store its outputs in it."""
 
 import base64
 import io
 import json
-from contextlib import redirect_stdout
+from contextlib import chdir, redirect_stdout
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib.pyplot as plt
 
-NOTEBOOK = Path(__file__).parents[1] / "episode.ipynb"
+NOTEBOOK = Path(__file__).parents[2] / "docs" / "episode.ipynb"
 DPI = 80
 
 
@@ -27,17 +28,15 @@ def outputs(printed: str) -> list[dict[str, Any]]:
     return made
 
 
-def run() -> None:
+def draw() -> None:
     """Run all cells in order."""
+    plt.switch_backend("agg")
     content = json.loads(NOTEBOOK.read_text())
     space: dict[str, Any] = {}
-    for count, cell in enumerate((c for c in content["cells"] if c["cell_type"] == "code"), 1):
-        printed = io.StringIO()
-        with redirect_stdout(printed):
-            exec(compile("".join(cell["source"]), NOTEBOOK.name, "exec"), space)
-        cell["outputs"], cell["execution_count"] = outputs(printed.getvalue()), count
+    with TemporaryDirectory() as folder, chdir(folder):
+        for count, cell in enumerate((c for c in content["cells"] if c["cell_type"] == "code"), 1):
+            printed = io.StringIO()
+            with redirect_stdout(printed):
+                exec(compile("".join(cell["source"]), NOTEBOOK.name, "exec"), space)
+            cell["outputs"], cell["execution_count"] = outputs(printed.getvalue()), count
     NOTEBOOK.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
-
-
-if __name__ == "__main__":
-    run()

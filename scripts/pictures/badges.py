@@ -1,4 +1,4 @@
-"""Draw README's badges from pyproject.toml: ``draw_badges.py``. Stored as files, they are shown without a network."""
+"""Draw README's badges from pyproject.toml. Stored as files, they are shown without a network."""
 
 import tomllib
 from pathlib import Path
@@ -38,7 +38,7 @@ def badges() -> dict[Path, str]:
     return {FOLDER / f"{name}.svg": badge(name, value) for name, value in shown.items()}
 
 
-if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
+def draw() -> None:
+    """Write the badges."""
     for file, text in badges().items():
         file.write_text(text)

@@ -1,17 +1,16 @@
 """Draw docs/images/lidar.jpg: a scan of the lidar in the NIST arena, as its beams see it and from above."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.labels import COLOURS
 from pipeline.transforms import inverse, transform_points
 from sarsim.arenas.load import load_arena
 from sarsim.plugins.lidar.config import LidarConfig
 from sarsim.plugins.lidar.scanner import Scan, Scanner
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.pictures.layout import blank, save, stacked
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
 SENSOR = LidarConfig("64x1024", vertical=(-40, 10))
@@ -20,16 +19,16 @@ MARGIN = 16  # pixels around the view from above
 EYE, LOOK = np.array([-1.6, -4.4, 8.0]), np.array([-0.6, 0.9, 0.3])  # m in the world
 
 
-def panorama(scan: Scan) -> NDArray[np.uint8]:
+def panorama(scan: Scan) -> Rgb:
     """The labels of the beams, a row of pixels for each row, with left on the left; black without return."""
     rows, columns = len(SENSOR.model().elevations), SENSOR.model().columns
     picture = np.zeros((rows, columns, 3), np.uint8)
     shade = (0.35 + 0.65 * scan.intensity)[:, None]
-    picture[rows - 1 - scan.ring, columns - 1 - scan.column] = COLOURS[scan.label][:, ::-1] * shade
-    return cv2.resize(picture, (WIDTH, rows * ROW), interpolation=cv2.INTER_NEAREST)
+    picture[rows - 1 - scan.ring, columns - 1 - scan.column] = COLOURS[scan.label] * shade
+    return picture.repeat(ROW, axis=0)
 
 
-def from_above(scan: Scan) -> NDArray[np.uint8]:
+def from_above(scan: Scan) -> Rgb:
     """The points in the colours of their labels, from an eye above the arena; near points cover far ones."""
     z = (LOOK - EYE) / np.linalg.norm(LOOK - EYE)
     x = np.cross(z, (0, 0, 1)) / np.linalg.norm(np.cross(z, (0, 0, 1)))
@@ -41,24 +40,19 @@ def from_above(scan: Scan) -> NDArray[np.uint8]:
     scale = (WIDTH - 2 * MARGIN) / (highest - lowest)[0]
     pixels = np.rint((seen - lowest) * scale + MARGIN).astype(int)
     height = round(float((highest - lowest)[1] * scale)) + 2 * MARGIN
-    picture = np.full((height, WIDTH, 3), 255, np.uint8)
+    picture = blank(WIDTH, height)
     for k in np.argsort(-points[:, 2]):
-        colour = tuple(map(int, COLOURS[scan.label[k]][::-1]))
+        colour = tuple(map(int, COLOURS[scan.label[k]]))
         cv2.circle(picture, pixels[k].tolist(), 1, colour, -1, cv2.LINE_AA)
     return picture
 
 
-def main() -> None:
+def draw() -> None:
     """Place the robot, scan and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     robot.robot.set_pose(robot.physics, POSITION, (np.cos(YAW / 2), 0, 0, np.sin(YAW / 2)))
     robot.physics.forward()
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     scan = Scanner(model, data, robot.base_body, SENSOR.model(), np.random.default_rng(0)).scan(0.0)
-    picture = np.vstack([panorama(scan), np.full((12, WIDTH, 3), 255, np.uint8), from_above(scan)])
-    cv2.imwrite(str(Path(__file__).parents[1] / "images" / "lidar.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 88])
+    save("lidar.jpg", stacked(panorama(scan), from_above(scan), gap=12), 88)
     robot.close()
-
-
-if __name__ == "__main__":
-    main()

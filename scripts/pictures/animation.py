@@ -1,10 +1,9 @@
 """Draw docs/images/episode.webp: an episode from above, with the robot's labels, and as the robot's camera sees it.
 
-``python docs/figures/draw_animation.py runs/nist_6x4-0`` reads the folder of an episode in the arena nist_6x4.
+The run must be an episode in the arena nist_6x4.
 """
 
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +11,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.files import read_numbers
 from pipeline.keyframes import Seen
 from pipeline.labels import COLOURS, PLAIN_NAMES, Label
+from pipeline.lettering import write
 from pipeline.map_file import read_keyframes
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.scoring.coverage import Coverage
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.pictures.layout import DIM, GROUND, IMAGES, INK, blank
 
-STEP, SHOWN, LAST = 1.0, 90, 3500
+STEP, SHOWN, LAST = 1.5, 130, 3500
 """Time of the episode between two images, s; display time of each image, and of the last, ms."""
 OVERVIEW, CUT = (720, 540), (45, 467)
 """Size of the picture from above, and the range of its rows that is shown, pixels."""
@@ -41,9 +42,9 @@ PAINT = 0.8
 AROUND = 0.1
 """Margin around the box of a person who was found, m; points inside belong to the person."""
 NAMED = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.VICTIM
-INK, DIM, GROUND, TRACK = (240, 240, 240), (160, 165, 170), (24, 27, 31), (255, 255, 255)
-QUALITY = 62
-IMAGE = Path(__file__).parents[1] / "images" / "episode.webp"
+TRACK = (255, 255, 255)
+QUALITY = 50
+IMAGE = IMAGES / "episode.webp"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +68,13 @@ class Drive:
     people: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]
 
 
-def main() -> None:
+def draw(folder: Path) -> None:
+    """Draw the episode in a folder."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    first, *others = list(growing(read(Path(sys.argv[1]), robot), robot))
+    first, *others = list(growing(read(folder, robot), robot))
     durations = [SHOWN] * len(others) + [LAST]
     first.save(IMAGE, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=6)
-    print(f"{IMAGE}: {1 + len(others)} pictures, {IMAGE.stat().st_size / 1e6:.2f} MB")
+    print(f"{IMAGE}: {1 + len(others)} pictures, {IMAGE.stat().st_size / 1e3:.0f} kB")
     robot.close()
 
 
@@ -147,7 +149,7 @@ def painted(
 ) -> NDArray[np.uint8]:
     """(H, W, 3) the arena from above, with the visible points and the robot's track (N, 3) m painted on it."""
     data = robot.physics.data.ptr
-    picture = cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW)
+    picture = np.asarray(cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW), np.uint8)
     depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)
     uv, far = in_picture(robot, points)
     layer = np.zeros_like(picture)
@@ -179,23 +181,18 @@ def in_picture(
 
 def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
     """The picture from above and, to its right, the robot's view, the clock, the explored fraction and a legend."""
-    height = CUT[1] - CUT[0]
-    image = Image.new("RGB", (OVERVIEW[0] + SIDE, height), GROUND)
-    image.paste(Image.fromarray(picture[slice(*CUT)]), (0, 0))
+    image = blank(OVERVIEW[0] + SIDE, CUT[1] - CUT[0])
+    image[:, : OVERVIEW[0]] = picture[slice(*CUT)]
     tall = SIDE * view.shape[0] // view.shape[1]
     view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(GROUND, np.uint8))
-    image.paste(Image.fromarray(cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)), (OVERVIEW[0], 0))
-    draw, left, top = ImageDraw.Draw(image), OVERVIEW[0] + 16, tall + 10
+    image[:tall, OVERVIEW[0] :] = cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)
+    left, line = OVERVIEW[0] + 16, tall + 37
     minutes, seconds = divmod(int(time), 60)
-    draw.text((left, top), f"{minutes}:{seconds:02d}", INK, ImageFont.load_default(30))
-    draw.text((left + 100, top), f"{explored:.0%}", INK, ImageFont.load_default(30))
-    draw.text((left + 185, top + 12), "explored", DIM, ImageFont.load_default(18))
+    write(image, (left, line), f"{minutes}:{seconds:02d}", 30, INK)
+    write(image, (left + 100, line), f"{explored:.0%}", 30, INK)
+    write(image, (left + 185, line), "explored", 18, DIM)
     for n, label in enumerate(NAMED):
-        y = top + 46 + 27 * n
-        draw.rectangle((left, y, left + 20, y + 20), tuple(COLOURS[label].tolist()))
-        draw.text((left + 32, y - 2), PLAIN_NAMES[label], INK, ImageFont.load_default(18))
-    return image
-
-
-if __name__ == "__main__":
-    main()
+        y = tall + 56 + 27 * n
+        image[y : y + 20, left : left + 20] = COLOURS[label]
+        write(image, (left + 32, y + 16), PLAIN_NAMES[label], 18, INK)
+    return Image.fromarray(image)

@@ -1,16 +1,17 @@
-"""Cut README's thumbnails out of the pages' pictures, so that each is legible at its size: ``draw_thumbnails.py``."""
+"""Cut README's thumbnails out of the pages' pictures, so that each is legible at its size."""
 
 from pathlib import Path
 
 from PIL import Image
 
-IMAGES = Path(__file__).parents[1] / "images"
+from scripts.pictures.layout import IMAGES
+
 SIZE = (420, 280)  # px, about one and a half times as large as README shows them
 CROPS = {
     "arenas": ("arenas-random", [(60, 30, 810, 530)]),
-    "recording": ("recording-native", [(130, 120, 910, 640)]),
-    "report": ("rescue-report", [(43, 240, 689, 671)]),
-    "dataset": ("camera", [(0, 36, 248, 366), (896, 36, 1144, 366)]),
+    "recording": ("recording-native", [(150, 130, 1050, 730)]),
+    "report": ("rescue-report", [(62, 258, 748, 715)]),
+    "dataset": ("camera", [(0, 36, 248, 366), (912, 36, 1160, 366)]),
     "rooms": ("real-desk", [(70, 0, 250, 240), (390, 0, 570, 240)]),
     "grid": ("metric-map", [(820, 562, 1576, 1066)]),
 }
@@ -26,7 +27,8 @@ def thumbnail(picture: Image.Image, pieces: list[tuple[int, int, int, int]]) -> 
     return made
 
 
-if __name__ == "__main__":
+def draw(_: Path) -> None:
+    """Cut all thumbnails."""
     for name, (file, pieces) in CROPS.items():
         with Image.open(IMAGES / f"{file}.jpg") as picture:
             thumbnail(picture.convert("RGB"), pieces).save(IMAGES / f"thumbnail-{name}.jpg", quality=85)

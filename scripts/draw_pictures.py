@@ -1,0 +1,70 @@
+"""Draw the pictures of README and the documents: ``draw_pictures.py [PICTURE ...]``."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated
+
+try:
+    import tyro
+except ModuleNotFoundError as error:
+    raise SystemExit(
+        f"error: {error.name} is not installed; run: make develop && source .venv/bin/activate"
+    ) from None
+
+from pipeline.errors import InputError
+from sarsim.commands.cli import run
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # scripts/ is not installed
+RUN, MISSION, PHOTOS = "runs/results/episode", "runs/mission", "runs/real_frames"
+OF_A_FOLDER = {
+    "animation": RUN,
+    "recording": RUN,
+    "rescue_report": RUN,
+    "semantic_map": RUN,
+    "metric_map": RUN,
+    "topological_map": RUN,
+    "thumbnails": RUN,  # Last, because they are cut out of the others
+    "mission": MISSION,
+    "real_frames": PHOTOS,
+}
+"""Pictures that show the files in a folder of the repository."""
+ORIGINS = {
+    RUN: "make results PAGE=episode leaves it there",
+    MISSION: "run: sarsim-episode --arena random:7 --mission league --out runs/mission",
+    PHOTOS: "put Open3D's test images of SUN RGB-D, NYU Depth v2 and TUM RGB-D there",
+}
+"""How to get each of these folders."""
+OF_THE_CODE = (
+    *("arenas", "badges", "camera", "esogu", "labels", "lanes"),
+    *("lidar", "lighting", "notebook", "victim_detection"),
+)
+"""Pictures that show the simulator and the networks."""
+
+
+def draw_pictures(pictures: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
+    """Draw pictures of README and the documents anew.
+
+    Args:
+        pictures: names of modules in scripts/pictures. By default all that show the run that make results measured.
+    """
+    known = (*OF_A_FOLDER, *OF_THE_CODE)
+    if unknown := set(pictures) - set(known):
+        raise InputError(f"{', '.join(sorted(unknown))}: no such picture; use {', '.join(known)}")
+    names = pictures or [name for name, folder in OF_A_FOLDER.items() if folder == RUN]
+    shown = {name: [ROOT / OF_A_FOLDER[name]] if name in OF_A_FOLDER else [] for name in names}
+    for folder in {OF_A_FOLDER[name] for name in names if name in OF_A_FOLDER}:
+        if not (ROOT / folder).is_dir():
+            raise InputError(f"{folder}: no such folder; {ORIGINS[folder]}")
+    for name, arguments in shown.items():
+        import_module(f"scripts.pictures.{name}").draw(*arguments)
+
+
+def main() -> None:
+    """Entry point."""
+    run(draw_pictures)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What draws the pictures of README and the documents, one module per picture or page."""

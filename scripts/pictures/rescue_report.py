@@ -1,0 +1,45 @@
+"""Draw the picture of rescue-report.md: a run's report as on a desktop screen and, next to it, as on a phone.
+
+Needs no screen, but Debian's chromium.
+"""
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from pipeline.arrays import Rgb
+from pipeline.errors import InputError
+from scripts.pictures.layout import GROUND, save, scaled
+
+HEIGHT, WIDTHS, GAP = 1500, (1180, 420), 24
+"""Size of the two windows, and the gap between and around them, pixels."""
+FACTOR = 0.66
+WINDOWS = """<body style="margin:{gap}px;display:flex;gap:{gap}px;background:rgb{ground}">{frames}</body>"""
+WINDOW = """<iframe src="{page}" width="{width}" height="{height}" scrolling="no" style="border:0"></iframe>"""
+
+
+def draw(folder: Path) -> None:
+    """Draw the report of the run in a folder."""
+    page = (folder / "report.html").resolve().as_uri()
+    frames = "".join(WINDOW.format(page=page, width=width, height=HEIGHT) for width in WIDTHS)
+    windows = WINDOWS.format(gap=GAP, ground=GROUND, frames=frames)
+    size = sum(WIDTHS) + 3 * GAP, HEIGHT + 2 * GAP
+    save("rescue-report.jpg", scaled(in_browser(windows, *size), FACTOR), 82)
+
+
+def in_browser(html: str, width: int, height: int) -> Rgb:
+    """(height, width, 3) screenshot of a page in a window of this size in pixels."""
+    if (browser := shutil.which("chromium")) is None:
+        raise InputError("chromium is missing; run: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as folder:
+        page, picture = Path(folder, "page.html"), Path(folder, "picture.png")
+        page.write_text(html)
+        flags = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--user-data-dir={folder}/profile"]
+        size = [f"--window-size={width},{height}", f"--screenshot={picture}"]
+        subprocess.run([browser, *flags, *size, page.as_uri()], check=True, stderr=subprocess.DEVNULL)
+        with Image.open(picture) as shot:
+            return np.asarray(shot.convert("RGB"))

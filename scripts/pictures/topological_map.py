@@ -1,0 +1,85 @@
+"""Draw the picture of topological-map.md: the spanning tree, and the roadmap with a plan on it, of a run's map."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.labels import COLOURS, Label
+from pipeline.planning.pose_paths import PosePaths
+from sarsim.composition import make_mapper
+from sarsim.robots.model import robot_model
+from sarsim.settings import PerceptionConfig
+from scripts.pictures.layout import GROUND, INK, beside, save
+
+CELL = 8
+"""Pixels per cell."""
+MARGIN = 8
+"""Cells around the traversable ground."""
+KNOWN, HAZARD, TRAVERSABLE, RAMP = (58, 62, 68), (150, 154, 160), (92, 97, 104), (70, 92, 150)
+TREE, LOOP, PLAN = INK, (255, 150, 30), (60, 190, 90)
+
+
+class Picture:
+    """The ground from above, with paths, nodes and edges drawn over it."""
+
+    def __init__(self, traversability: Traversability):
+        """Paint the ground: unknown, known, hazards, traversable, ramps."""
+        ground = np.full((*traversability.grid.shape, 3), GROUND, np.uint8)
+        ground[~np.isnan(traversability.elevation)] = KNOWN
+        ground[traversability.traversable] = TRAVERSABLE
+        ground[traversability.traversable & traversability.ramp] = RAMP
+        ground[traversability.hazard] = HAZARD
+        cells = np.argwhere(traversability.traversable)
+        self._grid, self._low = traversability.grid, cells.min(axis=0) - MARGIN
+        high = cells.max(axis=0) + MARGIN
+        ground = ground[self._low[0] : high[0], self._low[1] : high[1]]
+        self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
+
+    def line(self, way: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
+        """Draw a path (N, 2 or 3)."""
+        cv2.polylines(self.image, [self._pixels(way)], False, colour, width, cv2.LINE_AA)
+
+    def edge(self, edge: dict[str, Any]) -> None:
+        """Draw an edge, one of the tree in another colour than those that only the roadmap has."""
+        self.line(np.array(edge["way"]), TREE if edge["tree"] else LOOP, 3)
+
+    def node(self, node: dict[str, Any]) -> None:
+        """Draw a node in the colour of its label."""
+        middle = self._pixels(np.array([node["position"]]))[0].tolist()
+        cv2.circle(self.image, middle, 11, GROUND, -1, cv2.LINE_AA)
+        cv2.circle(self.image, middle, 9, COLOURS[Label[node["label"].upper()]].tolist(), -1, cv2.LINE_AA)
+
+    def _pixels(self, points: NDArray[np.floating]) -> NDArray[np.int32]:
+        x, y = ((points[:, :2] - self._grid.origin) / self._grid.cell - self._low).T * CELL
+        return np.column_stack([x, self.image.shape[0] - y]).astype(np.int32)
+
+
+def draw(folder: Path) -> None:
+    """Draw the topological map of the run in a folder."""
+    ground = make_mapper(PerceptionConfig(detector=None), robot_model(), earlier=folder).drivable
+    topology = json.loads((folder / "topology.json").read_text())
+    tree, roadmap = Picture(ground), Picture(ground)
+    roadmap.line(farthest_plan(topology, ground), PLAN, 10)
+    for edge in topology["edges"]:
+        roadmap.edge(edge)
+        if edge["tree"]:
+            tree.edge(edge)
+    for node in topology["nodes"]:
+        tree.node(node)
+        roadmap.node(node)
+    save("topological-map.jpg", beside(tree.image, roadmap.image, gap=16))
+
+
+def farthest_plan(topology: dict[str, Any], ground: Traversability) -> NDArray[np.float64]:
+    """(N, 2) the path between the two nodes farthest apart on the roadmap."""
+    graph, places = nx.Graph(), {node["id"]: np.array(node["position"][:2]) for node in topology["nodes"]}
+    graph.add_weighted_edges_from((*edge["nodes"], edge["seconds"]) for edge in topology["edges"])
+    ways = dict(nx.all_pairs_dijkstra_path_length(graph))
+    a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
+    return np.vstack([places[a], PosePaths(ground, places[a]).way_to(places[b]).places[:, :2]])

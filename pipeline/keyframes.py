@@ -18,6 +18,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_kernels import lowest_rays
 from pipeline.elevation_map.elevation_map import RAY_HEIGHT, ElevationMap
 from pipeline.elevation_map.ground_evidence import (
+    TURNING_ROOM,
     Assumed,
     GroundEvidence,
     box_of,
@@ -78,7 +79,7 @@ class Seen:
         stride: int,
         voxel: float,
         config: ElevationConfig,
-        headroom: float,
+        robot: RobotModel,
     ) -> "Seen":
         """The thinned observation of a frame.
 
@@ -89,13 +90,14 @@ class Seen:
             stride: step between stored depths, pixels.
             voxel: voxel size of the semantic map, m, used to thin a labelled frame.
             config: settings of the elevation map, used to thin an unlabelled frame.
-            headroom: free height that the robot needs above the ground, m.
+            robot: the robot, which needs room around it to turn in place, and headroom.
         """
         half = config.cell / 2
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
         T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
-        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor)
+        room = robot.corner_radius + TURNING_ROOM
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, room)
         missing, missing_near = kept_cloud(dropouts, half)
         reach = config.cell, RAY_HEIGHT, config.fewest
         rays = lowest_rays(cloud.points[near], cloud.hits[near], camera, *reach)
@@ -107,7 +109,7 @@ class Seen:
             T_base_camera=frame.T_base_camera,
             points=_packed(cloud.points[near]),
             hits=_count(cloud.hits[near]),
-            above=find_overhangs(frame, cloud.points[near], headroom),
+            above=find_overhangs(frame, cloud.points[near], robot.headroom),
             dropouts=_packed(missing.points[missing_near]),
             dropout_hits=_count(missing.hits[missing_near]),
             rays=_packed(rays),

@@ -231,8 +231,8 @@ class Mapper:
         with self.stopwatch("keyframe"):
             stride = self.metric_map.stride(frame.intrinsics)
             voxel = self.semantic_map.config.voxel
-            headroom = self.elevation_map.robot.headroom
-            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config, headroom)
+            robot = self.elevation_map.robot
+            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config, robot)
             self.keyframes.add(seen, T_map_base)
 
         # Occupied and free space, and the height of the ground.

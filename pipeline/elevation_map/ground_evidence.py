@@ -39,6 +39,8 @@ BESIDE = 0.05
 
 This rules out upright edges, which also hide what is behind them.
 """
+BEFORE_STEP = 0.01
+"""Spacing of points between the camera and the nearest ground that a panel hides, as a fraction of this distance."""
 SILL = 0.08
 """Minimum height of the wall below a hole through which ground is seen, m: less may be a slope before a table."""
 
@@ -155,11 +157,15 @@ class Driven:
             elevation_map.add_obstacle(touched)
 
 
-def find_depth_dropouts(depth: Depth, intrinsics: Intrinsics, T_target_camera: Pose, sensor: SensorModel) -> Points:
-    """The points, in the target frame, where rays should have met the ground that is seen on both sides of them.
+def find_depth_dropouts(
+    depth: Depth, intrinsics: Intrinsics, T_base_camera: Pose, sensor: SensorModel, near: float
+) -> Points:
+    """Points in ``base_link``, m, where a thin panel may stand, because ground is seen on both sides of them only.
 
     A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
-    close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides.
+    close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides. If the
+    stripe goes on to where the camera sees no ground any more, the panel may begin anywhere between there and
+    ``near``, m from the robot's centre. These points are as high as the camera: they do not rule out known ground.
     """
     dropouts = np.zeros_like(depth)
     limits = FEWEST_OF_GAP, WIDEST_GAP, ROW_STEP
@@ -168,7 +174,20 @@ def find_depth_dropouts(depth: Depth, intrinsics: Intrinsics, T_target_camera: P
     is_panel = [False, *(rows.stop - rows.start >= FEWEST_OF_GAP for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])
     v *= ROW_STEP
-    return transform_points(T_target_camera, intrinsics.rays[v, u] * dropouts[v, u, None])
+    missed = transform_points(T_base_camera, intrinsics.rays[v, u] * dropouts[v, u, None])
+    # The nearest point in each column, unless the ground is seen below it.
+    nearest = len(u) - 1 - np.unique(u[::-1], return_index=True)[1]
+    below = [depth[v[n] + ROW_STEP :, u[n]].any() for n in nearest]
+    return np.concatenate([missed, _before(missed[nearest[~np.array(below, np.bool_)]], T_base_camera, near)])
+
+
+def _before(points: Points, T_base_camera: Pose, near: float) -> Points:
+    """Points at the camera's height between the camera and points (N, 3), m, no nearer than ``near`` to the robot."""
+    camera = T_base_camera[:3, 3]
+    fractions = np.arange(0.0, 1.0, BEFORE_STEP)[:, None, None]
+    between = (camera + fractions * (points - camera)).reshape(-1, 3)
+    between[:, 2] = camera[2]
+    return between[np.hypot(*between.T[:2]) >= near].astype(np.float32)
 
 
 def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.uint8]:

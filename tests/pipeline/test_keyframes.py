@@ -31,7 +31,7 @@ def seen(depth: np.ndarray, labelled: bool = False) -> Seen:
     shown = frame(depth.astype(np.float32))
     points = shown.points(T_BASE_CAMERA)
     probabilities = np.full((len(points), 8), 1 / 8, np.float32) if labelled else None
-    return Seen.of(shown, points, probabilities, 5, 0.02, ElevationConfig(), headroom=0.65)
+    return Seen.of(shown, points, probabilities, 5, 0.02, ElevationConfig(), PIONEER)
 
 
 def test_points_are_kept_to_the_unit_wherever_the_robot_is():

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import find_depth_dropouts
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
+from tests.pipeline.robot_model import PIONEER
 
 WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """A camera of which every row shows the ground when it looks level."""
@@ -17,8 +19,18 @@ def ground_depth() -> np.ndarray:
     return np.repeat((0.6 * WIDE.fy / (rows - WIDE.cy)).astype(np.float32)[:, None], WIDE.width, axis=1)
 
 
+NEAR = 0.5
+"""Distance around the origin in which nothing stands."""
+
+
+def all_dropouts(depth):
+    return find_depth_dropouts(depth, WIDE, LEVEL, XTION, NEAR)
+
+
 def dropouts(depth):
-    return find_depth_dropouts(depth, WIDE, LEVEL, XTION)
+    """Those on the ground that is seen on both sides."""
+    points = all_dropouts(depth)
+    return points[points[:, 2] < 0.3]
 
 
 def test_nothing_is_missing_on_open_ground():
@@ -74,3 +86,38 @@ def test_ground_that_falls_away_along_the_ray_is_not_missed():
     depth *= np.linspace(1.1, 1, WIDE.height, dtype=np.float32)[:, None]  # seen less obliquely
     depth[:, 48:53] = 0
     assert len(dropouts(depth))
+
+
+def test_a_panel_may_begin_nearer_than_the_camera_sees_ground():
+    depth = ground_depth()
+    depth[:, 48:53] = 0
+    points = all_dropouts(depth)
+    before = points[points[:, 2] > 0.3]
+    np.testing.assert_allclose(before[:, 2], 0.6, atol=1e-6)
+    reach = np.hypot(*before.T[:2])
+    assert NEAR <= reach.min() < NEAR + 0.02
+    assert abs(reach.max() - ground_depth()[-2, 0]) < 0.02
+    # In the directions of the five columns, without gaps
+    assert len(np.unique((before[:, 1] / before[:, 0]).round(4))) == 5
+    assert np.diff(np.unique(reach.round(3))).max() < 0.02
+
+
+def test_a_panel_does_not_begin_before_ground_that_is_seen_below_its_stripe():
+    depth = ground_depth()
+    depth[:-2, 48:53] = 0
+    assert len(dropouts(depth))
+    assert len(all_dropouts(depth)) == len(dropouts(depth))
+
+
+def test_known_ground_is_not_doubted_because_a_panel_may_begin_nearer_than_the_camera_sees():
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.525, 1, 0.01), np.arange(-0.5, 0.5, 0.01)))
+    depth = ground_depth()
+    depth[:, 48:53] = 0
+    ground = Intrinsics.points(WIDE, depth, LEVEL)
+    for known in (False, True):
+        elevation_map = ElevationMap(PIONEER)
+        if known:
+            elevation_map.update(np.column_stack([x, y, 0 * x]).astype(np.float32))
+        elevation_map.update(ground, dropouts=all_dropouts(depth), camera=LEVEL[:3, 3])
+        row = np.column_stack([np.arange(0.55, 0.85, 0.05), np.zeros(6)])
+        assert elevation_map.grid.at(elevation_map.dropout, row).any() != known

@@ -81,8 +81,8 @@ def mapped(boxes: list, poses: np.ndarray) -> tuple[MetricMap, Traversability]:
     for T in poses:
         depth = depth_of(ROOM + boxes, T @ T_BASE_CAMERA, rng)
         frame = Frame(0.0, np.zeros((0, 0, 3), np.uint8), depth, CAMERA, T_BASE_CAMERA, T)
-        config, headroom = elevation_map.config, PIONEER.headroom
-        seen = Seen.of(frame, frame.points(T_BASE_CAMERA), None, 2, 0.05, config, headroom)
+        config = elevation_map.config
+        seen = Seen.of(frame, frame.points(T_BASE_CAMERA), None, 2, 0.05, config, PIONEER)
         seen.put_depth(metric_map, T)
         seen.put(elevation_map, T)
     return metric_map, assess_map(elevation_map)

@@ -13,8 +13,10 @@ from scripts.benchmarks.runs import Job, Results, arena_name, failures, jobs_of,
 from scripts.benchmarks.settings import ExplorationSettings
 
 NEAREST_FRONTIER = "nearest_frontier"
-BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
-"""The parts of the baseline's report that are summarised."""
+GROUND_ONLY = "ground_only"
+"""Our strategy without people, which the baseline does not look for either."""
+COMPARED_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
+"""The parts of the reports of both that are summarised."""
 WITHOUT_BASELINE = ("raf", "esogu_52x15")
 """Groups of large arenas, in which the baseline would take hours."""
 RATIO = "seen90_vs_nearest_frontier"
@@ -24,16 +26,16 @@ WORST = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
-    """Run the missing episodes and summarise all; the baseline runs without the victim detector.
+    """Run the missing episodes and summarise all; those that are compared run without the victim detector.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    # Set up: the episodes of our strategy, and of the baseline in the same arenas with the same seeds.
+    # Set up: complete episodes, and those of both strategies without people, in the same arenas with the same seeds.
     own = list(jobs_of(settings.episode, settings))
     groups = list(dict.fromkeys(job.group for job in own))
     compared = [job for job in own if settings.baselines and job.group not in WITHOUT_BASELINE]
-    jobs = [*own, *map(job_of_baseline, compared)]
+    jobs = [*own, *map(ground_only, compared), *map(job_of_baseline, compared)]
     # Measure.
     results = run_jobs(jobs, settings, run_episode)
     found: dict[str, list[dict[str, Any] | None]] = {}
@@ -71,16 +73,26 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
     return figures, words
 
 
+def ground_only(job: Job) -> Job:
+    """The same episode without people; its figures begin with ``GROUND_ONLY``."""
+    return Job(f"{GROUND_ONLY}.{job.group}", replace(job.config, detector=None))
+
+
 def job_of_baseline(job: Job) -> Job:
     """The episode of the baseline in the same arena with the same seed; its figures begin with its name."""
     return Job(f"{NEAREST_FRONTIER}.{job.group}", replace(job.config, exploration=NEAREST_FRONTIER, detector=None))
 
 
+def compared_pairs(found: Mapping[str, Results], group: str) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """Our reports of a group and the baseline's, both without people, of the same arenas with the same seeds."""
+    return pairs(*(found.get(f"{strategy}.{group}", ()) for strategy in (GROUND_ONLY, NEAREST_FRONTIER)))
+
+
 def figures_of(group: str, results: Results) -> dict[str, float]:
     """The figures of a group."""
     scored = reports(results)
-    if group.startswith(NEAREST_FRONTIER):
-        scored = [{stage: report[stage] for stage in BASELINE_STAGES} for report in scored]
+    if group.startswith((GROUND_ONLY, NEAREST_FRONTIER)):
+        scored = [{stage: report[stage] for stage in COMPARED_STAGES} for report in scored]
     counts = {
         "runs": len(scored),
         "failed": sum(result is None for result in results),
@@ -93,7 +105,7 @@ def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, flo
     """Our time to see 90% over the nearest frontier's, by group and over all pairs in which theirs saw 90%."""
     figures, every = dict[str, float](), list[float]()
     for group in groups:
-        both = pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))
+        both = compared_pairs(found, group)
         if values := [ratio for pair in both if (ratio := seen90_ratio(*pair)) is not None]:
             figures[f"{group}.{RATIO}.mean"] = float(np.mean(values))
             figures[f"{group}.{RATIO}.median"] = float(np.median(values))
@@ -113,7 +125,7 @@ def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, 
         The interquartile mean ``value`` with the 95% interval ``low`` to ``high``, and the number of ``pairs``; also
         the numbers of pairs in which ``only_ours`` or ``only_theirs`` saw 99%.
     """
-    both = [pair for group in groups for pair in pairs(found[group], found.get(f"{NEAREST_FRONTIER}.{group}", ()))]
+    both = [pair for group in groups for pair in compared_pairs(found, group)]
     if not both:
         return {}
     times = np.array([[report["exploration"].get("t99_s", np.nan) for report in pair] for pair in both])

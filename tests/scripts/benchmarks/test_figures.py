@@ -61,7 +61,7 @@ def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
 def test_exploration_is_compared_by_pairs_that_both_completed():
     ours = [{"report": report(seen90=40.0)}, {"report": report(seen90=30.0)}, None]
     theirs = [{"report": report(seen90=80.0)}, {"report": report()}, {"report": report(seen90=9.0)}]
-    figures = exploration.ratios({"random": ours, "nearest_frontier.random": theirs}, ["random"])
+    figures = exploration.ratios({"ground_only.random": ours, "nearest_frontier.random": theirs}, ["random"])
     assert figures["seen90_vs_nearest_frontier"] == figures["random.seen90_vs_nearest_frontier.worst"] == 0.5
     assert figures["seen90_vs_nearest_frontier.pairs"] == figures["random.seen90_vs_nearest_frontier.pairs"] == 1
     found = exploration.figures_of("nearest_frontier.random", [*theirs, None])
@@ -77,12 +77,12 @@ def test_times_to_99_percent_are_compared_over_the_pairs_in_which_both_saw_it():
         return [{"report": made} for made in reports]
 
     ours, theirs = seen99(30.0, 80.0, 50.0, None), seen99(60.0, 100.0, None, 40.0)
-    figures = exploration.t99_ratio({"random": ours, "nearest_frontier.random": theirs}, ["random"])
+    figures = exploration.t99_ratio({"ground_only.random": ours, "nearest_frontier.random": theirs}, ["random"])
     found = {name.removeprefix("t99_vs_nearest_frontier."): value for name, value in figures.items()}
     assert (found["pairs"], found["only_ours"], found["only_theirs"]) == (2, 1, 1)
     assert found["value"] == pytest.approx((0.5 + 0.8) / 2)
     assert 0.5 <= found["low"] <= found["value"] <= found["high"] <= 0.8
-    assert exploration.t99_ratio({"random": ours}, ["random"]) == {}
+    assert exploration.t99_ratio({"ground_only.random": ours}, ["random"]) == {}
 
 
 def test_each_arena_has_the_figures_of_its_worst_run_and_why_it_ended():

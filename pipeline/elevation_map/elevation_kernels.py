@@ -338,9 +338,10 @@ def _ring_of_pocket(elevation, dropout, i, j, most):
 def step_hazards(elevation, max_gap, max_step, steepest):
     """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.
 
-    A step is a pair of 8-connected neighbours that differ by more than ``max_step`` m. A drop is a pair of known
-    cells along an axis or diagonal, with up to ``max_gap`` unknown cells in between, that differ by more than
-    ``max_step`` m plus a slope of ``steepest`` m per cell.
+    A step is a pair of 8-connected neighbours that differ by more than ``max_step`` m, in addition to the slope on
+    both sides, see :func:`rise_beside`. A drop is a pair of known cells along an axis or diagonal, with up to
+    ``max_gap`` unknown cells in between, that differ by more than ``max_step`` m plus a slope of ``steepest`` m per
+    cell.
     """
     nx, ny = elevation.shape
     hazard = np.zeros((nx, ny), np.bool_)
@@ -353,10 +354,28 @@ def step_hazards(elevation, max_gap, max_step, steepest):
                 gap = cells_to_known(elevation, i, j, di, dj, max_gap)
                 a, b = i + gap * di, j + gap * dj
                 rise = elevation[a, b] - elevation[i, j]
+                if gap <= 1:
+                    rise -= rise_beside(elevation, i, j, a, b, steepest * stretch)
                 most = max_step if gap <= 1 else max_step + steepest * gap * stretch
                 hazard[a, b] |= rise > most
                 hazard[i, j] |= rise < -most
     return hazard
+
+
+@njit(cache=True)
+def rise_beside(elevation, i, j, a, b, most):
+    """How far the ground rises both before cell (i, j) and behind its neighbour (a, b), in the same direction, m.
+
+    The lesser of the two rises, with its sign, and at most ``most`` m; 0 if either is unknown or they differ in sign.
+    """
+    nx, ny = elevation.shape
+    c, d, e, f = 2 * i - a, 2 * j - b, 2 * a - i, 2 * b - j
+    if not (0 <= c < nx and 0 <= d < ny and 0 <= e < nx and 0 <= f < ny):
+        return 0.0
+    before, behind = elevation[i, j] - elevation[c, d], elevation[e, f] - elevation[a, b]
+    if not before * behind > 0:
+        return 0.0
+    return np.sign(before) * min(abs(before), abs(behind), most)
 
 
 @njit(cache=True)

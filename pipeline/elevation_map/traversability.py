@@ -20,9 +20,10 @@ from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
-SLOPE_REACH = 2
-"""Radius of the neighbourhood over which the slope of a cell is fitted, cells."""
-SURFACE_SLOPE, SURFACE_RISE = 1.2, 0.02
+SLOPE_REACH = 3
+"""Radius of the neighbourhood over which the slope of a cell is fitted, cells: about half the distance between a
+robot's axles, over which a small step tilts it."""
+SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
 """m per m, and m. A neighbour whose height differs by more than both together belongs to another surface, such as a
 wall or the floor under a deck, and is left out of the fit."""
 SWEEP = 1

@@ -54,6 +54,18 @@ def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     assert traversability.grid.at(traversability.traversable, [-0.1, 0.275]) != is_hazard
 
 
+@pytest.mark.parametrize("along", [0.0, np.pi / 4])
+@pytest.mark.parametrize(("step", "is_hazard"), [(0.015, False), (-0.03, False), (0.06, True), (-0.06, True)])
+def test_a_step_on_a_slope_is_what_the_slope_does_not_explain(along, step, is_hazard):
+    def slope(x, y):
+        up = np.cos(along) * x + np.sin(along) * y
+        return np.tan(np.deg2rad(15)) * up + np.where(up > -1e-6, step, 0)
+
+    traversability = assess_map(surface_of(ground_points(slope, (-1, 1), (-1, 1))))
+    x, y = np.meshgrid(np.arange(-0.475, 0.5, 0.05), np.arange(-0.475, 0.5, 0.05))
+    assert traversability.grid.at(traversability.hazard, np.column_stack([x.ravel(), y.ravel()])).any() == is_hazard
+
+
 @pytest.mark.parametrize("height", [0.05, 0.08, 0.12])
 def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     ground = ground_points(flat, (-1, 1), (-1, 1))

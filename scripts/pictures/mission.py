@@ -42,8 +42,8 @@ def cloud_picture(path: Path) -> Rgb:
 
 
 def list_picture(path: Path, width: int) -> Rgb:
-    """(h, width, 3) the list of finds, as text."""
-    rows = [row for row in csv.reader(path.read_text().splitlines()) if len(row) > 1]
+    """(h, width, 3) the list of finds, as text; the last columns, robot and mode, are the same in every line."""
+    rows = [row[:-2] for row in csv.reader(path.read_text().splitlines()) if len(row) > 1]
     picture = blank(width, LINE * (len(rows) + 1))
     for k, row in enumerate(rows, start=1):
         for column, text in enumerate(row):

@@ -32,7 +32,7 @@ OF_A_FOLDER = {
 """Pictures that show the files in a folder of the repository."""
 ORIGINS = {
     RUN: "make results PAGE=episode leaves it there",
-    MISSION: "run: sarsim-episode --config things.yaml --mission league --out runs/mission (docs/arenas.md has things.yaml)",
+    MISSION: "run a mission with --out runs/mission, as docs/missions.md says",
     PHOTOS: "put Open3D's test images of SUN RGB-D, NYU Depth v2 and TUM RGB-D there",
 }
 """How to get each of these folders."""

@@ -72,7 +72,7 @@ def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(keyframes: list[Pose]
     # Climbing front wheels lift the centre by 0.135 m times the slope; a keyframe vibrates by 1 mm and 0.2°.
     assert np.abs(pitch[np.abs(height) < 0.003]).max() < np.degrees(np.arctan(0.005 / 0.135)) + 0.4
     rolls = np.degrees([tilt_of(pose)[0] for pose in T])
-    assert np.abs(rolls).max() < 7.5  # head-on within 23°
+    assert np.abs(rolls).max() < 10  # nearly head-on; at the foot, the wheels of one side may climb first
 
 
 def test_keyframes_are_apart_as_wanted(nist: Nist, monkeypatch: pytest.MonkeyPatch) -> None:

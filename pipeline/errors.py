@@ -35,9 +35,9 @@ def require_positive(section: str, config: object, *fields: str) -> None:
     _require(section, config, fields, gt, 0, "greater than 0")
 
 
-def require_at_least(least: float, section: str, config: object, *fields: str) -> None:
-    """Raise InputError unless these fields of a dataclass, a ``section`` of the settings, are at least ``least``."""
-    _require(section, config, fields, ge, least, f"at least {least:g}")
+def require_at_least(minimum: float, section: str, config: object, *fields: str) -> None:
+    """Raise InputError unless these fields of a ``section`` of the settings are all at least ``minimum``."""
+    _require(section, config, fields, ge, minimum, f"at least {minimum:g}")
 
 
 def _require(

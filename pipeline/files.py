@@ -137,8 +137,8 @@ def silenced() -> Iterator[None]:
         os.close(nowhere)
 
 
-def check_regular(path: Path, most: float = np.inf) -> None:
-    """Raise InputError if a path is not a regular file (a folder, pipe or device), or exceeds ``most`` bytes."""
+def check_regular(path: Path, max_bytes: float = np.inf) -> None:
+    """Raise InputError if a path is not a regular file (a folder, pipe or device), or exceeds ``max_bytes`` bytes."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -146,23 +146,23 @@ def check_regular(path: Path, most: float = np.inf) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = "folder" if stat.S_ISDIR(status.st_mode) else "device, pipe or socket"
         raise InputError(f"{path}: must be a regular file, not a {kind}")
-    if status.st_size > most:
-        raise InputError(f"{path}: the file has {status.st_size} bytes; the limit is {most:.0f} bytes")
+    if status.st_size > max_bytes:
+        raise InputError(f"{path}: the file has {status.st_size} bytes; the limit is {max_bytes:.0f} bytes")
 
 
-def read_bytes(path: Path, most: float = np.inf) -> bytes:
-    """The content of a regular file; InputError if it has more than ``most`` bytes or cannot be read."""
-    check_regular(path, most)
+def read_bytes(path: Path, max_bytes: float = np.inf) -> bytes:
+    """The content of a regular file; InputError if it has more than ``max_bytes`` bytes or cannot be read."""
+    check_regular(path, max_bytes)
     try:
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def read_text(path: Path, most: float = MOST_TEXT) -> str:
-    """The content of a UTF-8 text file; InputError if it has more than ``most`` bytes, or is not such a file."""
+def read_text(path: Path, max_bytes: float = MOST_TEXT) -> str:
+    """The content of a UTF-8 text file; InputError if it has more than ``max_bytes`` bytes, or is not such a file."""
     try:
-        return read_bytes(path, most).decode("utf-8-sig")
+        return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: must be UTF-8 text, but byte {error.start + 1} ({error.object[error.start]:#04x}) is invalid"

@@ -187,13 +187,13 @@ class Moves(NamedTuple):
     """How far keyframes moved in a correction.
 
     Attributes:
-        ways: distances, m.
+        distances: distances, m.
         turns: angles, rad.
         reach: range of view, m.
         noticeable: see :class:`pipeline.config.KeyframesConfig`.
     """
 
-    ways: Values
+    distances: Values
     turns: Values
     reach: float
     noticeable: float
@@ -208,7 +208,7 @@ class Moves(NamedTuple):
     @property
     def in_view(self) -> Values:
         """Largest displacement of each keyframe or of anything in its view, m."""
-        return np.maximum(self.ways, self.turns * self.reach)
+        return np.maximum(self.distances, self.turns * self.reach)
 
     @property
     def are_noticeable(self) -> Mask:

@@ -262,12 +262,12 @@ class ExplorerRun(Run, ABC):
         doing = DRIVING.get(task, task)
         text, deadline = f"{self.parts.place}: {doing}, {self.explored}", self.explorer.mission.deadline
         if deadline is None:
-            return Progress(f"{text}, step {self.explorer.steps}", self._explored_share())
+            return Progress(f"{text}, step {self.explorer.steps}", self._explored_fraction())
         past, all_of_it = self._time() - deadline.begin, deadline.end - deadline.begin
         minutes = f"{past / 60:.1f} of {all_of_it / 60:g} min"
         return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
 
-    def _explored_share(self) -> float | None:
+    def _explored_fraction(self) -> float | None:
         """Explored fraction of the ground, 0 to 1; None where it is unknown, as without a simulator."""
         return None
 

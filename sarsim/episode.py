@@ -139,7 +139,7 @@ class Episode(ExplorerRun):
         """The true explored fraction so far, or the mapped area if there are no scores, as text for the progress."""
         return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped
 
-    def _explored_share(self) -> float | None:
+    def _explored_fraction(self) -> float | None:
         return self._score.explored_so_far if self._score else None
 
     def run(

@@ -104,8 +104,8 @@ class FrameTree:
             return CameraMount(None, np.eye(4), f"{wanted} (transforms found: {self})")
         pairs = (base, expected), (named, camera.strip("/"))
         taken = [f"using the frame {found} as {wanted}" for found, wanted in pairs if found != wanted]
-        moving = [name for name in self._way(base, named) if name in self._moving]
-        for name in self._way(base, named):
+        moving = [name for name in self._names_up_to(base, named) if name in self._moving]
+        for name in self._names_up_to(base, named):
             if len(self._links.get(name, {})) > 1:
                 parents = " and ".join(sorted(self._links[name]))
                 taken.append(f"the frame {name} has the parents {parents} by turns; using {self._parent(name)}")
@@ -190,7 +190,7 @@ class FrameTree:
         found = next(((name, T) for name, T in self._above(other) if name in above), None)
         return None if found is None else inverse(above[found[0]]) @ found[1]
 
-    def _way(self, base: str, frame: str) -> list[str]:
+    def _names_up_to(self, base: str, frame: str) -> list[str]:
         """The names of a frame and its ancestors below the robot's frame."""
         names = [name for name, _ in self._above(frame)]
         return names[: names.index(base)] if base in names else names

@@ -12,7 +12,7 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.errors import required
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
-from pipeline.exploration.unseen_ways import UnseenWays, WayView
+from pipeline.exploration.unseen_ways import PathView, UnseenWays
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.planning.pose_paths import PosePaths
@@ -243,7 +243,7 @@ class Goals(Strategy):
         self._since: Context | None = None  # when the drive to the next goal began
         self._goal: Place | None = None
         self._unseen: UnseenWays | None = None
-        self._view: WayView | None = None
+        self._view: PathView | None = None
         # By ``id`` of a goal: cost of the shortest path to it so far, s, and number of drives since without progress.
         self._tries: dict[int, tuple[float, int]] = {}
 
@@ -299,7 +299,7 @@ class Goals(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the goal for which the robot sets out, or the ground that it should see."""
-        if isinstance(viewpoint, WayView) and self._unseen is not None:
+        if isinstance(viewpoint, PathView) and self._unseen is not None:
             self._view = viewpoint
             self._unseen.commit(viewpoint, context)
             return
@@ -329,11 +329,11 @@ class Goals(Strategy):
         place = t.grid.nearest(paths.reachable, goal, t.robot.length if self._may_be_near else 0.0)
         return goal if place is None else place
 
-    def _is_hopeless(self, goal: Place, way_left: float) -> bool:
+    def _is_hopeless(self, goal: Place, seconds_left: float) -> bool:
         """Whether the ``patience`` latest drives to a goal brought the robot no nearer to it."""
         shortest, drives = self._tries[id(goal)]
-        is_nearer = way_left < shortest - self._config.progress
-        self._tries[id(goal)] = (way_left, 0) if is_nearer else (shortest, drives + 1)
+        is_nearer = seconds_left < shortest - self._config.progress
+        self._tries[id(goal)] = (seconds_left, 0) if is_nearer else (shortest, drives + 1)
         return self._tries[id(goal)][1] >= self._config.patience
 
     def _end(self, goal: Place, obstacle: str | None) -> None:

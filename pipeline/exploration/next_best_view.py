@@ -104,9 +104,9 @@ class NextBestView(Strategy):
         """
         return [*self._in_turn(self._best, self.outlook, context), *self._unreachable(context)]
 
-    def offers(self, context: Context, first: Viewpoint, most: int) -> list[Viewpoint]:
-        """``first`` and others worth the drive, up to ``most`` in all, each for what those before it do not show."""
-        return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), most - 1)]
+    def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
+        """``first`` and others worth the drive, up to ``limit`` in all, each for what those before it do not show."""
+        return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe at this viewpoint should show."""
@@ -193,7 +193,9 @@ class NextBestView(Strategy):
         outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)
         for camera in (farther, outlook.camera):
-            if view := self._best(replace(outlook, camera=camera), context, least=0.0, share=self.config.shown):
+            if view := self._best(
+                replace(outlook, camera=camera), context, min_gain=0.0, min_fraction=self.config.shown
+            ):
                 return view
         return None
 
@@ -235,15 +237,15 @@ class NextBestView(Strategy):
             outlook = outlook.after(viewpoint)
 
     def _best(
-        self, outlook: Outlook, context: Context, least: float | None = None, share: float = 0.0
+        self, outlook: Outlook, context: Context, min_gain: float | None = None, min_fraction: float = 0.0
     ) -> Viewpoint | None:
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         Args:
             outlook: what is left to see.
             context: what the robot knows.
-            least: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
-            share: minimum fraction of the highest gain of any viewpoint.
+            min_gain: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
+            min_fraction: minimum fraction of the highest gain of any viewpoint.
         """
         paths = context.paths
         grid = context.traversability.grid
@@ -260,9 +262,9 @@ class NextBestView(Strategy):
         gains = np.vstack([here, cached.of(spread, outlook.camera, terrain)])
         if self.takes_rewards and context.rewards and context.rewards.wanted:
             gains = gains + context.rewards.gains(context.traversability.on_ground(places), ANGLES)
-        least = self._robot.width * terrain.cell if least is None else least
-        gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= least), gains, 0.0)
-        gains[gains < share * gains.max()] = 0.0
+        min_gain = self._robot.width * terrain.cell if min_gain is None else min_gain
+        gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= min_gain), gains, 0.0)
+        gains[gains < min_fraction * gains.max()] = 0.0
         is_some = gains.any(axis=1)
         if not is_some.any():
             return None

@@ -29,7 +29,7 @@ NONE = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class WayView(Viewpoint):
+class PathView(Viewpoint):
     """A view of unseen ground on a path to a goal.
 
     Attributes:
@@ -141,7 +141,7 @@ class UnseenWays:
         ground = self.ground_towards(goal[None], context, doubts=False)
         return bool(np.isfinite(PosePaths(ground, start, context.paths.heading).cost_to(goal)))
 
-    def view_towards(self, goal: Place, context: Context) -> WayView | None:
+    def view_towards(self, goal: Place, context: Context) -> PathView | None:
         """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left."""
         if context.paths.start is None or self.is_far(goal, context):
             return None
@@ -152,10 +152,10 @@ class UnseenWays:
                 return view
         return None
 
-    def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> WayView | None:
+    def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> PathView | None:
         """The best view for a few paths through different unseen ground."""
         shut = self._shut(context)
-        views = list[tuple[float, WayView]]()
+        views = list[tuple[float, PathView]]()
         while len(views) < self._numbers.alternatives:
             # The cheapest path if unseen ground is free, and the unseen ground that it meets first.
             ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
@@ -174,7 +174,7 @@ class UnseenWays:
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
         return min(views, key=lambda found: found[0])[1] if views else None
 
-    def commit(self, view: WayView, context: Context) -> None:
+    def commit(self, view: PathView, context: Context) -> None:
         """Remember what a view returned by :meth:`view_towards` should show."""
         self._promised = view.shows
         self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
@@ -249,7 +249,7 @@ class UnseenWays:
 
     def _best_view(
         self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
-    ) -> tuple[float, WayView] | None:
+    ) -> tuple[float, PathView] | None:
         """The view via which the robot reaches the goal soonest, and when; None if none shows enough of a gap.
 
         Args:
@@ -288,7 +288,7 @@ class UnseenWays:
         seconds = self._config.keyframe_time + float(there[n, m])
         gain = float(shown.sum()) * t.grid.cell**2
         shows = t.grid.centre_of(np.argwhere(shown))
-        view = WayView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)
+        view = PathView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)
         return float(cost[n, m]), view
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:

@@ -65,9 +65,9 @@ class Belief:
         """Become certain that the pose is right and the motion nominal."""
         self.probabilities = np.eye(len(MotionState))[MotionState.NOMINAL]
 
-    def predict(self, way: float, seconds: float) -> None:
-        """Predict the state after the wheels have measured a distance ``way``, m, in a time, s."""
-        self.probabilities = self.probabilities @ transition(way, seconds, self.config)
+    def predict(self, distance: float, seconds: float) -> None:
+        """Predict the state after the wheels have measured a distance ``distance``, m, in a time, s."""
+        self.probabilities = self.probabilities @ transition(distance, seconds, self.config)
 
     def observe(self, log_likelihoods: Values) -> None:
         """Update the belief with the (5,) log-likelihoods of an observation, known up to a common constant."""
@@ -96,14 +96,16 @@ class Belief:
         return bool(self.probabilities[MotionState.CARRIED :].sum() <= 1 - self.config.confidence)
 
 
-def transition(way: float, seconds: float, config: BeliefConfig) -> NDArray[np.float64]:
+def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray[np.float64]:
     """(5, 5) transition probabilities from each state (row) to each state (column) over a distance, m, and a time, s.
 
     Only observations lead from CARRIED or BLIND back to the other states.
     """
     rates = np.zeros((len(MotionState),) * 2)
-    rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = way / config.fault_way
-    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = way / RECOVERY_WAY
+    rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = (
+        distance / config.fault_way
+    )
+    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = distance / RECOVERY_WAY
     rates[:, MotionState.CARRIED] = seconds / config.lift_time
     np.fill_diagonal(rates, 0.0)
     return np.asarray(expm(rates - np.diag(rates.sum(axis=1))))

@@ -26,7 +26,7 @@ class Approach(Velocity):
     at: int
 
     @property
-    def way(self) -> Places:
+    def path(self) -> Places:
         """(N, 2) positions from the robot to the end of the stretch, m."""
         return self.stretch.after(self.at).poses[:, :2]
 

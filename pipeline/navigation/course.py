@@ -15,7 +15,7 @@ class Course:
     """A path, and how to drive it.
 
     Attributes:
-        way: the stretches from where the robot stands, or will come to rest; may be empty if there is a heading.
+        stretches: from where the robot stands, or will come to rest; may be empty if there is a heading.
         heading: heading of the robot at the end, rad; None for any.
         start: (2,) position of the robot when the path was planned, m; a robot that is elsewhere was carried. None
             to skip this check.
@@ -25,7 +25,7 @@ class Course:
         planned: expected duration of the drive, s; None if it was not planned.
     """
 
-    way: Sequence[Stretch]
+    stretches: Sequence[Stretch]
     heading: float | None = None
     start: Place | None = None
     speed_along: SpeedAlong | None = None

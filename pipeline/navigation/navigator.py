@@ -290,7 +290,7 @@ class Navigator:
     def _follow(self, course: Course, send: Send) -> Outcome:
         self.halts = []
         self.track = []
-        way = self._joined(course.way)
+        way = self._joined(course.stretches)
         heading = course.heading
         if self._rest is None:
             send(STOP)
@@ -320,14 +320,14 @@ class Navigator:
         here = self.T_map_base[:2, 3]
         return start is not None and bool(np.linalg.norm(here - start) > CARRIED_WAY)
 
-    def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
+    def _joined(self, path: Sequence[Stretch]) -> list[Stretch]:
         """The path, preceded by the part along which the robot is still rolling."""
         if self._rest is None:
-            return list(way)
+            return list(path)
         rest = self._in_map(self._rest)
-        if way and rest.leads_to(way[0], self._config.follower.pivot_level):
-            return [rest.and_then(way[0]), *way[1:]]
-        return [rest, *way]
+        if path and rest.leads_to(path[0], self._config.follower.pivot_level):
+            return [rest.and_then(path[0]), *path[1:]]
+        return [rest, *path]
 
     def _shows(self, heading: float, wanted: float) -> bool:
         return abs(wrap_angle(heading - wanted)) < SHOWN
@@ -426,7 +426,7 @@ class Navigator:
             slowing = 2 * config.braking * model.acceleration
             if remaining < config.position_tolerance:
                 return
-            if is_passed and remaining <= self._braking_way + config.position_tolerance:
+            if is_passed and remaining <= self._braking_distance + config.position_tolerance:
                 self._rest = self._rest_of(stretch, at)
                 return
             limit = np.inf if speeds is None else float(speeds[at])
@@ -486,12 +486,12 @@ class Navigator:
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
         """The part of a stretch, in ``odom``, that the robot needs to brake, from the pose of index ``at``."""
-        brakes = stretch.along[at] + self._braking_way + self._config.follower.position_tolerance
+        brakes = stretch.along[at] + self._braking_distance + self._config.follower.position_tolerance
         end = int(np.searchsorted(stretch.along, brakes)) + 1
         return Stretch(stretch.poses[:end], stretch.backwards).after(at).moved(inverse(self._T_map_odom))
 
     @property
-    def _braking_way(self) -> float:
+    def _braking_distance(self) -> float:
         """Braking distance of the robot, m."""
         return self._speed**2 / (2 * self._config.follower.braking * self._robot.acceleration)
 
@@ -522,11 +522,13 @@ class Navigator:
             least, most = LEAST_WAY, config.most_way
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
-        came = _way(T_odom_start, T_odom_held, undo)
+        came = _moved_back(T_odom_start, T_odom_held, undo)
         began = self._time
         progress = None
         way = np.clip(came, least, most)
-        while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
+        while (back := _moved_back(self._T_odom_base, T_odom_held, undo)) < way or (
+            leans and self._leans and back < came
+        ):
             if send(undo) is not Verdict.FINE:
                 break
             if self._tips and not leans:
@@ -538,7 +540,7 @@ class Navigator:
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
                 break
         send(STOP)
-        return bool(_way(self._T_odom_base, T_odom_held, undo) > way * ENOUGH)
+        return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * ENOUGH)
 
     @property
     def T_map_base(self) -> Pose:
@@ -560,7 +562,7 @@ class Navigator:
         return required(self.motion).time
 
 
-def _way(T: Pose, T_held: Pose, undo: Velocity) -> float:
+def _moved_back(T: Pose, T_held: Pose, undo: Velocity) -> float:
     """Angle, rad, or distance, m, in the direction of ``undo`` from the pose where the robot was held to ``T``."""
     if undo.omega:
         return float(np.sign(undo.omega) * wrap_angle(yaw_of(T) - yaw_of(T_held)))

@@ -50,16 +50,16 @@ class ObstacleCheck:
         self._stretch, self._left, self._direction = command.stretch, command.left, command.direction
         ground = self._traversability
         robot = ground.robot
-        way = self._extended(command.way)
+        path = self._extended(command.path)
         reach = robot.half_width + ground.grid.cell
-        is_beside = ((points[:, :2] >= way.min(axis=0) - reach) & (points[:, :2] <= way.max(axis=0) + reach)).all(
+        is_beside = ((points[:, :2] >= path.min(axis=0) - reach) & (points[:, :2] <= path.max(axis=0) + reach)).all(
             axis=1
         )
         points = points[is_beside]
         height = points[:, 2] - ground.grid.at(ground.elevation, points, outside=np.nan)
         is_high = (height > robot.body_height / 2) & (height < robot.headroom)
         near = points[is_high & ground.grid.at(ground.traversable, points)]
-        near = near[self._on_way(near, way)]
+        near = near[self._on_path(near, path)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         self.obstacles = near[count[number.ravel()] >= self._config.least_returns]
 
@@ -67,24 +67,24 @@ class ObstacleCheck:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""
         return command.left + self._traversability.robot.half_length < self._sensor.nearest
 
-    def _extended(self, way: Places) -> Places:
+    def _extended(self, path: Places) -> Places:
         """The path that the front of the footprint will pass, up to its end and not too far ahead."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
-        way = _extended(way, robot.half_length + 2 * cell)
-        far = np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum() < self._config.ahead
-        return way[np.append(True, far)]
+        path = _extended(path, robot.half_length + 2 * cell)
+        far = np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum() < self._config.ahead
+        return path[np.append(True, far)]
 
-    def _on_way(self, points: Points, way: Places) -> Mask:
+    def _on_path(self, points: Points, path: Places) -> Mask:
         """(N,) which points lie where the footprint will pass along an extended path."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
-        distance, number = KDTree(way).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
-        is_behind = (points[:, :2] - way[0]) @ (way[1] - way[0]) <= 0
-        beyond = (points[:, :2] - way[-1]) @ (way[-1] - way[-2]) >= 0
-        return np.isfinite(distance) & ~(is_behind & (number == 0)) & ~(beyond & (number == len(way) - 1))
+        distance, number = KDTree(path).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
+        is_behind = (points[:, :2] - path[0]) @ (path[1] - path[0]) <= 0
+        beyond = (points[:, :2] - path[-1]) @ (path[-1] - path[-2]) >= 0
+        return np.isfinite(distance) & ~(is_behind & (number == 0)) & ~(beyond & (number == len(path) - 1))
 
 
-def _extended(way: Places, by: float) -> Places:
+def _extended(path: Places, by: float) -> Places:
     """A path (N, 2), extended straight ahead by a length, m."""
-    ahead = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
-    steps = np.arange(0.0, by, np.linalg.norm(way[-1] - way[-2]))[1:, None]
-    return np.vstack([way, way[-1] + steps * ahead])
+    ahead = (path[-1] - path[-2]) / np.linalg.norm(path[-1] - path[-2])
+    steps = np.arange(0.0, by, np.linalg.norm(path[-1] - path[-2]))[1:, None]
+    return np.vstack([path, path[-1] + steps * ahead])

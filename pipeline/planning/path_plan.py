@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pipeline.arrays import Mask, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.errors import required
-from pipeline.planning.pose_paths import PosePaths, Way
+from pipeline.planning.pose_paths import PosePaths, StraightenedPath
 from pipeline.planning.visiting_order import visiting_order
 
 UNREACHABLE = 1e5
@@ -108,26 +108,28 @@ def plan_path(
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if obstacle_to(paths, goal) is not None:
         return None
-    start, way = required(paths.start), paths.way_to(goal, heading)
+    start, way = required(paths.start), paths.straightened_path_to(goal, heading)
     nodes = _nodes_between(topology, traversability, start, goal) if len(way.places) > 1 else []
     ways = [way]
     if topology.kind == "mst" and nodes:
-        over = _ways_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
+        over = _paths_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
         ways, nodes = (over, nodes) if over else (ways, [])
     places = np.vstack([w.places for w in ways])
     length = float(np.linalg.norm(np.diff(np.vstack([start, places]), axis=0), axis=1).sum())
     return PathPlan(traversability.on_ground(places), np.concatenate([w.backwards for w in ways]), nodes, length)
 
 
-def _ways_over(places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None) -> list[Way]:
+def _paths_over(
+    places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None
+) -> list[StraightenedPath]:
     """The paths from position (2,) to position and on to the goal; an empty list if one cannot be reached."""
-    ways: list[Way] = []
+    legs: list[StraightenedPath] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):
             return []
-        ways.append(paths.way_to(place, heading if place is goal else None))
-        paths = PosePaths(paths.traversability, place, ways[-1].heading, paths.caution)
-    return ways
+        legs.append(paths.straightened_path_to(place, heading if place is goal else None))
+        paths = PosePaths(paths.traversability, place, legs[-1].heading, paths.caution)
+    return legs
 
 
 def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:

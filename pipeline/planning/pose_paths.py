@@ -16,7 +16,7 @@ from pipeline.planning import pose_paths_kernels as kernels
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class StraightenedPath:
     """A path that consists of straight drives and turns in place.
 
     Attributes:
@@ -214,7 +214,7 @@ class PosePaths:
         moved = np.append(True, (np.diff(states[:, :2], axis=0) != 0).any(axis=1))
         return self._grid.centre_of(states[moved, :2])
 
-    def way_to(self, xy: ArrayLike, heading: float | None = None) -> Way:
+    def straightened_path_to(self, xy: ArrayLike, heading: float | None = None) -> StraightenedPath:
         """The path to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
         wanted = None if heading is None else nearest_heading(heading)
@@ -233,7 +233,7 @@ class PosePaths:
         )
         ends = slice(min(1, len(bends) - 1), None)
         end = float(ANGLES[last]) if heading is None else heading
-        return Way(places[bends[ends]], backwards[ends], end)
+        return StraightenedPath(places[bends[ends]], backwards[ends], end)
 
     def states_to(self, xy: ArrayLike, heading: int) -> Cells:
         """(N, 3) cells and headings from the start to a point with one of the 16 headings; it must be reachable."""

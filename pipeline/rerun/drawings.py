@@ -149,7 +149,7 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     """The edges along which paths are planned."""
-    ways = [topology.way(a, b) for a, b in topology.graph.edges]
+    ways = [topology.edge_path(a, b) for a, b in topology.graph.edges]
     return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=LINE)
 
 

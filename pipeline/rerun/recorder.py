@@ -129,7 +129,7 @@ class Recorder(Sink):
     def on_correction(self, moves: Moves) -> None:
         """Log that keyframes were corrected; if anything moved visibly, all clouds are logged with the next step."""
         self._logged_size.pop("keyframes", None)
-        ways, turns = moves.ways, moves.turns
+        ways, turns = moves.distances, moves.turns
         shifts = np.maximum(ways, turns * moves.reach)
         shifts[: len(self._shifts)] += self._shifts
         self._shifts = shifts
@@ -148,7 +148,7 @@ class Recorder(Sink):
         self._set_time(self._time)
         self.stream.log("log", rr.TextLog(text, level=level))
 
-    def log_ways(self, ways: Sequence[Places]) -> None:
+    def log_routes(self, ways: Sequence[Places]) -> None:
         """Log the paths from the entrance to the victims."""
         self._set_time(self._time)
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))

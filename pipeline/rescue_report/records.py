@@ -42,11 +42,11 @@ def _person(person: Person, confirmed: bool) -> Row:
         "missed": len(victim.missed),
         "times": _plain(victim.times),
         "photo": _photo_name(person),
-        "way": _way(person.route) if person.route else None,
+        "way": _route_row(person.route) if person.route else None,
     }
 
 
-def _way(route: Route) -> Row:
+def _route_row(route: Route) -> Row:
     return {
         "arrives": route.arrives,
         "in_sight": route.in_sight,

@@ -58,7 +58,7 @@ class RescueReport(Sink):
         write_people(result.folder, situation)
         write_finds(result.folder, situation)
         if self._recorder is not None:
-            self._recorder.log_ways([person.route.trace for person in situation.everyone if person.route])
+            self._recorder.log_routes([person.route.trace for person in situation.everyone if person.route])
 
 
 class RescuePage(Sink):

@@ -155,10 +155,10 @@ class Router:
         of_person = self.metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
         return bool(self.metric_map.are_free_along(eye[None], middle, person, of_person, may_be_unknown=True)[0])
 
-    def _directions(self, way: Places) -> tuple[list[RouteLeg], float]:
+    def _directions(self, path: Places) -> tuple[list[RouteLeg], float]:
         """The legs of a path, and the heading at their end, rad."""
         legs, heading = list[RouteLeg](), self.heading
-        for line, points in told_parts(way[:, :2]):
+        for line, points in told_parts(path[:, :2]):
             first, last = _bearings(line)
             length, steepest = self._measure(points)
             legs.append(RouteLeg(wrap_angle(first - heading), length, steepest, steepest > RAMP_TILT))
@@ -194,7 +194,7 @@ class Router:
         return places(grid, beside, self.hazards.drop, robot.width)
 
 
-def told_parts(way: Places) -> list[tuple[Places, Places]]:
+def told_parts(path: Places) -> list[tuple[Places, Places]]:
     """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is.
 
     What is shorter belongs to the next part, or at the end of the path to the last one. Where no bend is left between
@@ -204,8 +204,8 @@ def told_parts(way: Places) -> list[tuple[Places, Places]]:
         Of each part a line with its direction at both ends, and all its points.
     """
     told = list[tuple[Places, Places]]()
-    short = way[:0]
-    for part in straight_parts(way, BEND):
+    short = path[:0]
+    for part in straight_parts(path, BEND):
         short = np.vstack([short, part])
         if _length(short) >= SHORTEST:
             line = part if _length(part) >= SHORTEST else short[[0, -1]]
@@ -213,15 +213,15 @@ def told_parts(way: Places) -> list[tuple[Places, Places]]:
                 before, points = told.pop()
                 line, short = np.vstack([before, line]), np.vstack([points, short])
             told.append((line, short))
-            short = way[:0]
+            short = path[:0]
     if len(short):
         line, points = told.pop() if told else (short[[0, -1]], short[:0])
         told.append((line, np.vstack([points, short])))
     return told
 
 
-def _length(way: Places) -> float:
-    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+def _length(path: Places) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _bearings(line: Places) -> tuple[float, float]:
@@ -230,12 +230,12 @@ def _bearings(line: Places) -> tuple[float, float]:
     return first, last
 
 
-def straight_parts(way: Places, bend: float) -> Iterator[Places]:
+def straight_parts(path: Places, bend: float) -> Iterator[Places]:
     """The parts of a path between bends of more than ``bend`` rad."""
-    steps = np.diff(way, axis=0)
-    way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
-    bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])
+    steps = np.diff(path, axis=0)
+    path = path[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
+    bearings = np.arctan2(*np.diff(path, axis=0).T[::-1])
     bends = 1 + np.flatnonzero(np.abs(wrap_angle(np.diff(bearings))) > bend)
-    for a, b in pairwise([0, *bends.tolist(), len(way) - 1]):
+    for a, b in pairwise([0, *bends.tolist(), len(path) - 1]):
         if b > a:
-            yield way[a : b + 1]
+            yield path[a : b + 1]

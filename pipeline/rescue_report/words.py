@@ -34,10 +34,10 @@ def degrees(angle: float) -> str:
     return f"{number(np.degrees(angle), 0)}°"
 
 
-def percent(share: float) -> str:
+def percent(fraction: float) -> str:
     """A fraction in whole percent; 100% only if it is 1."""
-    whole = f"{share:.0%}"
-    return "99%" if share < 1 and whole == "100%" else whole
+    whole = f"{fraction:.0%}"
+    return "99%" if fraction < 1 and whole == "100%" else whole
 
 
 def place(position: ArrayLike) -> str:

@@ -161,10 +161,10 @@ class NodeCover:
         """Whether any cell of a mask lies in a node's window."""
         return bool(mask[self._window(self._seen_by[node])].any())
 
-    def candidates(self, mask: MaskLayer, within: float, fewest: int = 1) -> Places:
+    def candidates(self, mask: MaskLayer, within: float, min_cells: int = 1) -> Places:
         """(K, 2) positions within ``within`` m of a mask, m: in each block, the standable cell farthest from hazards.
 
-        The square around a position, ``within`` m to each side, contains at least ``fewest`` cells of the mask.
+        The square around a position, ``within`` m to each side, contains at least ``min_cells`` cells of the mask.
         """
         if not mask.any():
             return np.zeros((0, 2))
@@ -174,9 +174,9 @@ class NodeCover:
         i, j = box_around(mask, reach)
         window = slice(i.start // BLOCK * BLOCK, i.stop), slice(j.start // BLOCK * BLOCK, j.stop)
         near = ndimage.distance_transform_edt(~mask[window]) * cell <= within
-        if fewest > 1:
+        if min_cells > 1:
             share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
-            near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
+            near &= share * (2 * reach + 1) ** 2 > min_cells - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         corner = np.array([side.start for side in window])
         return self.grid.centre_of(corner + best_of_blocks(room, BLOCK))

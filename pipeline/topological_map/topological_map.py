@@ -95,7 +95,7 @@ class TopologicalMap:
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 
-    def way(self, a: int, b: int) -> Points:
+    def edge_path(self, a: int, b: int) -> Points:
         """(N, 3) points in ``map``, m, of the path along an edge from node ``a`` to node ``b``."""
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
@@ -118,7 +118,7 @@ class TopologicalMap:
                 "length": round(e["length"], 3),
                 "seconds": round(e["weight"], 2),
                 "tree": self.tree.has_edge(a, b),
-                "way": self.way(a, b).round(3).tolist(),
+                "way": self.edge_path(a, b).round(3).tolist(),
             }
             for a, b, e in self.graph.edges(data=True)
         ]
@@ -167,7 +167,7 @@ def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
     return graph
 
 
-def _open(way: NDArray[np.float64], i: int, j: int, weight: float) -> None:
+def _open(lengths: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     """Update the lengths (N, N) of all shortest paths for a new edge between i and j."""
-    through = way[:, i, None] + (way[j] + weight)
-    np.minimum(way, np.minimum(through, through.T), out=way)
+    through = lengths[:, i, None] + (lengths[j] + weight)
+    np.minimum(lengths, np.minimum(through, through.T), out=lengths)

@@ -102,7 +102,7 @@ def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
     return common / max(sum(areas) - common, 1), common / max(min(areas), 1)
 
 
-def plain_text(text: str, most: int = 40) -> str:
-    """A code's text on one line of at most ``most`` printable characters; "…" replaces what is cut off."""
-    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: most + 1])
-    return shown if len(shown) <= most else shown[: most - 1] + "…"
+def plain_text(text: str, max_length: int = 40) -> str:
+    """A code's text on one line of at most ``max_length`` printable characters; "…" replaces what is cut off."""
+    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: max_length + 1])
+    return shown if len(shown) <= max_length else shown[: max_length - 1] + "…"

@@ -30,22 +30,26 @@ MOST_BOXES = 3000
 
 
 def best_boxes(
-    boxes: NDArray[np.float32], scores: NDArray[np.float32], least: float, overlap: float, most: int = MOST_BOXES
+    boxes: NDArray[np.float32],
+    scores: NDArray[np.float32],
+    min_confidence: float,
+    overlap: float,
+    max_boxes: int = MOST_BOXES,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
 
     Args:
         boxes: (N, 4), of which empty ones are dropped.
         scores: (N,) confidences.
-        least: minimum confidence, greater than 0.
+        min_confidence: minimum confidence, greater than 0.
         overlap: intersection over union with a better box above which a box is dropped.
-        most: maximum number of boxes that are compared, the best ones.
+        max_boxes: maximum number of boxes that are compared, the best ones.
     """
-    good = (scores >= least) & (_areas(boxes) > 0)
+    good = (scores >= min_confidence) & (_areas(boxes) > 0)
     boxes = boxes[good]
     scores = scores[good]
     corner_and_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
-    kept = np.array(cv2.dnn.NMSBoxes(corner_and_size.tolist(), scores.tolist(), 0, overlap, top_k=most), np.intp)
+    kept = np.array(cv2.dnn.NMSBoxes(corner_and_size.tolist(), scores.tolist(), 0, overlap, top_k=max_boxes), np.intp)
     return boxes[kept], scores[kept]
 
 

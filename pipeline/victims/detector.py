@@ -26,8 +26,8 @@ class BoxNetwork(Protocol):
         """Indices of its classes, by kind of object; other classes are ignored."""
         ...
 
-    def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes in the image, pixels, several per object, including all with a confidence of at least ``least``."""
+    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+        """Boxes, pixels, several per object, including all with a confidence of at least ``min_confidence``."""
         ...
 
 

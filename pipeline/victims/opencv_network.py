@@ -52,11 +52,11 @@ class OpenCvNetwork(ABC):
     def decode(self, outputs: Sequence[Any]) -> Boxes:
         """Boxes in the input, pixels, several per object, and (N, classes) confidences, from the ``outputs``."""
 
-    def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes with a confidence of at least ``least``, pixels, several per object, and (N, classes) confidences."""
+    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+        """Boxes, pixels, that reach ``min_confidence``, several per object, and (N, classes) confidences."""
         letterbox, canvas = Letterbox.fit(image, *self.size)
         boxes, scores = self.run(canvas)
-        good = scores.max(axis=1, initial=0) >= least
+        good = scores.max(axis=1, initial=0) >= min_confidence
         return letterbox.to_image(boxes[good]), scores[good]
 
     def run(self, canvas: Rgb) -> Boxes:

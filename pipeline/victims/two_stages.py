@@ -51,24 +51,24 @@ class TwoStages:
         """A detector with the weights of a file; InputError as for :func:`load_shipped`."""
         return cls(*load_shipped(weights), config)
 
-    def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``least``."""
-        (boxes, scores), hints = self._suspects(image, least)
+    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+        """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``min_confidence``."""
+        (boxes, scores), hints = self._suspects(image, min_confidence)
         look = self._look_closer if hints <= self._config.most_hints else self._look_everywhere
         witnessed, seen = look(image, boxes)
         return joined([(boxes[witnessed], scores[witnessed]), seen])
 
-    def _suspects(self, image: Rgb, least: float) -> tuple[Boxes, int]:
+    def _suspects(self, image: Rgb, min_confidence: float) -> tuple[Boxes, int]:
         """Where the arena network sees people, the most confident first, and the number of hints of people."""
         config = self._config
-        far = self._arena.boxes(image, config.size, min(HINT, least))
+        far = self._arena.boxes(image, config.size, min(HINT, min_confidence))
         hints = len(self._best(far, HINT)[0])
-        parts = [far, self._near(self._arena, image, least)] if hints else [NOTHING]
-        return self._best(joined(parts), least), hints
+        parts = [far, self._near(self._arena, image, min_confidence)] if hints else [NOTHING]
+        return self._best(joined(parts), min_confidence), hints
 
-    def _near(self, network: Yolo, image: Rgb, least: float) -> Boxes:
+    def _near(self, network: Yolo, image: Rgb, min_confidence: float) -> Boxes:
         """Boxes of people so near that they are too large for a network at the usual size of the input."""
-        boxes, scores = network.boxes(image, NEAR_SIZE, least)
+        boxes, scores = network.boxes(image, NEAR_SIZE, min_confidence)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
         is_near = extent >= LARGE_BOX * max(image.shape)
         return boxes[is_near], scores[is_near]
@@ -108,9 +108,9 @@ class TwoStages:
         boxes, _ = self._best(seen, self._config.witness)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
 
-    def _best(self, found: Boxes, least: float) -> Boxes:
+    def _best(self, found: Boxes, min_confidence: float) -> Boxes:
         """One box per object, the most confident first."""
-        boxes, scores = best_boxes(found[0], found[1][:, 0], least, self._config.suppressing_iou)
+        boxes, scores = best_boxes(found[0], found[1][:, 0], min_confidence, self._config.suppressing_iou)
         return boxes, scores[:, None]
 
 

@@ -95,13 +95,13 @@ class Yolo(ABC):
         ``images`` are (N, 3, H, W), 0 to 1.
         """
 
-    def boxes(self, image: Rgb, size: tuple[int, int], least: float, heads: int | None = None) -> Boxes:
+    def boxes(self, image: Rgb, size: tuple[int, int], min_objectness: float, heads: int | None = None) -> Boxes:
         """Boxes of people in an image, pixels, several per person, and their (N, 1) confidences.
 
         Args:
             image: the image, of any size.
             size: width and height of the input into which it is fitted, pixels, multiples of 32.
-            least: minimum objectness of a box.
+            min_objectness: minimum objectness of a box.
             heads: number of heads to compute, the coarsest first; by default all.
         """
         letterbox, canvas = Letterbox.fit(image, *size)
@@ -110,7 +110,7 @@ class Yolo(ABC):
             outputs = islice(self.heads(pixels), heads)
             answers = [output[0].numpy() for output in outputs]
         grids = zip(answers, self.GRIDS, strict=False)
-        boxes, scores = joined(decode(answer, anchors, *size, least) for answer, anchors in grids)
+        boxes, scores = joined(decode(answer, anchors, *size, min_objectness) for answer, anchors in grids)
         return letterbox.to_image(boxes), scores
 
 

@@ -18,9 +18,9 @@ class RandomDraws:
         """An integer from ``low`` to ``high``, both included."""
         return int(self.rng.integers(low, high + 1))
 
-    def chance(self, share: float) -> bool:
-        """True with probability ``share``, rounded to a hundredth."""
-        return self.number(0, 99) < round(100 * share)
+    def chance(self, probability: float) -> bool:
+        """True with probability ``probability``, rounded to a hundredth."""
+        return self.number(0, 99) < round(100 * probability)
 
     def pick(self, choice: Sequence[T]) -> T:
         """One element of ``choice``."""

@@ -41,9 +41,9 @@ ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high"
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
-def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty: int) -> list[Item]:
+def place_obstacles(layout: Layout, draws: RandomDraws, fraction: float, difficulty: int) -> list[Item]:
     """Obstacles of one tile each, until they fill their fraction of tiles or no further tile can be blocked."""
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
         side = draws.pick(SIDES)
@@ -62,10 +62,10 @@ def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool
     return kind != "corner_diag_120" or opposite(side) in open_sides
 
 
-def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
+def scatter_clutter(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
     """Blocks and pipes along the walls of a fraction of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     items = []
     for tile in draws.shuffled(tiles)[:wanted]:
         side = draws.pick(layout.walls_of(tile))
@@ -74,9 +74,9 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
     return items
 
 
-def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
+def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
     """Furniture that blocks whole tiles, until it fills its fraction of tiles or no further tile can be blocked."""
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
     for tile in draws.shuffled(layout.tiles()):
@@ -87,9 +87,9 @@ def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[It
     return items
 
 
-def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
+def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
     """Raised floors over free tiles, and boards and cupboards that block a tile, until they fill their fraction."""
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     items: dict[Tile, Item] = {}
     for tile in draws.shuffled(layout.tiles()):
         kind = draws.pick(BULKY)
@@ -110,11 +110,11 @@ def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]
     return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
 
 
-def hang_on_walls(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
+def hang_on_walls(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
     """Barrels, boxes and signs on tiles with exactly one wall; between two walls the lane would be too narrow."""
     places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
     single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     return [Item(tile, draws.pick(ON_WALLS), YAW[side]) for tile, side in draws.shuffled(single)[:wanted]]
 
 

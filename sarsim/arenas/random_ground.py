@@ -33,12 +33,12 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
             layout.walls.discard(edge)
 
 
-def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) -> None:
+def lay_ramps(layout: Layout, draws: RandomDraws, fraction: float, fields: bool) -> None:
     """Lay runs of ramps and decks until they fill their fraction of the tiles or nothing more fits.
 
     ``fields``: also lay fields of several ridges in a row, beginning with one of these.
     """
-    tries, left = 10 * len(layout.tiles()), round(share * len(layout.tiles()))
+    tries, left = 10 * len(layout.tiles()), round(fraction * len(layout.tiles()))
     for _ in range(tries if fields else 0):
         if taken := _lay_run(layout, draws, "field", left):
             left -= taken
@@ -50,13 +50,13 @@ def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) ->
         left -= _lay_run(layout, draws, draws.pick(kinds), left)
 
 
-def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
+def _lay_run(layout: Layout, draws: RandomDraws, kind: str, max_tiles: int) -> int:
     """Try to lay one run from a random tile in a random direction; returns the number of tiles that it took."""
     first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
     grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
     tiles = layout.run(first, side, 1 + len(grounds) + beyond)
     inner, ends = tiles[1 : 1 + len(grounds)], [first, *tiles[1 + len(grounds) :]]
-    fits = len(inner) == len(grounds) <= most and len(ends) == 1 + beyond
+    fits = len(inner) == len(grounds) <= max_tiles and len(ends) == 1 + beyond
     if not fits or not all(map(layout.is_free, inner)) or any(layout.ground(t) != FLOOR for t in ends):
         return 0
     opened = [layout.edge(tile, side) for tile in tiles[:-1]]
@@ -88,21 +88,21 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
 def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
     """Choose the floor tile and side with the longest row of open floor ahead, and reserve its first two tiles."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
-    tile, side = max(draws.shuffled(places), key=lambda place: len(_way(layout, *place)))
+    tile, side = max(draws.shuffled(places), key=lambda place: len(_corridor(layout, *place)))
     layout.start = tile
-    layout.reserved.update(_way(layout, tile, side)[:2])
+    layout.reserved.update(_corridor(layout, tile, side)[:2])
     return tile, side
 
 
-def _way(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
+def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
     """Tiles of open floor in a row from a tile towards a side, at most ``MAX_WAY``."""
-    way = [tile]
-    while len(way) < MAX_WAY and layout.passable(way[-1], side):
-        after = layout.next(way[-1], side)
+    corridor = [tile]
+    while len(corridor) < MAX_WAY and layout.passable(corridor[-1], side):
+        after = layout.next(corridor[-1], side)
         if layout.ground(after) != FLOOR:
             break
-        way.append(after)
-    return way
+        corridor.append(after)
+    return corridor
 
 
 def ground_items(layout: Layout) -> list[Item]:

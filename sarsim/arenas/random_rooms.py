@@ -43,9 +43,9 @@ class Piece:
             builder.add_box("furniture", "clutter", (x, y, 0.0), self.yaw, middle, half, colour)
 
 
-def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
+def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
     """Pieces that block a tile each, until they fill their fraction of tiles or no further tile can be blocked."""
-    wanted = round(share * len(layout.tiles()))
+    wanted = round(fraction * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
         fronts = [side for _, side in layout.views([tile])]

@@ -112,9 +112,9 @@ def _counted(count: int, what: str) -> str:
     return f"{count or 'no'} {what}{'s' * (count != 1)}"
 
 
-def _percent(share: float) -> str:
+def _percent(fraction: float) -> str:
     """A fraction as text, rounded down, so that 100% means all."""
-    return f"{floor(1e3 * share) / 10:g}%"
+    return f"{floor(1e3 * fraction) / 10:g}%"
 
 
 def _clock(seconds: float) -> str:

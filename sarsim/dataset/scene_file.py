@@ -343,13 +343,13 @@ class Scene(ExitStack):
             mjcf = self._file["mjcf"][:].tobytes().decode()
         return SceneContent(settings=self.settings, mjcf=mjcf, intrinsics=self.intrinsics, **arrays)
 
-    def _numbers(self, name: str, index: int, least: int, end: int) -> NDArray:
-        """An image of integers; InputError unless they are from ``least`` to ``end`` - 1."""
+    def _numbers(self, name: str, index: int, start: int, end: int) -> NDArray:
+        """An image of integers; InputError unless they are from ``start`` to ``end`` - 1."""
         image = self._image(name, index)
-        if image.size and not least <= image.min() <= image.max() < end:
+        if image.size and not start <= image.min() <= image.max() < end:
             raise self._damaged(
                 f"{name} of frame {index} has values from {image.min()} to {image.max()};"
-                f" they must be between {least} and {end - 1}"
+                f" they must be between {start} and {end - 1}"
             )
         return image
 

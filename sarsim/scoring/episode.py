@@ -25,7 +25,7 @@ from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_length
-from sarsim.scoring.trajectory import TrajectoryScore, driven, ways_driven
+from sarsim.scoring.trajectory import TrajectoryScore, distances_driven, driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
@@ -117,7 +117,7 @@ class EpisodeScore(Sink):
         self._wait()
         times, shares = np.array(self._progress).reshape(-1, 2).T
         poses = self._robot.trajectory
-        ways = np.interp(times, [pose.time - self._start_time for pose in poses], ways_driven(poses))
+        ways = np.interp(times, [pose.time - self._start_time for pose in poses], distances_driven(poses))
         return ExploredCurve(times, ways, shares)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:

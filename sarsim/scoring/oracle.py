@@ -149,7 +149,7 @@ class Oracle(ViewTours):
     def drive(self, here: int, there: int) -> Drive:
         """The fastest path between two viewpoints."""
         x, y, heading = self.poses[there]
-        way = self.paths(here).way_to([x, y], heading)
+        way = self.paths(here).straightened_path_to([x, y], heading)
         return Drive(np.vstack([self.poses[here, :2], way.places]), way.backwards, self.poses[here, 2], heading)
 
     @cached_property
@@ -210,10 +210,10 @@ def least_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
     return max(driving, sum(drive.turned for drive in drives) / body.top_turn_rate)
 
 
-def _line_seconds(way: float, body: DriveModel, stops: bool) -> float:
-    """Time, s, to drive ``way``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
+def _line_seconds(distance: float, body: DriveModel, stops: bool) -> float:
+    """Time, s, to drive ``distance``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
     v, a, ends = body.top_speed, body.acceleration, 2 if stops else 1
     # Accelerating or braking takes v / a s, and covers half the distance that top speed would.
-    if way < ends * v**2 / (2 * a):
-        return sqrt(2 * ends * way / a)
-    return way / v + ends * v / (2 * a)
+    if distance < ends * v**2 / (2 * a):
+        return sqrt(2 * ends * distance / a)
+    return distance / v + ends * v / (2 * a)

@@ -43,14 +43,14 @@ def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str
     return {name: float(found[0]) for name, found in reached.items() if len(found)} | areas
 
 
-def area_under(along: NDArray[np.float64], shares: NDArray[np.float64], end: float) -> float:
+def area_under(along: NDArray[np.float64], fractions: NDArray[np.float64], end: float) -> float:
     """Area under fractions (N,); each holds from its value of ``along`` (N,), s or m, to the next one or the end."""
-    return float(shares @ np.diff(along, append=end))
+    return float(fractions @ np.diff(along, append=end))
 
 
-def shares_at(places: NDArray[np.float64], along: NDArray[np.float64], shares: NDArray[np.float64]) -> Values:
+def fractions_at(places: NDArray[np.float64], along: NDArray[np.float64], fractions: NDArray[np.float64]) -> Values:
     """Fractions at ``places`` (P,), s or m, of those (N,) that hold from ``along`` (N,) on; 0 before the first."""
-    held: NDArray[np.float64] = np.append(0.0, shares)[np.searchsorted(along, places, side="right")]
+    held: NDArray[np.float64] = np.append(0.0, fractions)[np.searchsorted(along, places, side="right")]
     return held
 
 

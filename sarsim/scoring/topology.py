@@ -20,7 +20,7 @@ MIN_GAIN = 0.01  # m², minimum gain of a node of the greedy cover
 def score_topology(topology: TopologicalMap, truth: GroundTruthSurface) -> dict[str, Any]:
     """Size, soundness and coverage of a topological map, and its size relative to a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
-    ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
+    ways = [topology.edge_path(a, b)[:, :2] for a, b in topology.graph.edges]
     grid, free = truth.grid, ~truth.walls
     through = sum(
         not all(line_is_free(*a, *b, grid.origin, grid.cell, free) for a, b in pairwise(way)) for way in ways

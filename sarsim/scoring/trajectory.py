@@ -74,10 +74,10 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
 
 def driven(trajectory: Sequence[Pose]) -> float:
     """Distance in m that a simulated robot drove along its true trajectory."""
-    return float(ways_driven(trajectory)[-1])
+    return float(distances_driven(trajectory)[-1])
 
 
-def ways_driven(trajectory: Sequence[Pose]) -> Values:
+def distances_driven(trajectory: Sequence[Pose]) -> Values:
     """Distance in m that a simulated robot had driven at each of its true poses, one per control period.
 
     Steps of at most ``STILL`` and of at least ``LIFT`` are left out.

@@ -35,14 +35,14 @@ class RefusedError(InputError):
     """A file that may be harmful, not merely broken or missing; nothing that refers to it is read."""
 
 
-def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
-    """The root element of a file of at most ``most`` bytes.
+def parse_xml(path: Path, max_bytes: int = MOST_TEXT) -> "Element":
+    """The root element of a file of at most ``max_bytes`` bytes.
 
     Raises:
         InputError: the file is missing, not a regular file, too large or not XML, or declares a document type or
             entities, which may expand endlessly or refer to other files.
     """
-    content = read_bytes(path, most)
+    content = read_bytes(path, max_bytes)
     try:
         return root_of(content)
     except DefusedXmlException as error:

@@ -46,7 +46,7 @@ class AveragePrecision:
         return float(highest[right].sum() / self._present)
 
 
-def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
+def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], min_overlap: float) -> NDArray[np.intp]:
     """Match detections with true boxes.
 
     Each detection is matched with the true box of greatest overlap that no better detection has taken. If there is
@@ -55,7 +55,7 @@ def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: floa
     Args:
         overlap: (N, M) intersection over union of the detections, the best first, with the true boxes.
         ignored: (M,) bool, whether to ignore each true box.
-        least: minimum overlap of a match.
+        min_overlap: minimum overlap of a match.
 
     Returns:
         (N,) index of each detection's true box, −1 = none.
@@ -64,7 +64,7 @@ def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: floa
     found = np.full(len(overlap), -1, np.intp)
     for detection, row in enumerate(overlap):
         for candidates in (free & ~ignored, ignored):
-            near = np.where(candidates & (row >= least), row, -1)
+            near = np.where(candidates & (row >= min_overlap), row, -1)
             if found[detection] < 0 and near.max(initial=-1) >= 0:
                 found[detection] = near.argmax()
         if found[detection] >= 0:

@@ -33,12 +33,12 @@ class Result:
     notes: Sequence[str] = ()
 
 
-def at_least(least: int, settings: SubjectSettings, *names: str) -> None:
-    """Raise InputError if one of the named settings is below ``least``; None passes."""
+def at_least(minimum: int, settings: SubjectSettings, *names: str) -> None:
+    """Raise InputError if one of the named settings is below ``minimum``; None passes."""
     for name in names:
         value = getattr(settings, name)
-        if value is not None and value < least:
-            raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}")
+        if value is not None and value < minimum:
+            raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {minimum}")
 
 
 def seconds(action: Callable[..., object], *args: object) -> float:

@@ -33,7 +33,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.kidnappings import kidnap
 from scripts.benchmarks.localisation_methods import METHODS, is_blind
-from scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
+from scripts.benchmarks.localisation_scores import distances_driven, evo_ate, trajectory_scores
 from scripts.benchmarks.reports import Report, group_figures, reports
 from scripts.benchmarks.runs import Job, failures, jobs_of, run_jobs
 from scripts.benchmarks.settings import LocalisationSettings
@@ -101,7 +101,7 @@ def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
     true = np.array(followed.true)
     files = {name: folder / f"{job.name}-{name}.tum" for name in (*names, "true")}
     write_tum(files["true"], followed.times, followed.true)
-    report: dict[str, Any] = {"frames": len(true), "way_m": float(way_driven(true)[-1])}
+    report: dict[str, Any] = {"frames": len(true), "way_m": float(distances_driven(true)[-1])}
     for name, method in followed.methods.items():
         online = np.array(followed.poses[name])
         final = method.corrected(online)

@@ -22,7 +22,7 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     """
     distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
     yaw, believed = (np.arctan2(T[:, 1, 0], T[:, 0, 0]) for T in (true, estimated))
-    way = way_driven(true)
+    way = distances_driven(true)
     scores = {
         "ate_m": rms(distance),
         "max_m": float(distance.max()),
@@ -38,7 +38,7 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     return scores
 
 
-def way_driven(true: NDArray[np.float64]) -> Values:
+def distances_driven(true: NDArray[np.float64]) -> Values:
     """(N,) distance driven up to each of (N, 4, 4) poses, m."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))
 

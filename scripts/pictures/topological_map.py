@@ -41,9 +41,9 @@ class Picture:
         ground = ground[self._low[0] : high[0], self._low[1] : high[1]]
         self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
 
-    def line(self, way: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
+    def line(self, path: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
         """Draw a path (N, 2 or 3)."""
-        cv2.polylines(self.image, [self._pixels(way)], False, colour, width, cv2.LINE_AA)
+        cv2.polylines(self.image, [self._pixels(path)], False, colour, width, cv2.LINE_AA)
 
     def edge(self, edge: dict[str, Any]) -> None:
         """Draw an edge, one of the tree in another colour than those that only the roadmap has."""
@@ -82,4 +82,4 @@ def farthest_plan(topology: dict[str, Any], ground: Traversability) -> NDArray[n
     graph.add_weighted_edges_from((*edge["nodes"], edge["seconds"]) for edge in topology["edges"])
     ways = dict(nx.all_pairs_dijkstra_path_length(graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
-    return np.vstack([places[a], PosePaths(ground, places[a]).way_to(places[b]).places[:, :2]])
+    return np.vstack([places[a], PosePaths(ground, places[a]).straightened_path_to(places[b]).places[:, :2]])

@@ -109,7 +109,7 @@ def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():
     after = matrices([(0, 0, 0), (less, 0, 0), (more, 0, 0), (0, 0, more / REACH)])
     moves = Moves.between(before, after, REACH, noticeable=0.01)
     assert moves.are_noticeable.tolist() == [False, False, True, True]
-    np.testing.assert_allclose(moves.ways, [0, less, more, 0])
+    np.testing.assert_allclose(moves.distances, [0, less, more, 0])
 
 
 def filled(poses: np.ndarray) -> Keyframes:
@@ -124,7 +124,7 @@ def test_only_keyframes_that_move_noticeably_are_placed_anew():
     keyframes, wanted = filled(poses), matrices([(0.005, 0, 0), (1.2, 0, 0)])
     moves = keyframes.place(wanted)
     np.testing.assert_array_equal(keyframes.poses, [poses[0], wanted[1]])
-    np.testing.assert_allclose(moves.ways, [0, 0.2])
+    np.testing.assert_allclose(moves.distances, [0, 0.2])
     with pytest.raises(InputError, match=r"shape \(2, 4, 4\), not \(1, 4, 4\)"):
         keyframes.place(wanted[:1])
 

@@ -233,7 +233,7 @@ def test_if_some_keyframes_move_the_maps_are_those_made_at_their_new_poses_from_
 def test_keyframes_that_move_unnoticeably_stay():
     mapper = mapped(POSES)
     moves = mapper.correct(POSES @ from_yaw(0.004, 0, 0, 0.001))
-    assert not moves.ways.any()
+    assert not moves.distances.any()
     np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
     assert_same(TRUE, mapper)
 

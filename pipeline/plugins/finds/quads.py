@@ -70,14 +70,14 @@ def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels
             yield quad
 
 
-def _large(contours: Sequence[cv2.typing.MatLike], least: int) -> Iterator[cv2.typing.MatLike]:
-    """The contours (N, 1, 2) at least ``least`` pixels wide and high: one in 300 in a noisy image."""
+def _large(contours: Sequence[cv2.typing.MatLike], min_side: int) -> Iterator[cv2.typing.MatLike]:
+    """The contours (N, 1, 2) at least ``min_side`` pixels wide and high: one in 300 in a noisy image."""
     if not contours:
         return
     begins = np.cumsum([0, *map(len, contours[:-1])])
     points = np.concatenate(contours)[:, 0]
     sides = np.maximum.reduceat(points, begins) - np.minimum.reduceat(points, begins) + 1
-    yield from (contours[k] for k in np.flatnonzero(sides.min(axis=1) >= least).tolist())
+    yield from (contours[k] for k in np.flatnonzero(sides.min(axis=1) >= min_side).tolist())
 
 
 def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:

@@ -53,8 +53,8 @@ class Squares:
         return replace(self, quads=self.quads[~((size < config.smallest) | (size > config.largest))])
 
 
-def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
-    """An (H, W, 3) or grey (H, W) or (H, W, 1) uint8 image in three channels, shrunk to at most ``most`` pixels.
+def _bounded(rgb: NDArray[np.uint8], max_pixels: int) -> tuple[Rgb, float]:
+    """An (H, W, 3) or grey (H, W) or (H, W, 1) uint8 image in three channels, shrunk to ``max_pixels`` or fewer.
 
     Returns:
         The image, and its side length relative to the original.
@@ -66,7 +66,7 @@ def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
         wanted = "non-empty uint8 array with shape (height, width), (height, width, 1) or (height, width, 3)"
         raise InputError(f"an image must be a {wanted}, not {rgb.dtype} with shape {rgb.shape}")
     image = np.repeat(rgb.reshape(*rgb.shape[:2], 1), 3, axis=2) if rgb.shape[2:] != (3,) else rgb
-    scale = min(1.0, (most / (rgb.shape[0] * rgb.shape[1])) ** 0.5)
+    scale = min(1.0, (max_pixels / (rgb.shape[0] * rgb.shape[1])) ** 0.5)
     if scale == 1.0:
         return image, scale
     size = tuple(max(1, round(scale * n)) for n in rgb.shape[1::-1])

@@ -67,7 +67,7 @@ class Plan:
 
 
 def draw_plan(
-    title: str, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
+    title: str, ground: SearchedGround, T_map_league: Pose, path: Places, pois: Sequence[PointOfInterest]
 ) -> Plan:
     """Draw the 2D map.
 
@@ -75,13 +75,13 @@ def draw_plan(
         title: the file's name.
         ground: the ground that was searched.
         T_map_league: pose of the league's frame: level, at the robot's front at the start, with y forward.
-        way: positions along the robot's path, beginning at its start.
+        path: positions along the robot's path, beginning at its start.
         pois: the finds.
 
     Raises:
         InputError: the map is so large that the image would take too much memory.
     """
-    driven = transform_points(inverse(T_map_league), way)
+    driven = transform_points(inverse(T_map_league), path)
     searched = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
     corners = transform_points(inverse(T_map_league), np.column_stack([searched, np.zeros(len(searched))]))
     plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
@@ -98,14 +98,14 @@ def draw_plan(
 
 
 def write_plan(
-    path: Path, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
+    path: Path, ground: SearchedGround, T_map_league: Pose, driven: Places, pois: Sequence[PointOfInterest]
 ) -> None:
     """Draw the 2D map with :func:`draw_plan`, and write it as a GeoTIFF in the league's frame.
 
     Raises:
         InputError: the file cannot be written, or the image would take too much memory.
     """
-    plan = draw_plan(path.name, ground, T_map_league, way, pois)
+    plan = draw_plan(path.name, ground, T_map_league, driven, pois)
     write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
 
 

@@ -32,6 +32,6 @@ LENGTHS = {
 """Length of each element, m."""
 
 
-def pixels(element: str, share: float = 1.0) -> int:
-    """A ``share`` of an element's length in whole pixels, at least one."""
-    return max(1, round(share * LENGTHS[element] / LENGTHS["pixel"]))
+def pixels(element: str, fraction: float = 1.0) -> int:
+    """A ``fraction`` of an element's length in whole pixels, at least one."""
+    return max(1, round(fraction * LENGTHS[element] / LENGTHS["pixel"]))

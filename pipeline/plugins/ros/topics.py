@@ -103,7 +103,7 @@ class MapTopics:
     def _markers(self, mapper: Mapper, time: float) -> Message:
         topology = mapper.topological_map
         nodes = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
-        ways = [topology.way(a, b) for a, b in topology.graph.edges]
+        ways = [topology.edge_path(a, b) for a, b in topology.graph.edges]
         reported = mapper.finds.reported if mapper.readers is not None else []
         edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)

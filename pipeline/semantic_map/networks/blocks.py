@@ -52,7 +52,7 @@ def cut(
     camera: Place,
     config: BlockConfig,
     shift: float,
-    fewest: int,
+    min_points: int,
     rng: np.random.Generator,
 ) -> Iterator[Block]:
     """Yield blocks that together contain every point at least once.
@@ -62,7 +62,7 @@ def cut(
         camera: position of the camera.
         config: how to cut.
         shift: offset of the grid of columns along x and y, m.
-        fewest: minimum number of points of a block; smaller ones are filled up with random repeats of their points.
+        min_points: minimum number of points of a block; smaller ones are padded with random repeats of points.
         rng: generator that draws the repeats and randomly splits columns with too many points.
     """
     columns = np.floor((points[:, :2] - shift) / config.size).astype(np.int64)
@@ -72,8 +72,8 @@ def cut(
         centre = (columns[index[0]] + 0.5) * config.size + shift
         parts = -(-len(index) // config.points)
         for part in np.array_split(rng.permutation(index), parts) if parts > 1 else [index]:
-            if len(part) < fewest:
-                part = np.append(part, rng.choice(part, fewest - len(part)))
+            if len(part) < min_points:
+                part = np.append(part, rng.choice(part, min_points - len(part)))
             yield Block(part, channels(points[part], centre, camera, config))
 
 

@@ -28,9 +28,9 @@ class PointFeatures:
     sizes: Sequence[int]
 
 
-def farthest(cloud: PointFeatures, share: float) -> tuple[Tensor, list[int]]:
-    """Farthest point sampling of a ``share`` of each block: (Q,) int64 indices, and the number of them per block."""
-    counts = [max(1, ceil(size * share)) for size in cloud.sizes]
+def farthest(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
+    """Farthest point sampling of a ``fraction`` of each block: (Q,) int64 indices, and their number per block."""
+    counts = [max(1, ceil(size * fraction)) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
         chosen = np.empty(counts[block], np.int64)

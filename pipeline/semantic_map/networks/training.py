@@ -304,9 +304,9 @@ def confusion_matrix(
     return confusion
 
 
-def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
+def cross_entropy(logits: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
     """Class-weighted mean cross entropy between (P, C) logits and the (P, C) class shares of the points."""
-    weighted = shares * weights
+    weighted = targets * weights
     return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
 
 

@@ -16,7 +16,7 @@ from pipeline.arrays import Values
 from pipeline.html_page import render, write_html
 from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
-from sarsim.scoring.progress import ExploredCurve, shares_at
+from sarsim.scoring.progress import ExploredCurve, fractions_at
 
 AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
 """Axes of the plots: for each field of a curve, the label and the key of the value at an episode's end."""
@@ -90,5 +90,5 @@ def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int)
     Returns:
         (3, P) means, and lower and upper ends of the intervals.
     """
-    shares = np.array([shares_at(places, getattr(curve, axis), curve.explored) for curve in curves]).T
+    shares = np.array([fractions_at(places, getattr(curve, axis), curve.explored) for curve in curves]).T
     return np.array([estimate(found) for found in shares.reshape(len(places), -1, seeds)]).T

@@ -8,7 +8,7 @@ from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import RegistrationConfig
 from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.transforms import transform_places
-from scripts.benchmarks.localisation_scores import way_driven
+from scripts.benchmarks.localisation_scores import distances_driven
 from scripts.benchmarks.loops.tours import Tour
 
 AGAIN = 20.0  # m of path between two passes
@@ -23,7 +23,7 @@ SPLIT = 3.0  # m of path that end a stretch of revisit
 
 def revisits(tour: Tour) -> list[Indices]:
     """The stretches of revisit, each as the indices of its frames."""
-    way, shown = way_driven(tour.true), np.zeros(len(tour.times), np.bool_)
+    way, shown = distances_driven(tour.true), np.zeros(len(tour.times), np.bool_)
     clouds, trees = list[NDArray[np.float64]](), list[cKDTree]()
     for n, frame in enumerate(tour.frames()):
         cloud = cloud_of_frame(frame, RegistrationConfig())

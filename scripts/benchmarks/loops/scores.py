@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Poses, Values
 from pipeline.localisation.pose_graph import Kind
-from scripts.benchmarks.localisation_scores import each_nees, errors_of, relative, rms, way_driven
+from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative, rms
 from scripts.benchmarks.loops.replay import Replay
 from scripts.benchmarks.loops.revisits import AGAIN
 from scripts.benchmarks.loops.tours import Tour
@@ -26,7 +26,7 @@ PAIRS = 60  # Relative poses compared, at most, for each
 
 def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
     """The figures of a tour; ``stretches``: of revisit, from :func:`revisits`."""
-    way, true = way_driven(tour.true), tour.true[run.keyframes]
+    way, true = distances_driven(tour.true), tour.true[run.keyframes]
     graph, path = run.slam.graph, float(way[-1])
     ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
     constraints, kinds = graph.constraints, graph.kinds
@@ -79,12 +79,13 @@ def offsets(
     return np.linalg.norm(kept[:, 3:], axis=1), np.linalg.norm(kept[:, :3], axis=1)
 
 
-def _nees_by_length(tour: Tour, run: Replay, way: Values) -> dict[str, list[float]]:
+def _nees_by_length(tour: Tour, run: Replay, distances: Values) -> dict[str, list[float]]:
     """The NEES, per dimension, of the newest pose at each correction, by the name of the path's length."""
     frames, poses, covariances = map(np.array, zip(*run.stated, strict=True))
     values = each_nees(errors_of(tour.true[frames], poses), covariances)
     return {
-        name: values[(way[frames] >= low) & (way[frames] < high)].tolist() for name, (low, high) in LENGTHS.items()
+        name: values[(distances[frames] >= low) & (distances[frames] < high)].tolist()
+        for name, (low, high) in LENGTHS.items()
     }
 
 

@@ -105,15 +105,15 @@ def record(world: str, seed: int, length: float, file: Path) -> None:
     robot = SimulatedRobot(place.arena, SimulationConfig(odometry="wheel"), seed)
     try:
         drive = Drive(robot, np.random.default_rng([seed, 1]), length)
-        ways = GraphWays(place, drive) if place.nodes is not None else GroundWays(drive)
-        drive.along(ways)
+        paths = GraphPaths(place, drive) if place.nodes is not None else GroundPaths(drive)
+        drive.along(paths)
         with atomic_write(file) as part, part.open("wb") as stream:
             np.savez(stream, **drive.taken())
     finally:
         robot.close()
 
 
-class Ways(ABC):
+class Paths(ABC):
     """Where a tour leads."""
 
     @abstractmethod
@@ -129,7 +129,7 @@ class Ways(ABC):
         """Whether a path leads on from a place (2,), m."""
 
 
-class GraphWays(Ways):
+class GraphPaths(Paths):
     """A lap along the world's nodes, then a walk along the least visited edges."""
 
     def __init__(self, world: World, drive: "Drive") -> None:
@@ -167,7 +167,7 @@ class GraphWays(Ways):
         self._at = int(np.linalg.norm(self._nodes - self._drive.T[:3, 3], axis=1).argmin())
 
 
-class GroundWays(Ways):
+class GroundPaths(Paths):
     """Paths on the true ground to random places, planned as the robot does."""
 
     def __init__(self, drive: "Drive") -> None:
@@ -206,7 +206,7 @@ class Drive:
 
     def __init__(self, robot: SimulatedRobot, rng: np.random.Generator, length: float) -> None:
         self.robot, self.rng, self._length = robot, rng, length
-        self._way = 0.0
+        self._driven = 0.0
         self._frames: list[tuple[float, Pose, Pose, Pose, bool]] = []
         self._images: list[NDArray[np.uint8]] = []
         self._grey: list[NDArray[np.uint8]] = []
@@ -235,19 +235,19 @@ class Drive:
         """Whether the robot has fallen over, which ends the tour."""
         return is_tipped(self.T)
 
-    def along(self, ways: Ways) -> None:
+    def along(self, paths: Paths) -> None:
         """Drive until the tour is long enough."""
         self._take()
         most = SLOWEST * self._length
-        while self._way < self._length and self.robot.time < most and not self.has_tipped:
-            if (path := ways.next()) is None:
+        while self._driven < self._length and self.robot.time < most and not self.has_tipped:
+            if (path := paths.next()) is None:
                 break
             for goal in path[1:]:
                 if not self._drive_to(goal):
                     break
-                if self._way > self._carry:
+                if self._driven > self._carry:
                     self._carry = np.inf
-                    self._be_carried(ways)
+                    self._be_carried(paths)
                     break
 
     def taken(self) -> dict[str, Any]:
@@ -277,7 +277,7 @@ class Drive:
                 self._send(Velocity(-0.2, 0.0), 1.5)
                 return False
             is_steep = self.T[2, 2] < np.cos(STEEP)  # where a robot without grip would slide down
-            if self._slips and self._way > self._slips[0] and not is_steep:
+            if self._slips and self._driven > self._slips[0] and not is_steep:
                 self._slips.pop(0)
                 self._slip()
             ahead = goal - self.place
@@ -296,7 +296,7 @@ class Drive:
         for _ in range(max(1, round(seconds / self.robot.control_period))):
             before = self.place.copy()
             self.robot.drive(command)
-            self._way += float(np.linalg.norm(self.place - before))
+            self._driven += float(np.linalg.norm(self.place - before))
             if SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
                 self._take()
 
@@ -310,17 +310,17 @@ class Drive:
         self._send(Velocity(), 0.2)
         model.geom_friction[:] = friction
 
-    def _be_carried(self, ways: Ways) -> None:
+    def _be_carried(self, paths: Paths) -> None:
         """Set the robot down at an earlier place of its tour, from where it can drive on."""
         earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
-        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and ways.lead_on_from(T[:2, 3])]
+        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.lead_on_from(T[:2, 3])]
         if not level:
             return
         T, quat = level[self.rng.integers(len(level))], np.empty(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
         set_down(self.robot, T[:3, 3] + [0, 0, 0.01], quat, STANDS)
         self._carried = True
-        ways.moved()
+        paths.moved()
         self._take()
 
     def _take(self) -> None:

@@ -124,9 +124,9 @@ def on_floor(nodes: ArrayLike, floor: float = 0.0) -> NDArray[np.float64]:
     return np.column_stack([places, np.full(len(places), floor)])
 
 
-def neighbours(*ways: tuple[int, ...]) -> frozenset[tuple[int, int]]:
+def neighbours(*paths: tuple[int, ...]) -> frozenset[tuple[int, int]]:
     """The pairs of neighbouring nodes along some paths."""
-    return frozenset((a, b) for way in ways for a, b in pairwise(way))
+    return frozenset((a, b) for path in paths for a, b in pairwise(path))
 
 
 def ring(rng: np.random.Generator) -> World:
@@ -134,12 +134,12 @@ def ring(rng: np.random.Generator) -> World:
     builder = ArenaBuilder("ring")
     plan = Plan(builder, (-4.0, -12.0), (26.0, 22.0))
     nodes = np.array([(0, 0), (11, 0), (22, 0), (22, 10), (11, 10), (0, 10), (11, -9), (11, 19)], float)
-    ways = (0, 1, 2, 3, 4, 5, 0), (1, 6), (4, 7)
+    paths = (0, 1, 2, 3, 4, 5, 0), (1, 6), (4, 7)
     corridors = [corridor(*nodes[a], *nodes[b]) for a, b in ((0, 2), (2, 3), (5, 3), (0, 5), (6, 1), (4, 7))]
     plan.clear(*corridors, *niches(rng, corridors))
     plan.add_walls()
     arena = finished(builder, "ring", plan, (0, 0, 0))
-    return World(arena, on_floor(nodes), neighbours(*ways), (0, 1, 2, 3, 4, 5, 0))
+    return World(arena, on_floor(nodes), neighbours(*paths), (0, 1, 2, 3, 4, 5, 0))
 
 
 def wings(rng: np.random.Generator) -> World:
@@ -160,9 +160,9 @@ def wings(rng: np.random.Generator) -> World:
     plan.clear(corridor(0, 0, 28, 0), *niches(rng, [(0.0, -1.0, 28.0, -1.0)]))
     plan.add_walls()
     nodes.append((27, 0))
-    ways = (0, 2, 3, 4, 5, 2), (1, 6, 7, 8, 9, 6), (0, 1, 10)
+    paths = (0, 2, 3, 4, 5, 2), (1, 6, 7, 8, 9, 6), (0, 1, 10)
     lap = (0, 2, 3, 4, 5, 2, 0, 1, 6, 7, 8, 9, 6, 1, 10)
-    return World(finished(builder, "wings", plan, (0, 0, 0)), on_floor(nodes), neighbours(*ways), lap)
+    return World(finished(builder, "wings", plan, (0, 0, 0)), on_floor(nodes), neighbours(*paths), lap)
 
 
 def storeys(rng: np.random.Generator) -> World:
@@ -187,9 +187,9 @@ def storeys(rng: np.random.Generator) -> World:
     # Node numbers: storey 0, its corner to the ramp, the ramp's ends, storey 1.
     below, above = np.vstack([own, (14.2, -0.2)]), np.vstack([(14.2, 12.2), own])
     nodes = np.vstack([on_floor(below), on_floor(above, STOREY)])
-    ways = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)
+    paths = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)
     lap = (0, 3, 2, 1, 4, 5, 8, 9, 6, 7, 8, 5, 4, 1)
-    return World(finished(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, neighbours(*ways), lap)
+    return World(finished(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, neighbours(*paths), lap)
 
 
 def hall(rng: np.random.Generator) -> World:

@@ -262,7 +262,7 @@ def test_other_numbers_hold_in_the_map_on_the_ground_and_for_the_way():
     world.update(np.vstack(clouds))
     slow, usual = (PosePaths(assess_map(w), (-1.0, -1.0), 0.0) for w in (world, surface_of(*clouds)))
     assert slow.traversability.grid.cell == 0.1
-    assert slow.way_to((1.0, -1.0)).places[:, 1].max() > 0.4  # around the end of the wall
+    assert slow.straightened_path_to((1.0, -1.0)).places[:, 1].max() > 0.4  # around the end of the wall
     assert np.isfinite(slow.cost_to((1.0, -1.0))) and np.isfinite(usual.cost_to((1.0, -1.0)))
     beside = (np.array([[-0.35, -1.0]]), np.array([[-0.35, 0.0]]))
     assert slow.traversability.line_seconds(*beside) > usual.traversability.line_seconds(*beside)

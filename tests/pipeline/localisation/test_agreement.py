@@ -102,7 +102,7 @@ def test_a_view_that_changed_while_the_wheels_stood_outweighs_a_place_that_looks
     by_map, by_last = Agreement(479, 33, 0, 660, 446), Agreement(253, 123, 94, 768, 470)
     for parts, knows in ([by_map], True), ([by_map, by_last], False):
         belief = Belief()
-        belief.predict(way=0.0, seconds=10.0)
+        belief.predict(distance=0.0, seconds=10.0)
         belief.observe(Agreement.of(parts).log_likelihoods(CONFIG))
         assert belief.knows_place == knows
     assert by_last.shows_another_place(CONFIG)

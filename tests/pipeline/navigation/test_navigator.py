@@ -390,7 +390,7 @@ def test_it_stops_before_what_blocks_its_way():
 
     def watch(command):
         if isinstance(command, Approach):
-            asked.add(tuple(command.way[-1]))
+            asked.add(tuple(command.path[-1]))
         return Verdict.FINE if robot.T[0, 3] < 0.8 else Verdict.BLOCKED
 
     assert not navigator.drive(np.array([(0, 0.5), (2, 0.5), (2, 2)]), watch=watch)

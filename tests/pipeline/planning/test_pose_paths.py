@@ -89,7 +89,7 @@ def test_no_way_leads_where_there_is_no_room(blocks, heading):
     assert (np.abs(traversability.grid.centre_of(cells[:, :2]) - start) < 2 * PIONEER.corner_radius + 0.1).all()
     for cell in np.argwhere(paths.reachable)[::97]:
         goal = traversability.grid.centre_of(cell)
-        way = paths.way_to(goal)
+        way = paths.straightened_path_to(goal)
         np.testing.assert_allclose(way.places[-1], goal)
         if stands_in(traversability)[tuple(traversability.grid.cell_of(start))].all():
             line = np.vstack([start, way.places])
@@ -133,7 +133,7 @@ def test_another_obstacle_makes_no_way_cheaper(blocks, another):
 
 def test_ways_go_around_walls_in_few_drives(maze):
     paths = PosePaths(maze, (-1.0, -1.0), NORTH)
-    way = paths.way_to((1.0, -1.0), -NORTH)
+    way = paths.straightened_path_to((1.0, -1.0), -NORTH)
     assert 2 <= len(way.places) <= 8
     assert way.places[:, 1].max() > 0.85
     np.testing.assert_allclose(way.places[-1], (1, -1))
@@ -153,7 +153,7 @@ def test_a_path_is_simplified_to_few_lines(maze):
 
 def test_it_backs_out_of_a_dead_end_too_narrow_to_turn_in():
     traversability = corridor(0.33)
-    way = PosePaths(traversability, (1.5, 0.0), EAST).way_to((-1.0, 0.0))
+    way = PosePaths(traversability, (1.5, 0.0), EAST).straightened_path_to((-1.0, 0.0))
     assert way.backwards.all()
     assert abs(np.cos(way.heading) - 1) < 1e-6
     assert not np.isfinite(PosePaths(traversability, (1.5, 0.0), EAST).seconds[..., nearest_heading(WEST)]).any()
@@ -161,15 +161,15 @@ def test_it_backs_out_of_a_dead_end_too_narrow_to_turn_in():
 
 def test_where_there_is_room_it_rather_turns_than_back_far():
     traversability = corridor(0.9)
-    way = PosePaths(traversability, (1.2, 0.0), EAST).way_to((-1.4, 0.0))
+    way = PosePaths(traversability, (1.2, 0.0), EAST).straightened_path_to((-1.4, 0.0))
     assert not way.backwards.any()
 
 
 def test_on_a_narrow_ramp_it_does_not_turn():
     traversability = corridor(0.45, ridge)
-    way = PosePaths(traversability, (-0.4, 0.0), EAST).way_to((-0.4, 0.0), WEST)
+    way = PosePaths(traversability, (-0.4, 0.0), EAST).straightened_path_to((-0.4, 0.0), WEST)
     assert (np.abs(way.places[:, 0]) > 0.8).any()  # but beside it
-    assert len(PosePaths(corridor(0.45), (-0.4, 0.0), EAST).way_to((-0.4, 0.0), WEST).places) == 1
+    assert len(PosePaths(corridor(0.45), (-0.4, 0.0), EAST).straightened_path_to((-0.4, 0.0), WEST).places) == 1
 
 
 def test_a_ramp_is_met_head_on_where_that_is_no_detour():
@@ -202,7 +202,7 @@ def test_a_robot_that_stands_too_near_to_a_wall_gets_away_but_not_through():
     here = np.array([0.78, 0.0])
     assert not traversability.grid.at(traversability.traversable, here)
     paths = PosePaths(traversability, here, EAST)
-    way = paths.way_to((-0.3, 0.0))
+    way = paths.straightened_path_to((-0.3, 0.0))
     assert way.backwards[0]
     assert not np.isfinite(paths.cost[traversability.grid.cell_of((0.9, 0.0))[0] :]).any()
 
@@ -247,7 +247,7 @@ def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
     for track in (nowhere, driven):
         paths = PosePaths(assess(grid, elevation, nowhere > 0, track, PIONEER, CONFIG), (1.925, 1.525), EAST)
         assert np.isfinite(paths.cost_to((0.6, 1.5))) == track.any()
-    assert paths.way_to((0.6, 1.525)).backwards[0]
+    assert paths.straightened_path_to((0.6, 1.525)).backwards[0]
 
 
 def test_without_risk_ways_cost_their_time_alone(maze):

@@ -42,7 +42,7 @@ def rows(tmp_path_factory):
     explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
     recorder.on_step(explorer.mapper, step)
-    recorder.log_ways([WAY])
+    recorder.log_routes([WAY])
     recorder.close()
     return read(path)
 

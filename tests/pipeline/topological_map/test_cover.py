@@ -111,5 +111,5 @@ def test_candidates_stand_where_the_robot_can_turn_and_near_the_mask(cover):
     assert len(places) > 20
     assert cover.grid.at(cover.standable, places).all()
     assert np.linalg.norm(places - (2.0, 1.0), axis=1).max() < 0.85
-    assert len(cover.candidates(mask, 0.8, fewest=2)) == 0
+    assert len(cover.candidates(mask, 0.8, min_cells=2)) == 0
     assert len(cover.candidates(np.zeros_like(mask), 0.8)) == 0

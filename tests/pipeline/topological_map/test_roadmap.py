@@ -55,9 +55,9 @@ def test_every_edge_is_a_drive_from_node_to_node(around):
     topology = topology_of(*around, (-1.7, 0))
     assert topology.graph.number_of_edges() >= 3
     for a, b, edge in topology.graph.edges(data=True):
-        way = topology.way(a, b)
+        way = topology.edge_path(a, b)
         assert way[0].tolist() == topology.nodes[a].position.tolist()
         assert way[-1].tolist() == topology.nodes[b].position.tolist()
-        assert topology.way(b, a).tolist() == way[::-1].tolist()
+        assert topology.edge_path(b, a).tolist() == way[::-1].tolist()
         assert np.isfinite(around[0].line_seconds(way[:-1], way[1:])).all()
         assert edge["length"] == pytest.approx(np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1).sum())

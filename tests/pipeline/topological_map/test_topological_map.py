@@ -77,7 +77,7 @@ def test_nodes_and_tree_lead_up_the_ramp(ramp_world):
     assert Label.STRAIGHT_RAMP in [node.label for node in topology.nodes.values()]
     assert nx.is_connected(topology.graph)
     for a, b in topology.graph.edges:
-        way = topology.way(a, b)
+        way = topology.edge_path(a, b)
         assert np.isfinite(traversability.line_seconds(way[:-1], way[1:])).all()
 
 

@@ -66,7 +66,7 @@ def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, r
     make_maze(layout, draws, density)
     assert layout.is_connected()
     tile, _ = choose_start(layout, draws)
-    lay_ramps(layout, draws, share=0.4, fields=True)
+    lay_ramps(layout, draws, fraction=0.4, fields=True)
     assert layout.is_connected()
     assert layout.is_explorable()
     assert layout.ground(tile) == FLOOR

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sarsim.scoring.progress import ExploredCurve, mean_up_to, progress_figures, shares_at
+from sarsim.scoring.progress import ExploredCurve, fractions_at, mean_up_to, progress_figures
 
 CURVE = ExploredCurve(np.array([0.0, 10.0, 30.0]), np.array([0.0, 4.0, 9.0]), np.array([0.2, 0.5, 0.95]))
 
@@ -17,7 +17,7 @@ def test_a_share_holds_until_the_next() -> None:
 
 def test_a_share_is_that_of_the_last_place_and_none_before_the_first() -> None:
     turned = np.array([1.0, 4.0, 4.0])  # two looks from one place
-    assert shares_at(np.array([0.0, 1.0, 3.9, 4.0, 99.0]), turned, CURVE.explored).tolist() == [
+    assert fractions_at(np.array([0.0, 1.0, 3.9, 4.0, 99.0]), turned, CURVE.explored).tolist() == [
         0,
         0.2,
         0.2,

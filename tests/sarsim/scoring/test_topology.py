@@ -28,7 +28,7 @@ def topology_of(positions, edges):
     graph = nx.Graph(edges)
     graph.add_nodes_from(nodes)
     return SimpleNamespace(
-        nodes=nodes, graph=graph, way=lambda a, b: np.array([nodes[a].position, nodes[b].position])
+        nodes=nodes, graph=graph, edge_path=lambda a, b: np.array([nodes[a].position, nodes[b].position])
     )
 
 
@@ -65,7 +65,7 @@ def test_the_greedy_cover_is_of_the_ground_that_the_nodes_see(two_rooms):
 def test_an_edge_with_bends_is_followed_around_the_wall(two_rooms):
     topology = topology_of([(1, 0.5), (3, 0.5)], [(0, 1)])
     assert score_topology(topology, two_rooms)["edges_through_walls"] == 1
-    topology.way = lambda a, b: np.array([(1, 0.5, 0), (2.02, 1.7, 0), (3, 0.5, 0)])
+    topology.edge_path = lambda a, b: np.array([(1, 0.5, 0), (2.02, 1.7, 0), (3, 0.5, 0)])
     assert score_topology(topology, two_rooms)["edges_through_walls"] == 0
 
 

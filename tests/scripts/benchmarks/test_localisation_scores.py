@@ -6,7 +6,14 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw
-from scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven, within
+from scripts.benchmarks.localisation_scores import (
+    distances_driven,
+    errors_of,
+    evo_ate,
+    nees,
+    trajectory_scores,
+    within,
+)
 
 
 def line(n=31, yaw=0.0, scale=1.0):
@@ -29,7 +36,7 @@ def test_an_offset_is_an_absolute_error_and_no_relative_one():
     moved = line()
     moved[:, 1, 3] += 0.3
     scores = trajectory_scores(line(), moved)
-    assert way_driven(line(3)) == pytest.approx([0, 0.1, 0.2])
+    assert distances_driven(line(3)) == pytest.approx([0, 0.1, 0.2])
     expected = {"ate_m": 0.3, "max_m": 0.3, "heading_deg": 0, "rpe_m": 0, "rpe_deg": 0, "drift_percent": 10}
     assert scores == pytest.approx(expected, abs=1e-6)  # 0.3 m after 3 m
 

@@ -128,7 +128,7 @@ class Nav2Navigator(Navigator):
 
     def _follow(self, course: Course, send: Send) -> Outcome:
         self.halts, self.track = [], []
-        way, heading = course.way, course.heading
+        way, heading = course.stretches, course.heading
         send(STOP)
         here = self.T_map_base[:2, 3]
         end = way[-1].poses[-1, :2] if way else here

@@ -81,7 +81,7 @@ class Explorer:
         # Sense, localise and map (thesis 3.1 and 3.2).
         keyframe = self.pilot.look_around()
         self.reobservation.count(keyframe.frame)
-        # Decide where to look next, or to go back if no path leads to where the robot came from, or why to end.
+        # Decide where to look next, whether to go back because no path leads to where the robot came from, or to end.
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             back = self._way_back(context) if viewpoint is None else None
@@ -232,8 +232,8 @@ class Explorer:
 def touched_by(halt: Halt, ground: Traversability) -> Places:
     """(N, 3) points, m, on what a robot probably touched with its leading end, according to the map of its drive.
 
-    Only one corner of the robot need have touched something, so the points next to mapped hazards are chosen, or
-    the whole end if there are none. Otherwise, a corner that touches a wall would close the passage.
+    Perhaps only one corner of the robot touched something, so the points next to mapped hazards are chosen, or the
+    whole end if there are none. Otherwise, a corner that touches a wall would close the passage.
     """
     points = halt.touched(ground.robot, ground.grid.cell)
     may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= NEAR_TOUCHED

@@ -200,7 +200,7 @@ class Mapper:
                 it until that ground is seen or the robot leaves, and heights for classifiers are relative to it.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory. They stay as is.
+            InputError: the pose is so far from the others that the maps would take too much memory. They are unchanged.
         """
         frame = localised.frame
         T_map_base = localised.T_map_base
@@ -479,6 +479,6 @@ def map_frame(
     confirmed = Confirmed(localised, was_set_down) if check is None else check(localised)
     if confirmed is None:
         return None
-    # Map: every map takes the frame in, unless it shows nothing new.
+    # Map: add the frame to every map, unless it shows nothing new.
     add = mapper.add_frame if may_repeat else mapper.add_if_new
     return add(confirmed.localised, labelled, set_down=bool(confirmed.was_carried))

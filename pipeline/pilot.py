@@ -31,7 +31,7 @@ class Pilot:
     Attributes:
         robot: the robot to move.
         navigator: computes the commands that follow a path.
-        pose_check: checks whether the robot is where it believes to be.
+        pose_check: checks whether the robot is where it believes it is.
         faults: faults of the robot's sensors and wheels.
         driven: distance driven so far by odometry, m.
         was_carried: whether the robot was carried, or set down at the start, since the stop before the newest one.

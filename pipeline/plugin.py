@@ -34,7 +34,7 @@ class RunContext:
         explorer: drives the robot; None if the run does not drive.
         world: the simulated robot, which knows the truth; None outside a simulation.
         plugins: all plug-ins of the run.
-        folder: where sinks write their files; None if the run leaves none.
+        folder: where sinks write their files; None if the run writes none.
     """
 
     mapper: Mapper
@@ -51,7 +51,7 @@ class Plugin:
     Attributes:
         Settings: a frozen dataclass of its settings, which a run writes under ``plugins.<name>`` of its config.yaml.
             Its fields are flags: a positional one follows ``--<name>``, others are ``--<name>-<field>``, and those
-            marked ``tyro.conf.Fixed`` are set in a ``--config`` file alone. A path is a flag alone.
+            marked ``tyro.conf.Fixed`` can only be set in a ``--config`` file. A path can only be a flag.
         needs: names of the plug-ins that it asks for along with itself.
         name: the name of its settings.
         settings: an instance of ``Settings``.
@@ -63,7 +63,7 @@ class Plugin:
     name: str = ""
 
     def __init__(self, settings: Any, command: Any) -> None:
-        """Check the settings, before anything else is made; InputError if they do not fit."""
+        """Check the settings before anything else is created; InputError if they are invalid."""
         self.settings, self.command = settings, command
 
     def dress(self, arena: Any) -> None:
@@ -74,7 +74,7 @@ class Plugin:
         return ()
 
     def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
-        """The robot that is driven: with another sensor, or listened to. ``mapper``: None if nothing is mapped.
+        """Return the robot to drive, for example with another sensor. ``mapper``: None if nothing is mapped.
 
         ``world``: the simulated robot, as in RunContext. Its sensors measure after each of its control periods.
         """
@@ -95,14 +95,14 @@ class Plugin:
         return ()
 
     def measurements(self) -> Iterable[tuple[str, float, Any]]:
-        """Topics, times in s and ROS messages of what its sensor has measured since the last call.
+        """Topics, times in s and ROS messages of its sensor's measurements since the last call.
 
         Called after every control period, if there is a bag or a network to send them to.
         """
         return ()
 
     def scene(self, world: Any, folder: Path, index: int) -> AbstractContextManager[Callable[[Any], object]]:
-        """Its own files of scene ``index`` of a dataset, beside the scene's file.
+        """Write the plug-in's own files for scene ``index`` of a dataset, beside the scene's file.
 
         The context's value is called with the :class:`sarsim.robots.pose.Pose` of each frame once the robot stands
         there. On leaving, the files are complete; after an error, none are left.
@@ -115,4 +115,4 @@ class Plugin:
         return nullcontext(lambda pose: None)
 
     def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
-        """Write its files about a whole dataset; ``splits``: train, val or test of each complete scene, by number."""
+        """Write its files for a whole dataset; ``splits``: train, val or test of each complete scene, by number."""

@@ -40,8 +40,8 @@ def explore(
         explorer: the robot, its maps and its mission, which decides where to go.
         may_step: called before each step; exploration ends if it returns False.
         on_step: receives each step before the drive.
-        on_drive: called after each drive with whether the robot arrived.
-        on_done: called after each step from which exploration goes on.
+        on_drive: called after each drive; its argument is whether the robot arrived.
+        on_done: called after each step that does not end exploration.
 
     Raises:
         LostError: the robot does not know where it is.
@@ -268,7 +268,7 @@ class ExplorerRun(Run, ABC):
         return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
 
     def _explored_fraction(self) -> float | None:
-        """Explored fraction of the ground, 0 to 1; None where it is unknown, as without a simulator."""
+        """Explored fraction of the ground, 0 to 1; None if it is unknown, for example without a simulator."""
         return None
 
     def _may_step(self) -> bool:

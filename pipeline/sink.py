@@ -115,7 +115,7 @@ class Sink:
         """Called when a step has been decided, before the drive."""
 
     def figures(self) -> dict[str, Any]:
-        """Figures of stages for report.json, as far as the run has come."""
+        """The figures so far of each stage, for report.json."""
         return {}
 
     def finish(self, result: Result) -> None:

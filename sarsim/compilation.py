@@ -1,6 +1,6 @@
 """Compilation of an episode's functions on two cores: a second process fills numba's cache in reverse order.
 
-numba compiles each function when it is first called, one after another, which takes a minute on a new machine. The
+numba compiles each function when it is first called, which takes a minute in total on a new machine. The
 second process works through ``kernels.json`` backwards, starting from what an episode needs last, until it reaches
 those that the first process has compiled.
 """

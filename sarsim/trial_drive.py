@@ -186,7 +186,7 @@ class _Trial:
             yield f"the robot turns {left:.2f} times as far as commanded; check effective_track, motors and tyres"
 
     def _measure(self, command: Velocity, reached: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Poses at both ends of a drive at a constant speed that is reached after so many s."""
+        """Poses at both ends of a drive at a constant speed, which is reached after ``reached`` s."""
         self._drive(command, min(reached, SLOWEST) + 0.2)
         before = self._pose
         self._drive(command, MEASURED)

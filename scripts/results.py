@@ -386,7 +386,7 @@ def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
 
 
 def number(value: float) -> str:
-    """A figure to four significant digits, or, from 1000 on, as an integer."""
+    """A figure to four significant digits or, if 1000 or more, as an integer."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 

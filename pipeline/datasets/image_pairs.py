@@ -85,7 +85,7 @@ def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values
 
 
 def _dates(times: Values) -> Values | None:
-    """Times since 1970, in whichever unit, in s; None if they cannot be such."""
+    """Times since 1970 in any unit, converted to s; None if they cannot be times since 1970."""
     found = in_seconds(times)
     step = np.median(np.diff(np.unique(found))) if np.ptp(found) else 0.0
     return found if np.median(found) > LEAST_SINCE_1970 and step <= MOST_STEP_OF_DATES else None

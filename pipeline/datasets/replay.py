@@ -65,7 +65,7 @@ def localisation_of(poses: PoseSource, config: LocalisationConfig = Localisation
 
 
 class Replay:
-    """Adds a recording's frames to the maps, one after another."""
+    """Adds a recording's frames to the maps in order."""
 
     def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
         """``T_base_camera`` overrides the recording's; if neither is known, it is estimated from the floor.

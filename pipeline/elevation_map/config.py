@@ -7,7 +7,7 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True)
 class PathCosts:
-    """What driving costs, in seconds, apart from what follows from the robot's own data.
+    """The costs of driving, in seconds, that do not follow from the robot's own data.
 
     Attributes:
         comfort: free space around the footprint that lets the robot drive at full speed, m. More makes no difference,

@@ -320,7 +320,7 @@ def _ring_of_pocket(elevation, dropout, i, j, most):
         low, high, total, is_closed = np.inf, -np.inf, 0.0, True
         a0, a1, b0, b1 = i0, i1, j0, j1
         for a in range(a0 - 1, a1 + 2):
-            # The first and the last row of the ring are whole; of the others, it has the ends.
+            # The ring contains all of its first and last rows, but only the ends of the others.
             step = 1 if a < a0 or a > a1 else b1 - b0 + 2
             for b in range(b0 - 1, b1 + 2, step):
                 if dropout[a, b]:

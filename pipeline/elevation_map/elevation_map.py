@@ -85,7 +85,7 @@ class ElevationMap:
 
     @property
     def dropout(self) -> MaskLayer:
-        """The cells where a thin panel without returns may stand; their ground is unknown, whatever was seen."""
+        """The cells where a thin panel without returns may stand; their ground is unknown whatever was seen there."""
         return self.layers["dropout"]
 
     @property
@@ -167,13 +167,13 @@ class ElevationMap:
 
         Args:
             points: its returns.
-            hits: (N,) number of returns that each point is the mean of; 1 if not given.
+            hits: (N,) number of returns averaged in each point; 1 if not given.
             dropouts: points where ground should have been seen but was not.
-            dropout_hits: (M,) number of pixels that each dropout is the mean of; 1 if not given.
+            dropout_hits: (M,) number of pixels averaged in each dropout; 1 if not given.
             rays: points on rays that passed over ground without returns, see :func:`elevation_kernels.lowest_rays`.
             camera: position of the camera; without it, dropouts are neither marked nor cleared.
             above: (N,) what was seen in the space above each point, see :func:`find_overhangs`.
-            height: of the robot, m in ``map``; the range of heights that is mapped in new cells is relative to it.
+            height: height of the robot in ``map``, m, to which the range of heights mapped in new cells is relative.
         """
         if not len(points):
             return
@@ -199,7 +199,7 @@ class ElevationMap:
 
     @contextmanager
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget everything within boxes in ``map``; the body of the ``with`` statement adds the evidence again.
+        """Forget everything within boxes in ``map``; the body of the ``with`` statement must add the evidence again.
 
         Only cells within the boxes change, at any height.
 
@@ -280,5 +280,5 @@ class ElevationMap:
 
 
 def _counts(points: Points, hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
-    """(N,) number of pixels that each of (N, 3) points is the mean of."""
+    """(N,) number of pixels whose mean each of the points (N, 3) is."""
     return np.ones(len(points), np.uint8) if hits is None else hits

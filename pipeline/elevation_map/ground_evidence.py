@@ -66,7 +66,7 @@ class GroundEvidence(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """Ground assumed to be level around the start, because the camera sees none within 1 m.
+    """Ground around the start that is assumed to be level, because the camera sees none within 1 m.
 
     Attributes:
         points: points in ``base_link``, at least one in each cell.
@@ -76,9 +76,9 @@ class Assumed:
 
     @classmethod
     def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "Assumed":
-        """The ground around the pose where the robot was set down, as far as it needs it to turn in place.
+        """The ground that the robot needs to turn in place where it was set down.
 
-        The camera cannot see a wall that is nearer than its nearest return, so no more is assumed.
+        The camera cannot see a wall that is nearer than its nearest return, so no more ground is assumed.
         """
         radius = robot.corner_radius + TURNING_ROOM
         points = _lattice(-radius, radius, radius, config.cell)
@@ -125,7 +125,7 @@ def _lattice(x0: float, x1: float, y: float, cell: float) -> Points:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What a drive has shown near a keyframe, in its ``base_link``.
+    """The evidence of a drive near a keyframe, in its ``base_link``.
 
     Attributes:
         track: successive positions of the robot's centre.
@@ -160,7 +160,7 @@ class Driven:
 def find_depth_dropouts(
     depth: Depth, intrinsics: Intrinsics, T_base_camera: Pose, sensor: SensorModel, near: float
 ) -> Points:
-    """Points in ``base_link``, m, where a thin panel may stand, because ground is seen on both sides of them only.
+    """Points in ``base_link``, m, where a thin panel may stand, because ground is seen only on both sides of them.
 
     A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
     close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides. If the
@@ -191,7 +191,7 @@ def _before(points: Points, T_base_camera: Pose, near: float) -> Points:
 
 
 def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.uint8]:
-    """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
+    """The state of the space above a frame's returns (N, 3), m in ``base_link``, up to ``headroom`` m.
 
     A table top just below the camera is seen at such a grazing angle that it gives no returns, so its column shows
     only the floor below it. Its edge does give returns, which hide part of the space straight above that floor.

@@ -30,7 +30,7 @@ class Limits(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def overhangs(points, noise, depth, pinhole, up, limits):
-    """(N,) what the image shows of the space above each return: OPEN, ROOFED or UNSURE.
+    """(N,) state of the space above each return: OPEN, ROOFED or UNSURE.
 
     Args:
         points: (N, 3) returns, m in ``camera_optical``.

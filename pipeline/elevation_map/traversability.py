@@ -92,7 +92,7 @@ class Traversability:
 
     @cached_property
     def without_margin(self) -> "Traversability":
-        """The same ground if the footprint need only avoid the centres of cells with obstacles, not all of each cell.
+        """The same ground if the footprint need only avoid the centres of cells with obstacles, not the whole cells.
 
         The centre is where the obstacle is expected. A passage two cells wider than the robot is then passable,
         wherever it lies on the grid.
@@ -103,9 +103,10 @@ class Traversability:
         return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
 
     def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
-        """The same ground if all within ``keep_off`` of people is a hazard, except where the robot has been.
+        """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
 
-        A hand on the floor is too low for a step, and a robot that finds a person beside itself must get away.
+        A hand on the floor is too low to count as a step, and a robot that finds a person beside it must be able to
+        leave.
 
         Args:
             people: (N, 2 or 3) points on people, m.
@@ -142,7 +143,7 @@ class Traversability:
         Args:
             places: (N, 2) positions that the grid must contain, m.
             margin: distance around each of them that it must contain too, m.
-            shut: (M, 2) positions of unknown ground that is not free nevertheless, m.
+            shut: (M, 2) positions of unknown ground that nevertheless is not free, m.
             doubts: whether depth dropouts, where a thin panel may stand, are not free.
         """
         grid = self.grid.widened(places, margin)
@@ -243,7 +244,7 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
 def least_clearance(cell: float) -> int:
     """Minimum clearance of the footprint from hazards, whole cm: half the diagonal of a cell of ``cell`` m.
 
-    The positions of hazards are no more exact than this.
+    The positions of hazards are known no more exactly than that.
     """
     return round(100 * np.hypot(cell, cell) / 2)
 
@@ -375,7 +376,7 @@ class TraversabilityLayer:
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
-        """Return the same as ``assess_map`` of the map; results returned before do not change."""
+        """The same result as ``assess_map`` of the map; earlier results do not change."""
         source, last = elevation_map.layers, self._last
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         self._revision = source.revision

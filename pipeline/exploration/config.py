@@ -16,8 +16,8 @@ class VisibilityConfig:
         rays: number of directions, all around a position, in which rays are cast.
         stride: side of the square blocks that each contribute one cell for viewpoints, cells.
         short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
-        close_by: distance by which the robot may come nearer than planned to what it looks at because it bars a path,
-            m.
+        close_by: distance by which the robot may come nearer than planned to ground that it looks at because that
+            blocks a path, m.
         nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
         least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
@@ -86,13 +86,13 @@ class ExplorationConfig:
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
         most_left: maximum fraction of the seen ground that may be given up as not worth the drive.
-        least_piece: minimum area of seen ground without a path to it that is listed among what was given up, m².
+        least_piece: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal counts as reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
-        widest_bar: greatest width of unseen ground that is looked at because it bars a path, m.
+        widest_bar: greatest width of unseen ground that is looked at because it blocks a path, m.
         looks: number of looks at what blocks the path to seen ground, after which the robot treats it as blocked.
-        progress: decrease of the time to a goal above which a drive counts as progress, s: the cost of a bend.
+        progress: decrease in the time to a goal above which a drive counts as progress, s: the cost of a bend.
         shown: fraction of the expected ground that must be seen for a viewpoint to count as done, even on the way.
         visibility: what a view is expected to show.
         unseen_ways: paths to goals through unseen ground.

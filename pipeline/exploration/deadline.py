@@ -50,7 +50,7 @@ class Deadline:
         begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
         retreat: where the robot must be at ``end``; None if it may be anywhere.
-        has_called: whether the last viewpoint was refused so that the robot gets back in time.
+        has_called: whether the last viewpoint was refused because the robot has to turn back.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ def _finite(seconds: float, otherwise: float) -> float:
 
 
 def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
-    """The position within ``near`` m of the most victims (N, 2), of several the soonest reached; None without any."""
+    """The position with the most victims (N, 2) within ``near`` m, of several the cheapest to reach; else None."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid

@@ -59,7 +59,7 @@ class Mission:
 
     @property
     def strategies(self) -> Iterator[Strategy]:
-        """The strategies in the order in which they are asked.
+        """The strategies in order of precedence.
 
         With goals: the goals, then exploration if it may open a path to them. Without: exploration, then inspection.
         """
@@ -87,7 +87,7 @@ class Mission:
 
     @property
     def is_out_of_time(self) -> bool:
-        """Whether the last viewpoint was refused so that the robot gets back in time."""
+        """Whether the last viewpoint was refused because the robot has to turn back."""
         return self.deadline is not None and self.deadline.has_called
 
     @property
@@ -126,7 +126,7 @@ class Mission:
         return has_answer and required(self._sender).is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
-        """Whether the clock allows the drive, which then begins. On the retreat, the clock is no longer asked."""
+        """Whether the clock allows the drive, which then begins. It is ignored on the retreat."""
         if self.deadline is None:
             return True
         if not self._is_on_retreat and not self.deadline.allows(viewpoint.position, context):
@@ -214,7 +214,7 @@ class Visit:
 
 
 class Goals(Strategy):
-    """Drives to goals, even through unseen ground, in an order that keeps the drive short, renewed at every step.
+    """Drives to goals, even through unseen ground, in an order that keeps the drive short, updated at every step.
 
     Attributes:
         left: goals still to be visited, each (2,) m in ``map``.

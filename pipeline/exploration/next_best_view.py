@@ -26,7 +26,7 @@ from pipeline.transforms import wrap_angle
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What is left to see, as known after a keyframe.
+    """What remains to be seen after a keyframe.
 
     Attributes:
         terrain: the ground, the targets and their probabilities.
@@ -58,7 +58,7 @@ class NextBestView(Strategy):
         takes_rewards: whether the rewards of a context count.
         config: settings of exploration.
         sightings: what keyframes showed and missed.
-        outlook: what is left to see; set by the first call of :meth:`observe`.
+        outlook: what remains to be seen; set by the first call of :meth:`observe`.
     """
 
     takes_rewards = True
@@ -98,14 +98,14 @@ class NextBestView(Strategy):
         return given_up[0] if is_much else None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """What is given up: viewpoints that would show more, and seen ground to which no path leads.
+        """Everything that is given up: viewpoints that would show more, and seen ground to which no path leads.
 
-        The viewpoints come first, whatever they cost, each for what those before it do not show.
+        The viewpoints come first, whatever they cost, each for what the earlier ones do not show.
         """
         return [*self._in_turn(self._best, self.outlook, context), *self._unreachable(context)]
 
     def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
-        """``first`` and others worth the drive, up to ``limit`` in all, each for what those before it do not show."""
+        """``first`` and others worth the drive, at most ``limit`` in all, each for what earlier ones do not show."""
         return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
@@ -164,13 +164,13 @@ class NextBestView(Strategy):
         """
         terrain = outlook.terrain
         traversability = context.traversability
-        # Pieces of seen ground to which no path leads, and what may bar the way to them.
+        # Pieces of seen ground to which no path leads, and what may block the paths to them.
         pieces, areas = _pieces(context)
         half = self.config.widest_bar / 2
         bars = terrain.target & near_ground(context, context.paths.reachable, half)
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # count as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
-        # The largest piece that is worth the look at its bars.
+        # The largest piece for which looking at what blocks the path is worth the time.
         context = replace(context, rewards=None)
         for piece in np.argsort(-areas):
             if areas[piece] < self.needed(self.config.keyframe_time):
@@ -185,10 +185,10 @@ class NextBestView(Strategy):
         return None
 
     def _look_at(self, bars: MaskLayer, outlook: Outlook, context: Context) -> Viewpoint | None:
-        """The best view of what may bar a path; None if no view shows anything of it.
+        """The best view of the cells that may block a path; None if no view shows any of them.
 
-        A cell that stays unseen still bars the path, so only views count that show almost as much as any view does,
-        also if the robot arrives closer than planned: the camera does not see the ground right before it.
+        A cell that stays unseen still blocks the path, so only views count that show almost as many cells as any view
+        does, even if the robot arrives closer than planned: the camera cannot see the ground right in front of it.
         """
         outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)
@@ -200,7 +200,7 @@ class NextBestView(Strategy):
         return None
 
     def _unreachable(self, context: Context) -> Iterator[Viewpoint]:
-        """The pieces of seen ground to which no path leads, as what is given up, the largest first."""
+        """The pieces of seen ground to which no path leads, the largest first, as viewpoints that are given up."""
         traversability = context.traversability
         pieces, areas = _pieces(context)
         half = self.config.widest_bar / 2
@@ -230,7 +230,7 @@ class NextBestView(Strategy):
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
     ) -> Iterator[Viewpoint]:
-        """What ``best`` returns without rewards, one after another, each for what those before it do not show."""
+        """The viewpoints that ``best`` returns in turn, without rewards, each for what earlier ones do not show."""
         context = replace(context, rewards=None)
         while viewpoint := best(outlook, context):
             yield viewpoint
@@ -242,7 +242,7 @@ class NextBestView(Strategy):
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         Args:
-            outlook: what is left to see.
+            outlook: what remains to be seen.
             context: what the robot knows.
             min_gain: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
             min_fraction: minimum fraction of the highest gain of any viewpoint.

@@ -29,9 +29,9 @@ class Viewpoint:
         seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
         falls: whether the gain assumes that unknown ground behind crests falls.
         opens: whether its purpose is to show what blocks the path to ground that was seen.
-        why: why it is given up, if it is. ``unseen``: no keyframe showed the ground in view, or what bars the path to
-            ground that was seen. ``person``: the robot would come too near to a person. ``too_steep``: slopes bar the
-            path. ``no_way``: something else bars it.
+        why: why it is given up, if it is. ``unseen``: no keyframe showed the ground in view, or what blocks the path
+            to ground that was seen. ``person``: the robot would come too near to a person. ``too_steep``: slopes
+            block the path. ``no_way``: something else blocks it.
         stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
             depends on what it sees.
     """

@@ -34,7 +34,7 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
 
 
 def without_nearest(camera: kernels.CameraView, metres: float) -> kernels.CameraView:
-    """A camera that does not see the nearest ground in its view, so many m of it on level ground."""
+    """A camera that does not see the nearest ``metres`` of level ground in its view."""
     nearest = camera.height / np.tan(-camera.lower_edge)
     lower_edge = float(-np.arctan(camera.height / (nearest + metres)))
     return camera._replace(near=camera.near + metres, lower_edge=lower_edge)

@@ -26,7 +26,7 @@ PARTS = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
 """Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
 """Probabilities that a tile for which the map predicts a surface shows it, or has no return, if the robot is where it
-believes to be. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.0002 of the tiles contradicted
+believes it is. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.0002 of the tiles contradicted
 the map. Tiles without a return come in patches, where surfaces are dark or seen at a grazing angle, so they count for
 less."""
 SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE = 0.6, 0.2, 0.2
@@ -66,7 +66,7 @@ class Belief:
         self.probabilities = np.eye(len(MotionState))[MotionState.NOMINAL]
 
     def predict(self, distance: float, seconds: float) -> None:
-        """Predict the state after the wheels have measured a distance ``distance``, m, in a time, s."""
+        """Predict the state after the wheels have measured ``distance`` m in ``seconds`` s."""
         self.probabilities = self.probabilities @ transition(distance, seconds, self.config)
 
     def observe(self, log_likelihoods: Values) -> None:
@@ -92,7 +92,7 @@ class Belief:
 
     @property
     def knows_place(self) -> bool:
-        """Whether the robot is almost surely not carried and not blind; its pose then holds, even if wheels slip."""
+        """Whether the robot is almost surely neither carried nor blind; its pose then holds, even if wheels slip."""
         return bool(self.probabilities[MotionState.CARRIED :].sum() <= 1 - self.config.confidence)
 
 
@@ -124,7 +124,7 @@ def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
 
 
 def _by_place(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
-    """(3,) log-likelihoods of tiles if the robot is where it believes to be, if it is elsewhere, if it is blind."""
+    """(3,) log-likelihoods of tiles if the robot is where it believes it is, is elsewhere, or is blind."""
     rare = 1 - config.confidence
     here = SHOWN_HERE, rare, MISSING_HERE
     elsewhere = SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE
@@ -153,7 +153,7 @@ def tiles_covered(pixels: Indices, width: int) -> float:
 
 
 def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:
-    """(5,) log-likelihoods, bounded: one frame alone makes the robot no surer of its place than ``confidence``.
+    """(5,) log-likelihoods, bounded: no single frame makes the robot surer of its place than ``confidence``.
 
     All parts of a frame mislead together if something new is in view, or if another place looks the same.
     """

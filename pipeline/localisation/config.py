@@ -52,7 +52,7 @@ class RegistrationConfig:
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
-        """InputError if nothing could be registered like this."""
+        """InputError if nothing could be registered with these settings."""
         section = "localisation.registration"
         require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
         require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "least_points")
@@ -261,7 +261,7 @@ class KeyframePolicy:
     labelled_every: int = 6
 
     def __post_init__(self) -> None:
-        """InputError if keyframes cannot be spaced like this."""
+        """InputError if keyframes cannot be spaced with these settings."""
         require_positive("localisation.keyframes", self, "way", "turn", "on_ramps")
         require_at_least(1, "localisation.keyframes", self, "labelled_every")
 

@@ -19,7 +19,7 @@ class GrowingArray:
 
     @property
     def values(self) -> NDArray[Any]:
-        """All rows so far; they stay as they are when others are appended, or when all are replaced."""
+        """All rows so far; the returned array does not change when rows are appended or replaced."""
         return self._space[: self._length]
 
     @values.setter

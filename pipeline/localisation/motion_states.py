@@ -24,8 +24,8 @@ def log_likelihoods(
 
     They are compared by how many of the old points that should be in view are shown. The fraction of a frame's points
     that were seen before says less: along a corridor, a robot that has moved shows new ground, while at its old place
-    everything would have been seen before. The best one gets the better of both kinds of evidence that the robot is
-    where it registers at all: new ground lowers the one kind, and what hides old ground the other.
+    everything would have been seen before. The best one gets the stronger of two kinds of evidence that the robot is
+    where it registers at all, because new ground weakens one kind, and hidden old ground the other.
     """
     chance = config.chance_overlap
     compared, evidence = np.empty(len(found)), []

@@ -44,8 +44,8 @@ class FoundPlace:
 
     Attributes:
         T_move: how the robot's pose in ``map`` must be moved, on the left.
-        fit: mean of what the patches count there, up to 1 if all lie on old surfaces.
-        rival: the same at the best other place; 0 if there is none.
+        fit: mean score of the patches there; 1 if all lie on old surfaces.
+        rival: ``fit`` of the second-best place; 0 if there is none.
     """
 
     T_move: Pose

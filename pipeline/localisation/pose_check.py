@@ -1,4 +1,4 @@
-"""Checks whether the robot is where it believes to be, and finds it if it was carried elsewhere.
+"""Checks whether the robot is where it believes it is, and finds it if it was carried elsewhere.
 
 Nothing here moves the robot: a check that needs another view asks its caller, who turns the robot and senses.
 """

@@ -46,7 +46,7 @@ COARSE_TOLERANCE = 1e-3
 
 
 class Kind(IntEnum):
-    """Where a constraint comes from."""
+    """The source of a constraint."""
 
     MOTION = 0
     """A motion that is not known from odometry alone, as when the robot slipped, was carried, or repeated a place."""
@@ -202,7 +202,7 @@ class PoseGraph:
             i, j: indices of the keyframes.
             T_map_base: pose of keyframe j.
             information: information of that pose, in its tangent space.
-            kind: what the constraint comes from.
+            kind: source of the constraint.
         """
         if not (np.isfinite(T_map_base).all() and np.isfinite(information).all()):
             self.dropped += 1
@@ -236,9 +236,9 @@ class PoseGraph:
         self._settled, self.is_unsettled = len(self._kinds), True
 
     def extend_samples(self, reference: int, covariance: Covariance) -> None:
-        """Let the newest keyframe be as uncertain, relative to another one, as a ``covariance`` of its pose says.
+        """Set the ``covariance`` of the newest keyframe's pose relative to another one.
 
-        :meth:`optimise` replaces this by what all constraints say.
+        :meth:`optimise` replaces it by that from all constraints.
         """
         k = len(self) - 1
         (T,) = adjoints(relative(self.poses, np.array([k]), np.array([reference])))
@@ -284,7 +284,7 @@ class PoseGraph:
         off = new.chi2(self.poses, self.odometry.errors)
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
         grown, window = len(self) - self._solved, self._config.graph.window
-        # One with surfaces seen there moves the newest poses, and the others by and by.
+        # One with surfaces seen there moves the newest poses, and the others gradually.
         tells = np.isin(self.kinds[self._settled :], (Kind.MOTION, Kind.LOOP))
         self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
         self._settled = len(self._kinds)
@@ -296,7 +296,7 @@ class PoseGraph:
         for loosening in loosened if self.is_unsettled or contradicted.any() else ():
             problem.solve(COARSE_TOLERANCE, loosening)
         problem.solve(self._config.graph.tolerance, last)
-        poses = self.poses.copy()  # Others may keep the poses of before
+        poses = self.poses.copy()  # Callers may still hold the old poses
         poses[free] = orthonormal(problem.poses[free])
         self.poses = poses
         self._samples.values[free] = problem.sample(self._rng, self._samples.values)[free]
@@ -321,8 +321,8 @@ class Problem:
         free: (K,) which poses may move.
         frees_errors: whether the systematic errors are variables.
         ups: (K, 3) vertical in each keyframe, without the accelerometer's mean error.
-        before: what was known of the systematic errors.
-        start: pose of the first keyframe, if it is free: what it is held at.
+        before: prior knowledge of the systematic errors.
+        start: pose at which the first keyframe is held, if it is free.
         config: weights of the constraints.
     """
 
@@ -358,15 +358,15 @@ class Problem:
         self._before = np.linalg.inv(np.linalg.cholesky(self.before.covariance))
 
     def solve(self, tolerance: float, loosening: float = 1.0) -> None:
-        """Move the poses by Gauss-Newton steps, until the error decreases by less than its share ``tolerance``.
+        """Move the poses by Gauss-Newton steps, until the error decreases by less than the fraction ``tolerance``.
 
         ``loosening``: multiplies the distance from which a constraint loses its weight.
         """
         self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
         error, decrease, last, is_stale = self._error(self.poses, self.errors), np.inf, np.inf, True
         for _ in range(MOST_STEPS):
-            # Linearise, and weigh each constraint by how well it fits. What takes most time is the factorisation: it
-            # is done again only where steps with the last one converge slowly.
+            # Linearise, and weigh each constraint by how well it fits. Factorisation takes the most time, so it is
+            # repeated only where steps with the last one converge slowly.
             gradient = self._linearised(factorises=is_stale)
             step, length = self._factor.solve(gradient), 1.0
             # Take the step, shortened as long as it would increase the error.

@@ -26,7 +26,7 @@ from pipeline.transforms import orthonormal, transform_places
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of a pose without registration, as a Gaussian.
+    """Prior knowledge of a pose, as a Gaussian.
 
     Attributes:
         T: mean.
@@ -193,7 +193,7 @@ def register(
 def shares_of(
     target: Target, source: small_gicp.PointCloud, T: Pose, config: RegistrationConfig
 ) -> tuple[list[Share], Mask]:
-    """The share of each keyframe that owns points of the target, and which of the source's points are new.
+    """The evidence of each keyframe that owns points of the target, and which of the source's points are new.
 
     Args:
         target, source: see :func:`register`.
@@ -201,14 +201,15 @@ def shares_of(
         config: settings of the registration.
 
     Returns:
-        The shares, the most informative first, and which source points have no target point within a voxel size.
+        The keyframes' evidence, the most informative first, and which source points have no target point within a
+        voxel size.
     """
     pairs = _Pairs(target, source, T, config.fine, config, np.ones(len(target.points)))
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.measure(owner == one)
-        # The identity fixes what a few points leave undetermined, where the share's own minimum is meaningless.
+        # The identity fixes what a few points leave undetermined, where their own minimum is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
         shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > config.voxel**2
@@ -237,7 +238,7 @@ class _Pairs:
         config: RegistrationConfig,
         weight: NDArray[np.float64],
     ) -> None:
-        """Pair the points closer than ``gate`` m, with the source at ``T``; ``weight``: that of each target point."""
+        """Pair the points closer than ``gate`` m, with the source at ``T``; ``weight``: of each target point."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = transform_places(T, points)
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))

@@ -232,7 +232,7 @@ class MapPoints:
         return np.asarray(np.asarray(squared) < SURFACE_TOLERANCE**2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: Pose) -> Pose:
-        """The registered pose of a levelled cloud; it stays level."""
+        """The registered pose of a levelled cloud, which is level too."""
         for reach in (self._config.registration.coarse, self._config.registration.fine):
             T_map_level = without_tilt(self._register(cloud, T_map_level, reach).T_target_source)
         return T_map_level
@@ -313,7 +313,7 @@ class Relocalisation:
         target = MapPoints(points, guesses, field.border[0] + registration.coarse, self._config)
         if target.is_empty:
             return None
-        # Register the promising poses, and weigh again each distinct one on the ground, or where it is unknown.
+        # Register the promising poses; weigh each distinct one again if it is on the ground, or that is unknown.
         source, _ = target.prepared(cloud, REGISTERED_VOXEL)
         found: list[tuple[Guess, float]] = []
         for guess in guesses:

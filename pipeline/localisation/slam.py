@@ -303,7 +303,7 @@ class Slam(Localisation):
         """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
         Between keyframes, the rotation may exceed half a turn, as when the robot looks around. Raises LostError if
-        the robot has moved although the image is still the same, which noise makes different each time.
+        the image has not changed at all although the robot has moved: noise makes every image different.
         """
         if (last := self._last) is None:
             return
@@ -374,7 +374,7 @@ class Slam(Localisation):
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
         if odometry is None:
             return registered(nominal.T, step=step, registration=nominal)
-        # If it does not fit, register it also as if the robot were held or slipped, and believe the likeliest state.
+        # If it does not fit, also register it as if the robot were held or slipped, and trust the likeliest state.
         found = {MotionState.NOMINAL: (first, nominal)}
         if not nominal.is_sure:
             found |= otherwise(target, cloud, first, self.T_map_reference, frame, self._config)
@@ -402,7 +402,7 @@ class Slam(Localisation):
         return place_bounded(likely, config.belief)
 
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
-        """The old points in view; the more uncertain the pose of their keyframe, the less they count."""
+        """The old points in view, weighted by how certain the pose of their keyframe is."""
         camera = (T @ frame.T_base_camera)[:3, 3]
         weight = 1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION))
         return self.local_map.around(transform_places(T, points), camera, owners, margin, weight)
@@ -443,7 +443,8 @@ class Slam(Localisation):
         place = find_place(recent, before, T, sigmas)
         if place is None or place.fit < loops.least_fit or place.rival > loops.rival * place.fit:
             return
-        # Register all of it there with what the keyframes saw that saw most of the place, and are sure of each other.
+        # Register it with the surfaces of the keyframe that saw most of that place, and of those close to it in the
+        # graph.
         guess = place.T_move @ T
         near = np.linalg.norm(before.at[:, :2] - guess[:2, 3], axis=1) < RADIUS
         if not near.any():
@@ -471,7 +472,7 @@ class Slam(Localisation):
 
 
 def reduced(frame: Frame) -> Frame:
-    """A frame with little of its depth image, and none of the others."""
+    """A frame reduced to a coarse depth image, without its other images."""
     depth, intrinsics = frame.every_nth(VIEW_STRIDE)
     nothing = np.zeros((*depth.shape, 0), np.uint8)
     return replace(

@@ -26,7 +26,7 @@ class Trajectory:
         times: times in ascending order, s.
         poses: poses at these times.
         of_camera: whether the poses are the camera's instead of ``base_link``'s.
-        left_out: number of lines of the file that hold no pose.
+        left_out: number of lines of the file without a pose.
     """
 
     left_out = 0
@@ -37,7 +37,7 @@ class Trajectory:
         self.poses, self.of_camera = poses[first], of_camera
 
     def at(self, time: float, config: TrajectoryConfig) -> Pose | None:
-        """Pose at a time, s: interpolated over at most ``longest_gap``, or the nearest if still valid, else None."""
+        """Pose at a time, s: interpolated over at most ``longest_gap``, or the nearest if still valid; else None."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]

@@ -1,4 +1,4 @@
-"""Whether the view has stayed the same although the wheels turned: then they spun on the spot."""
+"""Whether the view has stayed the same although the wheels turned, which means that they spun on the spot."""
 
 import cv2
 import numpy as np
@@ -36,9 +36,9 @@ def shows_no_motion(before: Frame, after: Frame) -> bool:
 
 
 def _after(image: NDArray[np.float64], before: Frame, after: Frame, moved: Pose) -> NDArray[np.float64]:
-    """The earlier image as it would look after a motion of the robot, from the homography of what is in view.
+    """The earlier image as it would look after a motion of the robot, from the homography of the scene.
 
-    What is in view is taken for a plane across the optical axis; without a return, at the nearest measurable depth.
+    The scene is assumed to be a plane across the optical axis; without a return, at the nearest measurable depth.
     """
     T = inverse(moved @ after.T_base_camera) @ before.T_base_camera
     returns = before.depth[before.returns]

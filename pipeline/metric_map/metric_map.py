@@ -165,7 +165,7 @@ class MetricMap:
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_seen_through(self, points: Points) -> Mask:
-        """Whether points lie in free space, and not beside an occupied voxel: what was there has gone."""
+        """Whether points lie in free space, and not beside an occupied voxel: what was there must be gone."""
         index = self.voxel_index(points)
         gone = self.log_odds_at(index) < 0
         for step in product((-1, 0, 1), repeat=3):
@@ -231,7 +231,7 @@ class MetricMap:
     def _centres(self, chosen: list[tuple[NDArray[np.int64], NDArray[np.bool_]]]) -> Points:
         """Centres of voxels; ``chosen``: per block, the index of its first voxel and the mask of the voxels."""
         count = sum(int(np.count_nonzero(mask)) for _, mask in chosen)
-        # An export keeps two copies of each centre and two of its vertex, which is about as large.
+        # An export holds two copies of each centre and two of its vertex, which is about as large.
         check_memory(f"a list of {count} voxels", 2 * count * (3 * np.dtype(np.float64).itemsize))
         centres = [self.voxel_centre(np.argwhere(mask) + first) for first, mask in chosen]
         return np.concatenate([np.zeros((0, 3), np.float32), *centres])

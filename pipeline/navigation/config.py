@@ -34,7 +34,7 @@ class FollowerConfig:
     hold_gain: float = 1.0
 
     def __post_init__(self) -> None:
-        """InputError if the robot could not follow a path like this."""
+        """InputError if the robot could not follow a path with these settings."""
         section = "navigation.follower"
         require_positive(section, self, "turn_gain", "position_tolerance", "heading_tolerance", "braking")
         require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "hold_gain")
@@ -42,7 +42,7 @@ class FollowerConfig:
 
 @dataclass(frozen=True)
 class RecoveryConfig:
-    """How the robot gets out of a halt.
+    """How the robot recovers from a halt.
 
     Attributes:
         most_way: the robot backs out as far as it came, but no farther than this, m.
@@ -73,7 +73,7 @@ class ProgressConfig:
     overdue: float = 60.0
 
     def __post_init__(self) -> None:
-        """InputError if the robot would be stuck at once."""
+        """InputError if the robot would count as stuck at once."""
         require_positive("navigation.progress", self, "patience", "overdue")
         require_at_least(0, "navigation.progress", self, "held_share")
 

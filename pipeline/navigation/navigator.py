@@ -1,7 +1,7 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator decides on one command after another and passes each to its caller, ``send``, who lets the robot follow
-it if nothing forbids that, and answers with a verdict.
+The navigator passes its commands one at a time to its caller, ``send``, which lets the robot follow each unless
+something forbids it, and returns a verdict.
 """
 
 from collections.abc import Iterator, Sequence
@@ -534,7 +534,7 @@ class Navigator:
             if self._tips and not leans:
                 self._back_out(T_odom_held, undo, True, send)
                 return False
-            # Until the wheels have come to rest, they push on, and the robot would seem to be held.
+            # Until the wheels have come to rest, they keep pushing, and the robot would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):

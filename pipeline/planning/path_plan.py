@@ -122,7 +122,7 @@ def plan_path(
 def _paths_over(
     places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None
 ) -> list[StraightenedPath]:
-    """The paths from position (2,) to position and on to the goal; an empty list if one cannot be reached."""
+    """The paths through the positions (2,) in turn to the goal; an empty list if any of them cannot be reached."""
     legs: list[StraightenedPath] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):

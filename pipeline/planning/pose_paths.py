@@ -119,7 +119,7 @@ class PosePaths:
         return PosePaths(self.traversability, required(self.start), self.heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
-        """(..., 16) costs of reaching cells with each heading, s; inf where the search has not got to yet."""
+        """(..., 16) costs of reaching cells with each heading, s; inf where the search has not arrived yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
         is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
         return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
@@ -253,7 +253,7 @@ def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
 
 
 def nearest_heading(heading: float) -> int:
-    """Index of the one of the 16 headings that is nearest to ``heading``, rad."""
+    """Index of the heading, of the 16, that is nearest to ``heading``, rad."""
     return int(np.cos(ANGLES - heading).argmax())
 
 

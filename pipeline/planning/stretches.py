@@ -68,7 +68,7 @@ class Stretch:
         return float(self.along[-1])
 
     def nearest(self, place: Place, after: int) -> int:
-        """Index of the pose nearest to a position (2,), m, among those from index ``after`` over half a metre."""
+        """Index of the pose nearest to a position (2,), m, among the half metre of poses from index ``after``."""
         ahead = self.poses[after : after + self._window, :2]
         return after + int(np.linalg.norm(ahead - place, axis=1).argmin())
 

@@ -1,4 +1,4 @@
-"""The way back along the robot's own track, for where no path leads to the ground that it came from.
+"""The way back along the robot's own track, used if no path leads to the ground that it came from.
 
 An error of a few centimetres, of the pose or in the height of a ramp, may show an obstacle where the robot has just
 passed. Where it has driven, it can drive back.

@@ -108,7 +108,7 @@ def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: fl
     surfels = Surfels.of(frame, labels)
     points = surfels.points
     near = surfels.near
-    # Grow regions with nearly the same normal, from the flattest surfels on.
+    # Grow regions with nearly the same normal, starting from the flattest surfels.
     normal, variation = normals(points, near)
     order = np.argsort(variation, kind="stable")
     grown = grow_regions(points, near, normal, order, np.cos(angle), STEP)

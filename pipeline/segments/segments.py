@@ -72,7 +72,7 @@ class Gaps:
     """
 
     def __init__(self, is_surface: IsSurface | None) -> None:
-        """Without ``is_surface``, no gap is closed."""
+        """``is_surface``: whether points lie on a surface of the metric map; without it, no gap is closed."""
         self._is_surface = is_surface
         self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
         self._joined: dict[tuple[Segment, ...], Segment] = {}
@@ -109,7 +109,7 @@ def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]
 
 
 def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
-    """The index pairs of segments that face the same side, where the centre of one lies in the plane of the other."""
+    """Index pairs of segments that face the same side, the centre of one of which lies in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
     offsets = [segment.plane.offset for segment in segments]

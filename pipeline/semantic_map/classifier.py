@@ -16,7 +16,7 @@ CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, 
 class PointClassifier(Protocol):
     """Computes the class probabilities of every point of a frame.
 
-    The map does not revise the labels of a classifier that has an attribute ``is_certain`` which is True.
+    The map does not revise the labels of a classifier whose attribute ``is_certain`` is True.
     """
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
@@ -35,7 +35,7 @@ class PointClassifier(Protocol):
 
 
 def check_probabilities(probabilities: object, points: int, classifier: object) -> None:
-    """Check that a classifier has returned a class distribution (points, 8), which the map can add up.
+    """Check that a classifier has returned a class distribution (points, 8) that the map can add up.
 
     Raises:
         InputError: it has returned something else.

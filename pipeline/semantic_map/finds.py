@@ -27,7 +27,7 @@ def with_finds(
         labels: labels of these points.
         signs: points of each sign or code.
         people: points of each person.
-        step: an object farther than this above the points below it hangs, m.
+        step: height above the points below it from which an object counts as hanging, m.
         skin: points within this distance of the points of a find belong to the find, m.
     """
     if (labels == Label.VICTIM).any():

@@ -39,8 +39,8 @@ def planar_vote(
     """Let the points of every plane vote.
 
     The probabilities of a point on a plane become the normalised product of its own and the geometric mean over all
-    points of the plane, the latter to the power of ``weight``. Before that, the probabilities of classes that
-    a plane with this tilt cannot have are moved to those that it can have. Points on no plane keep theirs.
+    points of the plane, the latter to the power of ``weight``. Before that, the probabilities of classes that a plane
+    with this tilt cannot have are moved to those that it can have. Points on no plane keep their probabilities.
 
     Args:
         frame: the frame.

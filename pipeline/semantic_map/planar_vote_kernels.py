@@ -71,7 +71,7 @@ def shift(z, ray, plane):
 def possible_logs(probabilities, plane, possible, clutter, floor):
     """(N, C) float32 log probabilities, after moving the probabilities of impossible classes to possible ones.
 
-    The possible classes gain in proportion, except ``clutter``: not being a wall does not make a plane clutter.
+    The possible classes gain in proportion, except ``clutter``: a plane that cannot be a wall need not be clutter.
 
     Args:
         probabilities: (N, C) float32.

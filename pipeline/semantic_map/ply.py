@@ -12,7 +12,7 @@ from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
 _TYPES = {
     **dict.fromkeys("xyz", "float"),
     **dict.fromkeys(("red", "green", "blue", "label"), "uchar"),
-    "scalar_label": "float",  # CloudCompare's name of a scalar field, which it then shows without being told
+    "scalar_label": "float",  # CloudCompare's name for a scalar field, which it then shows by default
 }
 VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
 

@@ -1,4 +1,4 @@
-"""What the other maps say about the classes of points."""
+"""Revises the classes of points by the other maps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ SKIN = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Revision:
-    """What the other maps knew at one moment; :meth:`revised` makes the labels of a semantic map consistent with it.
+    """The other maps at one moment; :meth:`revised` makes the labels of a semantic map consistent with them.
 
     Attributes:
         ground: where the robot may drive.

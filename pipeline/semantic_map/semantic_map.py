@@ -24,8 +24,8 @@ EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    Its labels are its own: it keeps the most probable class of each point, and revises it by what the other maps say
-    when it is told (:meth:`revise`).
+    It keeps the most probable class of each point, and :meth:`revise` makes these labels consistent with the other
+    maps.
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
     first hit, so the same frames in the same order give the same map.
@@ -67,7 +67,7 @@ class SemanticMap:
         Args:
             points: points in ``map``; those that are not finite are left out.
             probabilities: their class probabilities, as float32 or as uint8 in units of 1/255.
-            hits: (N,) number of returns that each point is the mean of; 1 if not given.
+            hits: (N,) number of returns averaged in each point; 1 if not given.
             keyframe: number of the frame, which determines the order of its voxels; by default the next.
 
         Raises:
@@ -136,7 +136,7 @@ class SemanticMap:
         return self._rows[self._order, 1:4]
 
     def revise(self, revision: Revision) -> None:
-        """Revise the labels, now and of points yet to come, by what the other maps say."""
+        """Make the labels of present and future points consistent with the other maps."""
         self._revision, self._known_labels = revision, None
 
     def labels(self) -> Labels:
@@ -161,7 +161,7 @@ class SemanticMap:
     def save(self, path: Path, has_gone: Callable[[Points], Mask] | None = None) -> None:
         """Write a binary PLY file: ``x y z``, the label's ``red green blue``, ``label``; InputError if this fails.
 
-        ``has_gone``: which points (N, 3) are left out, because what was there has gone.
+        ``has_gone``: which points (N, 3) are left out, because what was there is gone.
         """
         points, labels = self.points(), self.labels()
         if has_gone is not None:

@@ -25,7 +25,7 @@ def accumulate(
 
     Args:
         points, weights: (N, 3) float32, and (N, C) evidence for every class in the given ``unit``.
-        counts: (N,) number of returns that each point is the mean of.
+        counts: (N,) number of returns averaged in each point.
         per_metre: number of voxels per metre.
         keys, indices: (2ⁿ,) int64 and int32, the table's keys and the rows of their blocks; at least half stay empty.
         shift: 64 - n.

@@ -11,7 +11,7 @@ class TopologicalMapConfig:
 
     Attributes:
         sight: maximum distance at which a node sees ground, m.
-        spare: maximum number of cells that are not worth a node; 4 cells of 5 cm are 1 dm².
+        spare: maximum number of unseen cells that are not worth a node; 4 cells of 5 cm are 1 dm².
         snap: maximum distance by which a node is moved to where the robot can stand and turn, m.
         place_gain: area of ground that a position of the thesis's rules must add to become a node, m².
         before_ramp: distance of the robot from the bottom edge of an inclined ramp, m, so that it does not slide.

@@ -50,7 +50,7 @@ class NodeCover:
 
     @cached_property
     def _layers(self) -> GridMap:
-        """Created with the first ground, which determines the size of the cells."""
+        """Start with the first ground, which determines the size of the cells."""
         mask = Layer(np.bool_)
         count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
         kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
@@ -62,7 +62,7 @@ class NodeCover:
         return round(self._config.sight / self.grid.cell)
 
     def update(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
-        """Update the layers; what a node sees is computed again only if a cell in its window changed.
+        """Update the layers; a node's view is recomputed only if a cell in its window changed.
 
         Args:
             traversability: where the robot may drive.

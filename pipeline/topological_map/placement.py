@@ -172,9 +172,9 @@ class Placement:
         return simplify(way, traversability)[1:-1]
 
     def thin_out(self, active: set[int]) -> None:
-        """Remove ``active`` nodes, and merge them with others, as long as no ground and no connection is lost."""
+        """Remove ``active`` nodes or merge them with others, as long as no ground and no connection is lost."""
         cover = self._cover
-        # Remove nodes that see hardly any ground alone and connect nothing, those that see least first.
+        # Remove nodes that add hardly any ground to the others' and connect nothing; those that see least first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.spare
             if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
@@ -215,7 +215,7 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
-        """(K, 2) positions that see the cells only these two nodes see; first the thesis's, then by cells seen."""
+        """(K, 2) positions that see the cells only these two nodes see: first the thesis's, then by cells seen."""
         sight = self._config.sight
         spare = self._config.spare
         cell = self._cover.grid.cell
@@ -224,7 +224,7 @@ class Placement:
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
         near = np.linalg.norm(places - centre, axis=1) <= sight
         if len(lost) > 2 * spare:
-            # No position sees farther than ``sight`` to any side.
+            # No position sees farther than ``sight`` in any direction.
             low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[spare, -1 - spare]])
             near &= ((places >= high - sight - cell) & (places <= low + sight + cell)).all(axis=1)
         rows = np.flatnonzero(near)

@@ -62,7 +62,7 @@ class TopologicalMap:
         # Adapt the nodes to the ground where it changed.
         nodes = self._set
         changed = nodes.renew(paths.traversability, self._reachable(paths), segments.of(Label.WALL))
-        # Place nodes by the thesis's rules, then for the ground that none sees, then to connect groups; thin out.
+        # Place nodes by the thesis's rules, then for unseen ground, then to connect groups; finally, thin them out.
         places = thesis_places(patches, segments, nodes.cover, self._config)
         placement = Placement(nodes, places, segments, self._config)
         old = set(nodes.nodes)

@@ -12,7 +12,7 @@ class Confirmation:
     Attributes:
         confidence: the mean over detections and misses must exceed this; 0.5 means more likely real than not.
         evidence: minimum sum of the confidences.
-        whole: size that is seen of most objects of the kind, m; something smaller may be a part of anything.
+        whole: visible size of most objects of the kind, m; anything smaller may be part of another object.
         evidence_of_part: minimum sum of the confidences if less than ``whole`` is seen.
         misses: maximum number of misses per detection, exclusive; None for no limit.
         baseline: minimum distance between the two camera positions farthest apart, m: from a single position, the
@@ -65,7 +65,7 @@ class ObjectConfig:
         readable: side length from which signs and codes are surely read, pixels: two per module of a small QR code.
         of_person: maximum distance from a person at which a find belongs to that person, m.
         is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
-        has_checksum: whether it is decoded correctly or not at all; what was not decoded is not reported.
+        has_checksum: whether it is decoded correctly or not at all; if not decoded, it is not reported.
         extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
             background.
     """

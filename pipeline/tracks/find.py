@@ -56,7 +56,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Find:
-    """An object on the map, as it is reported.
+    """An object on the map, as reported.
 
     Attributes:
         kind: one of ``KINDS``, or a kind of a user's own reader.

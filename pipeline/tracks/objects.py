@@ -37,7 +37,7 @@ PHOTO_MARGIN = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPolicy(ObjectConfig, TrackPolicy):
-    """How objects are tracked: a frame shows each once; those that are small or without depth get a nearer look."""
+    """Tracks objects; those seen only small or without depth are looked at again from nearer."""
 
     def locate(self, placed: Sequence[Observation]) -> Location:
         """The information-weighted mean; the covariance is that of the best observation, as errors are correlated."""
@@ -58,7 +58,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return np.inf if is_other else mahalanobis(track, new)
 
     def separation(self, one: Track, other: Track) -> float:
-        """Distance within the gate, else infinite; flat objects that one keyframe shows side by side are two."""
+        """Distance within the gate, else infinite; flat objects that one keyframe shows side by side are distinct."""
         if self.is_flat and one.keyframes & other.keyframes:
             return np.inf
         distance = self.distance(one, other)
@@ -85,10 +85,10 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return measured > 0 and abs(measured - point[0, 2]) < SIGMAS * np.sqrt(track.covariance.trace())
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """Whether it never had depth, could not be read or was always small, and was missed less often than seen.
+        """Whether it never had depth, could not be read or always looked small, and was missed less often than seen.
 
-        The robot does not go anywhere to see a shape again: where there was nothing to find, that took a quarter more
-        time than exploration alone.
+        The robot does not drive anywhere to see a shape again: in arenas with nothing to find, that took a quarter
+        more time than exploration alone.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
@@ -114,7 +114,7 @@ def shown(track: Track) -> Points:
 
 
 def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
-    """An observation in ``map`` of what was read in a frame's image.
+    """An observation, in ``map``, of a reading in a frame's image.
 
     A flat object's depth is the median within its outline. Another object is located at the middle of its own
     returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction; so may

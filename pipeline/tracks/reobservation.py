@@ -31,7 +31,7 @@ BESIDE_CAMERA = 0.3
 
 
 class Reobservation:
-    """Rewards viewpoints towards what is worth another look, and counts the tries to see each object again.
+    """Rewards viewpoints towards objects worth another look, and counts the tries to see each object again.
 
     Attributes:
         camera: the last frame, whose camera the next frame is assumed to share; None before the first.
@@ -44,7 +44,7 @@ class Reobservation:
         keyframes: Keyframes,
         config: ReobservationConfig = ReobservationConfig(),
     ) -> None:
-        """Reward viewpoints towards what is unconfirmed in ``tracks``, with lines of sight free in ``metric_map``."""
+        """Reward viewpoints towards unconfirmed ``tracks``, with lines of sight free in ``metric_map``."""
         self.camera: Frame | None = None
         self._tracks, self._map, self._keyframes, self._config = tracks, metric_map, keyframes, config
         self._aimed: list[tuple[Track, Places]] = []
@@ -88,7 +88,7 @@ class Reobservation:
         distance = np.linalg.norm(way, axis=1)
         reward = np.where((distance >= least) & (distance <= most), self._config.reward, 0.0)
         reward *= _newness(track, places, target)
-        # Where the object itself is, the line of sight need not be free.
+        # At the object itself, the line of sight need not be free.
         body = cKDTree(track.points)
         some = np.flatnonzero(reward)
         cameras = places[some] + (0, 0, height)

@@ -75,7 +75,7 @@ class Location:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackPolicy(ABC):
-    """How one kind of object is tracked: what differs from kind to kind.
+    """How one kind of object is tracked.
 
     Attributes:
         kind: one of :data:`pipeline.tracks.find.KINDS`, or a kind of a user's own reader.

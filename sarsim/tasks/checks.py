@@ -27,7 +27,7 @@ def numbers_of(action: object, size: int) -> NDArray[np.float64]:
 
 
 def choice_of(action: object) -> int:
-    """An action that is the number of a viewpoint; InputError if it is not a whole number from 0 on."""
+    """An action that is the number of a viewpoint; InputError if it is not a non-negative whole number."""
     number = np.asarray(action)
     if number.size != 1 or number.dtype.kind not in "iu" or number.item() < 0:
         raise InputError(f"action = {' '.join(str(action).split())[:60]}: must be a whole number from 0 on")

@@ -17,7 +17,7 @@ SCALED = (0.005, 0.995)
 
 
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
-    """Write ``path`` (.pgm), free, lethal or unknown, and ..._cost.png, with slopes as costs, each with a .yaml file.
+    """Write ``path`` (.pgm) with free, lethal and unknown cells, ..._cost.png with costs of slopes, and .yaml files.
 
     Lethal cells are those that the robot cannot drive on: walls, steps and slopes that are too steep. They are not
     inflated: Nav2 does so with the footprint in its settings.

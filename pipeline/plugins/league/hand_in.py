@@ -1,4 +1,4 @@
-"""Submit a mission: write the leagues' files from what is known at the end of a run."""
+"""Submit a mission: write the leagues' files from the maps and finds at the end of a run."""
 
 from collections.abc import Sequence
 from functools import partial

@@ -60,7 +60,7 @@ def cut(
     Args:
         points: (M, 3) finite float32 points in ``map``, or (M, 6) with their colours.
         camera: position of the camera.
-        config: how to cut.
+        config: settings of the blocks.
         shift: offset of the grid of columns along x and y, m.
         min_points: minimum number of points of a block; smaller ones are padded with random repeats of points.
         rng: generator that draws the repeats and randomly splits columns with too many points.

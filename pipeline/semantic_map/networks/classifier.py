@@ -49,7 +49,7 @@ class NetworkClassifier(PointClassifier):
             config: parameters of the grids and the vote.
 
         Raises:
-            InputError: as :func:`load_classifier`.
+            InputError: see :func:`load_classifier`.
         """
         self._config = config
         written, self._blocks = load_classifier(weights, network)
@@ -140,7 +140,7 @@ def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, trai
     """Write weights, the metadata that :class:`NetworkClassifier` needs, and how they were trained.
 
     Raises:
-        InputError: as :func:`save_weights`.
+        InputError: see :func:`save_weights`.
     """
     about = {"labels": _CLASS_NAMES, "blocks": json.dumps(asdict(blocks)), "training": json.dumps(training)}
     save_weights(path, network, about)

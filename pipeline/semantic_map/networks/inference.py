@@ -41,7 +41,7 @@ class AsWritten:
         """(N, channels) float32 points to (N, classes) float32 logits.
 
         Raises:
-            InputError: as :func:`check_block`.
+            InputError: see :func:`check_block`.
         """
         return next(self.of_blocks([points]))
 

@@ -88,7 +88,7 @@ class BlockClassifier(Protocol):
         """(N, channels) float32 points of a block to (N, classes) float32 logits.
 
         Raises:
-            InputError: as :func:`check_block`.
+            InputError: see :func:`check_block`.
         """
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:

@@ -60,7 +60,7 @@ class FeaturePropagation(nn.Module):
     """Features of a coarse cloud, interpolated at the points of a finer one and joined with its own features."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
-        """``channels`` is the total of both clouds; ``widths`` are the numbers of outputs of the layers."""
+        """``channels``: features of both clouds together; ``widths``: numbers of outputs of the layers."""
         super().__init__()
         self.layers = mlp(channels, *widths)
 

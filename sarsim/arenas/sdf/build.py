@@ -124,7 +124,7 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
 
 
 def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
-    """Describe what was left out of a world; ``thrown``: descriptions of what lies too far out."""
+    """Describe the parts of a world that were left out; ``thrown``: descriptions of bodies that lie too far out."""
     missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *thrown]))
     said = [_named(missing, ", ") + f" (not found in {PLACES})"] if missing else []
     said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
@@ -132,7 +132,7 @@ def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
 
 
 def _named(things: list[str], between: str) -> str:
-    """The first ``MOST_NAMED`` of the things, and how many more there are."""
+    """The first ``MOST_NAMED`` names, and how many more there are."""
     more = [f"and {len(things) - MOST_NAMED} more"] if len(things) > MOST_NAMED else []
     return between.join([*things[:MOST_NAMED], *more])
 

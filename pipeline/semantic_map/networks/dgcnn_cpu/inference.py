@@ -64,7 +64,7 @@ class FastDgcnn:
         return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
 
     def of_blocks(self, blocks: Iterable[Features]) -> Iterator[Features]:
-        """The logits of every block, one after the other: the threads share each block's rows."""
+        """The logits of every block in turn; the threads share each block's rows."""
         return map(self, blocks)
 
     def _logits(self, x: Tensor) -> Tensor:

@@ -27,7 +27,7 @@ from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
 
 NEAR_TOUCHED = 0.15
-"""Distance to a hazard within which the robot may have touched it, m: after a contact, the pose is no more exact."""
+"""Distance to a hazard within which the robot may have touched it, m: the pose is no more accurate than that."""
 
 
 class Explorer:

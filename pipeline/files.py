@@ -215,8 +215,8 @@ def _are_numbers(words: list[str], count: int, finite: bool) -> bool:
         return False
 
 
-def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
-    """The arrays in a ``.npz`` file, by name, of any shape and unit; ``what`` names the kind of file in errors.
+def load_arrays(path: Path, kind: str) -> dict[str, NDArray[Any]]:
+    """The arrays in a ``.npz`` file, by name, of any shape and unit; ``kind`` names the kind of file in errors.
 
     Raises:
         InputError: the file is missing or damaged.
@@ -235,7 +235,7 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         raise
     except Exception as error:  # The archive, its compression and NumPy's headers raise many kinds
         said = " ".join(str(error).split())
-        raise InputError(f"{path}: not a readable {what} ({said}); repeat the run that wrote it") from error
+        raise InputError(f"{path}: not a readable {kind} ({said}); repeat the run that wrote it") from error
 
 
 def load_results(path: Path, what: str, name: str, form: str, version: int) -> dict[str, NDArray[Any]]:
@@ -293,7 +293,7 @@ def _answer() -> None:
     """In the new process: permanently limit its processor time and memory, call the function and print its answer."""
     function, args, seconds, memory = pickle.load(sys.stdin.buffer)
     answer = os.dup(1)
-    os.dup2(2, 1)  # What libraries print is no part of the answer
+    os.dup2(2, 1)  # The output of libraries is not part of the answer
     seconds += ceil(time.process_time())  # That of the imports
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(OSError, ValueError):  # Without Linux's /proc, only the time is limited

@@ -247,10 +247,10 @@ class GridMap:
             self._stamps[name] = _grown(stamps, np.zeros((nx, ny), np.int32), self.grid.box_of(old))
 
 
-def check_memory(what: str, size: int) -> None:
+def check_memory(name: str, size: int) -> None:
     """Raise InputError if an allocation of ``size`` bytes would exceed ``MOST_MEMORY``."""
     if size > MOST_MEMORY:
-        raise InputError(f"{what} would take {size / 1e9:.3g} GB; the limit is {MOST_MEMORY / 1e9:.3g} GB")
+        raise InputError(f"{name} would take {size / 1e9:.3g} GB; the limit is {MOST_MEMORY / 1e9:.3g} GB")
 
 
 def _bits(values: NDArray) -> NDArray:

@@ -180,7 +180,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
-    """Only the keyframes of a map, with their evidence about the ground; InputError as in :func:`load_keyframes`."""
+    """Only the keyframes of a map, with their evidence about the ground; for errors, see :func:`load_keyframes`."""
     keyframes = Keyframes(robot, reach=0.0, cell=config.cell, noticeable=0.0)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
@@ -193,7 +193,7 @@ def load_elevation_map(
     """Only the final elevation map for a robot, and the poses of the keyframes in ``map``.
 
     Raises:
-        InputError: as in :func:`load_keyframes`.
+        InputError: see :func:`load_keyframes`.
     """
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
     with elevation_map.rebuilding(keyframes.boxes()):

@@ -170,7 +170,7 @@ class Mapper:
         """Build every map from an earlier episode's keyframes, segments and victims, which the caller has put in."""
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
         self._start_height = self.keyframes.start_height
-        self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
+        self._rebuild(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
         self.revise_labels()
 
     def is_due(self, T_odom_base: Pose) -> bool:
@@ -200,7 +200,8 @@ class Mapper:
                 it until that ground is seen or the robot leaves, and heights for classifiers are relative to it.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory. They are unchanged.
+            InputError: the pose is so far from the others that the maps would take too much memory. The maps do not
+                change.
         """
         frame = localised.frame
         T_map_base = localised.T_map_base
@@ -218,7 +219,7 @@ class Mapper:
             self.localisation.add(localised)
 
         # The networks that find people and objects have read the last keyframe, and start on this one.
-        self._take_read()
+        self._add_detections()
         self._background.begin(frame, index, self.detector, self.readers)
 
         # Label the points, and store what this keyframe has seen, relative to its pose.
@@ -252,7 +253,7 @@ class Mapper:
             with self.stopwatch("segments"):
                 patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
                 self.segments.update(patches, index, T_map_base)
-            detections = self._take_read()
+            detections = self._add_detections()
 
         keyframe = Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
         for observer in self.observers:
@@ -310,7 +311,7 @@ class Mapper:
         """
         if not len(self.keyframes):
             return None
-        self._take_read()
+        self._add_detections()
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
         poses = self.localisation.poses
@@ -337,19 +338,19 @@ class Mapper:
         moving = moves.are_noticeable
         if moving.any():
             with self.stopwatch("correction"):
-                self._make_anew(moving, np.concatenate([before[moving], self.keyframes.boxes()[moving]]))
+                self._rebuild(moving, np.concatenate([before[moving], self.keyframes.boxes()[moving]]))
         self.revise_labels()
         return moves
 
-    def _make_anew(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
+    def _rebuild(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         """Rebuild the maps from the keyframes within boxes (M, 2, 3), m; ``moving`` (K,): which keyframes moved."""
         poses = self.keyframes.poses
         # Threads help here, because the kernels release the GIL.
         with ThreadPoolExecutor(1) as other:
-            metric_map = other.submit(self._make_metric_map, boxes)
-            semantic_map = other.submit(self._make_semantic_map, moving, boxes)
+            metric_map = other.submit(self._rebuild_metric_map, boxes)
+            semantic_map = other.submit(self._rebuild_semantic_map, moving, boxes)
             with self.stopwatch("correction_elevation_map"):
-                self._make_elevation_map(boxes)
+                self._rebuild_elevation_map(boxes)
             metric_map.result()
             with self.stopwatch("correction_segments"):
                 self.segments.rebuild(poses)
@@ -360,13 +361,13 @@ class Mapper:
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses, moving)
 
-    def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
+    def _rebuild_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
         with self.stopwatch("correction_metric_map"), self.metric_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
                 keyframes.seen[k].put_depth(self.metric_map, keyframes.poses[k])
 
-    def _make_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
+    def _rebuild_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
         if not any(keyframes.seen[k].shares for k in np.flatnonzero(moving)):
             return
@@ -374,7 +375,7 @@ class Mapper:
             for k in np.flatnonzero(meets(keyframes.boxes())):
                 keyframes.seen[k].put_classes(self.semantic_map, keyframes.poses[k], int(k))
 
-    def _make_elevation_map(self, boxes: NDArray[np.float64]) -> None:
+    def _rebuild_elevation_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
         with self.elevation_map.rebuilding(boxes) as meets:
             is_met = meets(keyframes.boxes())
@@ -425,7 +426,7 @@ class Mapper:
         places = keyframes.poses[:, :3, 3]
         self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, people))
 
-    def _take_read(self) -> list[Detection]:
+    def _add_detections(self) -> list[Detection]:
         """Add the results of the background detection, if any, to the maps; the people detected in that frame."""
         with self.stopwatch("reading"):
             read = self._background.end()

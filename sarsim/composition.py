@@ -55,7 +55,7 @@ def make_mapper(
         localisation: localisation method; by default SLAM.
         earlier: folder of an earlier run whose map is continued; None to start with empty maps.
         graph: graph used for planning.
-        plugins: plug-ins, which may bring readers of images.
+        plugins: plug-ins, which may add readers of images.
 
     Raises:
         InputError: the labels, the detector or the earlier map are not available.

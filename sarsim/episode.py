@@ -100,7 +100,7 @@ class Episode(ExplorerRun):
             )
             refused.pop_all()
         trajectory = self._score.trajectory if self._score else estimate.trajectory
-        super().__init__(explorer, parts, trajectory, config.most_steps, config.goals, config.home)
+        super().__init__(explorer, parts, trajectory, config.max_steps, config.goals, config.home)
 
     def _mapper(self, plugins: Sequence[Plugin]) -> Mapper:
         config, model = self.config, self.robot.model

@@ -221,7 +221,7 @@ class MissionConfig:
             raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: coordinates must be finite")
 
     @property
-    def most_steps(self) -> float:
+    def max_steps(self) -> float:
         """Most steps of exploring: none where the robot drives to goals at once."""
         if self.steps is not None:
             return self.steps

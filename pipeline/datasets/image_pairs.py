@@ -22,7 +22,7 @@ NUMBER = re.compile(
 ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
 TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
 MOST_STEP = 2.0  # Longest median interval between images for which times without a date can be in s
-MOST_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are no dates
+MOST_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are not dates
 UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
 """Units of time, by their number in a second."""
 Key = tuple[float, ...]

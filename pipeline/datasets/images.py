@@ -72,7 +72,7 @@ def depth_of(message: Message) -> Depth:
 def metres(pixels: NDArray, units: float = 1.0) -> Depth:
     """Depth, m, of an image, given its number of units per metre.
 
-    Depths that are not positive or not finite are no returns, and so are those that drivers write in their place: the
+    Depths that are not positive or not finite mean no return, as do those that drivers write in their place: the
     largest value of an integer type, and numbers from the largest of half precision on.
     """
     nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else LARGEST

@@ -68,7 +68,7 @@ class FrameTree:
         if before is not None and not np.allclose(before, T, rtol=0, atol=STILL):
             self._moving.add(child)
         self.hang(child, parent, T)
-        if _is_called(parent, ODOM):
+        if _matches(parent, ODOM):
             self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
 
     def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
@@ -121,7 +121,7 @@ class FrameTree:
 
     def _ground(self, base: str) -> Pose:
         """Pose of ``base_footprint`` in the robot's frame if it does not move there; otherwise the identity."""
-        feet = [name for name in self._known() if _is_called(name, FOOTPRINT)]
+        feet = [name for name in self._known() if _matches(name, FOOTPRINT)]
         rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
         return rigid[0] if len(rigid) == 1 else np.eye(4)
 
@@ -143,7 +143,7 @@ class FrameTree:
         if self.between(expected, named) is not None:
             return expected
         above = [name for name, _ in self._above(named)][::-1]
-        return next((name for usual in BASES for name in above if _is_called(name, usual)), expected)
+        return next((name for usual in BASES for name in above if _matches(name, usual)), expected)
 
     def _known(self) -> set[str]:
         return self._links.keys() | {parent for parents in self._links.values() for parent in parents}
@@ -166,7 +166,7 @@ class FrameTree:
 
     def _is_robots(self, frame: str) -> bool:
         is_driven = frame == self.base.strip("/") or frame in self._odometry
-        return is_driven or any(_is_called(frame, name) for name in BASES)
+        return is_driven or any(_matches(frame, name) for name in BASES)
 
     def named(self, frame: str) -> str:
         """The frame with a name, or the only one whose name differs from it only by a leading namespace."""
@@ -175,7 +175,7 @@ class FrameTree:
         alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
         return alike[0] if frame and frame not in known and len(alike) == 1 else frame
 
-    def hangs(self, frame: str) -> bool:
+    def has_parent(self, frame: str) -> bool:
         """Whether a frame has a parent."""
         return self.named(frame) in self._links
 
@@ -215,6 +215,6 @@ class FrameTree:
         return ", ".join(f"{parent} → {' '.join(names)}" for parent, names in children.items()) or "none"
 
 
-def _is_called(name: str, usual: str) -> bool:
-    """Whether a name is the usual one, possibly with a prefix."""
-    return name == usual or name.endswith((f"/{usual}", f"_{usual}"))
+def _matches(name: str, expected: str) -> bool:
+    """Whether a name is the ``expected`` one, possibly with a prefix."""
+    return name == expected or name.endswith((f"/{expected}", f"_{expected}"))

@@ -217,7 +217,7 @@ class Replay:
             return DepthOdometry(np.eye(4), config=self._numbers).pose
         return lambda frame: given.at(frame.time, self._numbers.trajectory)
 
-    def _felt(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
+    def _up_by_accelerometer(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
         """The vertical in ``base_link`` by the accelerometer; None without one, or if its axes are in doubt."""
         up = self.recording.up
         if up is None or not self.recording.has_camera_pose:
@@ -231,7 +231,7 @@ class Replay:
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
         """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""
-        felt = self._felt(frame, T_base_camera)
+        felt = self._up_by_accelerometer(frame, T_base_camera)
         if felt is not None:
             return felt
         up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)

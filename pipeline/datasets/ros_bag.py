@@ -121,7 +121,7 @@ class Topics:
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
-        """Find the topics; InputError if there are no depth images, or several topics of a kind but none named."""
+        """Find the topics; InputError without depth images, or with several topics of a kind and none selected."""
         self._path, self._named, self.notes = path, named, list[str]()
         self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self.kinds]:

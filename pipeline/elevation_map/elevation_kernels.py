@@ -311,7 +311,7 @@ def fill_pockets(elevation, dropout, most, level):
 
 @njit(cache=True, nogil=True)
 def _ring_of_pocket(elevation, dropout, i, j, most):
-    """Lowest, highest and mean height around the pocket with cell (i, j); infinite if it is no pocket."""
+    """Lowest, highest and mean height around the pocket with cell (i, j); infinite if it is not a pocket."""
     nx, ny = elevation.shape
     i0, i1, j0, j1 = i, i, j, j
     while True:

@@ -14,7 +14,7 @@ class Limits(NamedTuple):
 
     Attributes:
         headroom: height above a return up to which overhangs matter, m.
-        nearest, farthest: depths between which surfaces surely give returns, m.
+        nearest, farthest: depths between which surfaces reliably give returns, m.
         nearer, reach, fewest, beside, sill: see :mod:`pipeline.elevation_map.ground_evidence`.
     """
 

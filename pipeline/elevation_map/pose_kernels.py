@@ -19,7 +19,7 @@ HEADINGS, STANDING = len(VECTORS), len(_HALF)
 ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
 """(16,) rad, the headings."""
 UNKNOWN, HAZARD = 1, 2
-"""Kinds of obstacles; 0 is no obstacle."""
+"""Kinds of obstacles; 0 means none."""
 BUCKETS = 8192
 """Number of buckets in the search's queue; every move costs fewer ticks."""
 

@@ -131,7 +131,7 @@ class Traversability:
             to_obstacle=to_obstacle,
             clearance=clearance,
             free=pose_kernels.free_poses(clearance, self.least, SWEEP),
-            turnable=self.turnable & (clearance.min(axis=2) >= least_clearance(cell)),
+            turnable=self.turnable & (clearance.min(axis=2) >= min_clearance(cell)),
             kept_off=kept_off,
         )
 
@@ -159,7 +159,7 @@ class Traversability:
         # Where the robot has driven, the clearance is larger.
         clearance = np.maximum(clearance, known["clearance"])
         least = known["least"]
-        least[np.isnan(known["elevation"])] = 0 if self.is_tight else least_clearance(grid.cell)
+        least[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
         known |= {"obstacle": obstacle, "to_obstacle": distance, "clearance": clearance, "least": least}
         known["free"] = pose_kernels.free_poses(clearance, least, SWEEP)
         return replace(self, grid=grid, **known)
@@ -241,7 +241,7 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     return widest + 2 * cell
 
 
-def least_clearance(cell: float) -> int:
+def min_clearance(cell: float) -> int:
     """Minimum clearance of the footprint from hazards, whole cm: half the diagonal of a cell of ``cell`` m.
 
     The positions of hazards are known no more exactly than that.
@@ -266,7 +266,7 @@ def assess(
 ) -> Traversability:
     """Assess every cell of a grid, beyond which everything is unknown.
 
-    The footprint keeps :func:`least_clearance` from hazards and from depth dropouts, where a thin panel may stand,
+    The footprint keeps :func:`min_clearance` from hazards and from depth dropouts, where a thin panel may stand,
     and a little less from unknown ground, which may be a wall that is only seen at grazing angles.
 
     Args:
@@ -290,7 +290,7 @@ def assess(
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, config, within)
-    least = np.where(driven, round(100 * LEAST_DRIVEN), least_clearance(cell)).astype(np.int8)
+    least = np.where(driven, round(100 * LEAST_DRIVEN), min_clearance(cell)).astype(np.int8)
     pose_kernels.allow_driven(clearance, driven, least, -round(100 * DEEPEST_DRIVEN * robot.half_width))
     free = pose_kernels.free_poses(clearance, least, SWEEP)
     return Traversability(
@@ -306,7 +306,7 @@ def assess(
         ramp=ramp,
         uphill=uphill,
         free=free,
-        turnable=(clearance.min(axis=2) >= least_clearance(cell)) & ~ramp,
+        turnable=(clearance.min(axis=2) >= min_clearance(cell)) & ~ramp,
         tall=_tall(elevation, hazard, config),
         kept_off=np.zeros(grid.shape, np.bool_),
         sealed=_without_gaps(elevation, hazard),

@@ -273,7 +273,7 @@ class NextBestView(Strategy):
         gains = gains[is_some]
         # Scores: gain per second. The search for paths goes no farther than the best viewpoint requires: those
         # beyond its horizon take longer than the horizon, and no less than a straight drive.
-        straight = paths.least_seconds_to(cells)[:, None]
+        straight = paths.min_seconds_to(cells)[:, None]
         horizon = self.config.horizon
         while True:
             found = paths.seconds_to(cells, horizon)

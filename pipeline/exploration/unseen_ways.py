@@ -63,7 +63,7 @@ class GoalSearch:
         seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
         return np.roll(seconds, STANDING, axis=1)
 
-    def least_seconds_from(self, xy: Place, heading: int) -> float:
+    def seconds_from_pose(self, xy: Place, heading: int) -> float:
         """Seconds from a pose to the goal; inf if no path leads there."""
         return self._paths.seconds_at(xy, (heading + STANDING) % HEADINGS)
 
@@ -207,12 +207,12 @@ class UnseenWays:
         metres = t.grid.cell * np.linalg.norm(np.diff(states[first:, :2], axis=0), axis=1).cumsum()
         last = first + 1 + int((metres <= self._numbers.ahead).sum())
         hidden = _unknown_around(states[max(first - 1, 0) : last], t)
-        return Gap(hidden, states[:first], search.least_seconds_from(*start)) if hidden.any() else None
+        return Gap(hidden, states[:first], search.seconds_from_pose(*start)) if hidden.any() else None
 
     def _known_until(self, states: Cells, search: GoalSearch, context: Context) -> int:
         """The number of poses of a path, (N, 3) cells of the map and headings, before the first gap.
 
-        Unseen ground that the robot can drive around in less time than it needs to look at it is no gap.
+        Unseen ground is not a gap if the robot can drive around it in less time than it needs to look at it.
         """
         paths = context.paths
         can_reach = paths.can_reach(states)
@@ -235,7 +235,7 @@ class UnseenWays:
         grid = context.traversability.grid
         start = required(paths.start)
         headings = range(HEADINGS) if paths.heading is None else [nearest_heading(paths.heading)]
-        seconds = [search.least_seconds_from(start, heading) for heading in headings]
+        seconds = [search.seconds_from_pose(start, heading) for heading in headings]
         if np.isfinite(min(seconds)):
             return start, headings[int(np.argmin(seconds))]
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)

@@ -152,7 +152,7 @@ def check_odometry(frame: Frame) -> None:
     check_pose("camera pose", frame.time, frame.T_base_camera)
 
 
-def check_pose(what: str, time: float, T: Pose) -> None:
-    """Raise LostError, naming ``what`` and the time, s, if a matrix is not a valid pose."""
+def check_pose(name: str, time: float, T: Pose) -> None:
+    """Raise LostError if a matrix is not a valid pose; ``name`` and the time, s, are for the message."""
     if not are_poses(T):
-        raise LostError(f"the {what} at {time:.2f} s is not {POSE}")
+        raise LostError(f"the {name} at {time:.2f} s is not {POSE}")

@@ -128,11 +128,11 @@ class Loops:
         allowed = np.diag(spread(self._config.contradiction, self._lever) ** 2) / self._gate(off)
         return not self._accepts(off, candidate.covariance + allowed)
 
-    def _accepts(self, off: Values, covariance: Covariance) -> bool:
-        return float(off @ np.linalg.solve(covariance, off)) <= self._gate(off)
+    def _accepts(self, deviation: Values, covariance: Covariance) -> bool:
+        return float(deviation @ np.linalg.solve(covariance, deviation)) <= self._gate(deviation)
 
-    def _gate(self, off: Values) -> float:
-        return chi2_gate(len(off), self._config.confidence)
+    def _gate(self, deviation: Values) -> float:
+        return chi2_gate(len(deviation), self._config.confidence)
 
 
 def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
 from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, VECTORS
-from pipeline.elevation_map.traversability import Traversability, least_clearance
+from pipeline.elevation_map.traversability import Traversability, min_clearance
 from pipeline.errors import required
 from pipeline.planning import pose_paths_kernels as kernels
 
@@ -81,7 +81,7 @@ class PosePaths:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
         # This ignores the smaller minimum clearance that applies where the robot has been.
-        can_escape = (t.clearance[i, j, h % STANDING] < least_clearance(t.grid.cell)).any()
+        can_escape = (t.clearance[i, j, h % STANDING] < min_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
         # All zeros or uninitialised: the system provides memory pages only where the search touches them.
         state, after = np.empty((2, 4 * size + count), np.int32)
@@ -129,7 +129,7 @@ class PosePaths:
         self._extend(until)
         return self._known(tuple(cells.T))
 
-    def least_seconds_to(self, cells: Cells) -> Values:
+    def min_seconds_to(self, cells: Cells) -> Values:
         """(N,) lower bounds on the costs of paths from the start, which must be the only one, to cells (N, 2), s."""
         # Nothing is cheaper than driving forwards with plenty of room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()

@@ -148,10 +148,10 @@ class Recorder(Sink):
         self._set_time(self._time)
         self.stream.log("log", rr.TextLog(text, level=level))
 
-    def log_routes(self, ways: Sequence[Places]) -> None:
+    def log_routes(self, routes: Sequence[Places]) -> None:
         """Log the paths from the entrance to the victims."""
         self._set_time(self._time)
-        self.stream.log("world/victims/ways", victim_drawings.ways(ways))
+        self.stream.log("world/victims/ways", victim_drawings.ways(routes))
 
     def finish(self, result: Result) -> None:
         """Log the final maps, and write all remaining data to the sinks; InputError if the disk is full."""

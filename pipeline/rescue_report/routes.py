@@ -158,7 +158,7 @@ class Router:
     def _directions(self, path: Places) -> tuple[list[RouteLeg], float]:
         """The legs of a path, and the heading at their end, rad."""
         legs, heading = list[RouteLeg](), self.heading
-        for line, points in told_parts(path[:, :2]):
+        for line, points in described_parts(path[:, :2]):
             first, last = _bearings(line)
             length, steepest = self._measure(points)
             legs.append(RouteLeg(wrap_angle(first - heading), length, steepest, steepest > RAMP_TILT))
@@ -194,7 +194,7 @@ class Router:
         return places(grid, beside, self.hazards.drop, robot.width)
 
 
-def told_parts(path: Places) -> list[tuple[Places, Places]]:
+def described_parts(path: Places) -> list[tuple[Places, Places]]:
     """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is.
 
     What is shorter belongs to the next part, or at the end of the path to the last one. Where no bend is left between

@@ -90,7 +90,7 @@ class Person:
         return float(longer), float(shorter), float(np.arctan2(directions[1, 1], directions[0, 1]))
 
     @property
-    def beyond_way(self) -> float:
+    def direction_beyond_path(self) -> float:
         """Direction from the path's end to the person, rad to the left of where the path leads; 0 without a path."""
         if self.route is None:
             return 0.0

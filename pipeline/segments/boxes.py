@@ -82,7 +82,7 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell
     n = plane.normal
     # A plane that tilts less than a ramp has no reliable direction of ascent.
     level = abs(n[2]) > np.cos(RAMP_TILT)
-    x = _least_area_axis(hull, cell / 2) if level else np.array([-n[1], n[0], 0.0])
+    x = _min_area_axis(hull, cell / 2) if level else np.array([-n[1], n[0], 0.0])
     x -= (x @ n) * n
     x /= np.linalg.norm(x)
     y = np.array([n[1] * x[2] - n[2] * x[1], n[2] * x[0] - n[0] * x[2], n[0] * x[1] - n[1] * x[0]])
@@ -99,7 +99,7 @@ def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
     return hull.span(axis[:2], centre[:2]) / slant
 
 
-def _least_area_axis(hull: Hull, slack: float) -> Direction:
+def _min_area_axis(hull: Hull, slack: float) -> Direction:
     """The horizontal axis of the smallest rectangle; the map's x axis if its sides are at most ``slack`` m longer."""
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)

@@ -1,7 +1,7 @@
 """The points of a plane vote on their classes.
 
 A network that sees one column at a time makes scattered errors, most of all at edges, where a voxel has two surfaces.
-But a plane hardly ever has two classes, and the line where two planes meet follows more exactly from their equations
+But a plane rarely has two classes, and the line where two planes meet follows more exactly from their equations
 than from the classes of points. Planar regions are therefore found without labels, and every pixel is assigned to the
 plane that it and its neighbours reach with the smallest shift along their rays. The class of a point depends on its
 own probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.

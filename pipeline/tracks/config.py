@@ -62,7 +62,7 @@ class ObjectConfig:
         confirmation: when it is reported.
         across: width of the object that must be in the image when it is looked at again, m; by default
             that of the largest signs.
-        readable: side length from which signs and codes are surely read, pixels: two per module of a small QR code.
+        readable: side length from which signs and codes are reliably read, pixels: two per module of a small QR code.
         of_person: maximum distance from a person at which a find belongs to that person, m.
         is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
         has_checksum: whether it is decoded correctly or not at all; if not decoded, it is not reported.

@@ -263,7 +263,7 @@ class Track:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether the object is sure enough to be reported."""
+        """Whether the object is certain enough to be reported."""
         least = self.policy.confirmation
         if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
             return False

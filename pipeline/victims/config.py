@@ -17,7 +17,7 @@ class DetectorConfig:
             the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
             people, all have more.
         witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even this low, it sees
-            people in hardly any image without people, and two networks rarely err at the same place.
+            people in hardly any image without people, and two networks rarely make the same mistake.
     """
 
     confidence: float = 0.25

@@ -67,7 +67,7 @@ class DarknetNetwork(OpenCvNetwork):
 
     @classmethod
     def load(cls, cfg: Path, weights: Path, names: Sequence[str], where: str) -> Self:
-        """Read a ``.cfg`` and its weights; ``names`` are those of its classes, which stand in ``where``.
+        """Read a ``.cfg`` and its weights; ``names``: names of its classes, which come from the file ``where``.
 
         Raises:
             InputError: a file is missing or damaged, the files do not belong together, OpenCV cannot run the
@@ -176,7 +176,7 @@ def read_sections(path: Path) -> list[Section]:
 
 
 def _class_count(cfg: Path, sections: Sequence[Section]) -> int:
-    """The number of the network's classes; InputError if it is no network of this kind."""
+    """The number of the network's classes; InputError if it is not a network of this kind."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
     if not counts:
         raise InputError(f"{cfg}: not a YOLO network: it has no [yolo] or [region] section")

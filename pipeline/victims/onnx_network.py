@@ -35,7 +35,7 @@ class OnnxNetwork(OpenCvNetwork):
 
     @classmethod
     def load(cls, path: Path, names: Sequence[str], where: str) -> Self:
-        """Read a file; ``names`` are those of its classes, which stand in ``where``.
+        """Read a file; ``names``: names of its classes, which come from the file ``where``.
 
         Raises:
             InputError: the file is missing or damaged, OpenCV cannot run the network, its output has another layout,
@@ -87,10 +87,10 @@ class OnnxNetwork(OpenCvNetwork):
 
 
 def input_size(content: bytes, path: Path) -> tuple[int, int]:
-    """Width and height of the first input of an ONNX file, pixels: OpenCV has them, but does not tell.
+    """Width and height of the first input of an ONNX file, pixels, which OpenCV knows but does not return.
 
     Raises:
-        InputError: it is no ONNX file, or the input is no colour image of a fixed size.
+        InputError: it is not an ONNX file, or its input is not a colour image of a fixed size.
     """
     try:
         message: Any = content
@@ -110,7 +110,7 @@ def _fields(message: bytes) -> Iterator[tuple[int, Any]]:
     """The numbers and values (int or bytes) of the fields of a message in protobuf's wire format.
 
     Raises:
-        IndexError, ValueError: it is no such message.
+        IndexError, ValueError: it is not such a message.
     """
     at = 0
 

@@ -46,7 +46,7 @@ class OpenCvNetwork(ABC):
 
     @abstractmethod
     def check(self) -> None:
-        """Raise InputError if it cannot be right; before OpenCV runs it for the first time."""
+        """Raise InputError if the network cannot be valid; called before OpenCV first runs it."""
 
     @abstractmethod
     def decode(self, outputs: Sequence[Any]) -> Boxes:
@@ -126,7 +126,7 @@ def kinds_of(path: Path, count: int, names: Sequence[str], where: str) -> dict[s
         path: file of the network.
         count: number of its classes.
         names: their names, in order; none if unknown.
-        where: what has the names, for errors.
+        where: where the names come from, for errors.
 
     Raises:
         InputError: there are more or fewer names, or none is known.

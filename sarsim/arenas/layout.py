@@ -175,7 +175,7 @@ class Layout:
         return tiles
 
     def lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
-        """Change ground and remove walls if the robot can still explore all tiles; returns whether it was done."""
+        """Change ground and remove walls if the robot can still explore all tiles; returns whether this was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
         self.walls.difference_update(opened)

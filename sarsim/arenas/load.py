@@ -106,20 +106,20 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
     return listed.start if listed else None
 
 
-def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
+def _from_mjcf(path: Path, requested: StartPose | None) -> RescueArena:
     model, root = read_mjcf(path)
     with naming(str(path)):
         if not is_shipped(path):
             _check_rules(model, str(path))
-        _set_start(root, model, wish, str(path))
+        _set_start(root, model, requested, str(path))
         return RescueArena(root, str(path))
 
 
 def _check_rules(model: mujoco.MjModel, name: str) -> None:
-    """Say which rules for the arenas of others a model breaks; InputError if nothing could drive in it.
+    """Warn of the rules for third-party arenas that a model breaks; InputError if nothing could drive in it.
 
-    What can move counts where it is at the start for the scores and for the true ground, and drawn shapes without a
-    label count as nothing.
+    For the scores and the true ground, movable bodies count where they are at the start, and drawn shapes without a
+    label do not count.
     """
     x, y, z = model.opt.gravity
     if z >= 0 or np.hypot(x, y) > -z * LEANING:
@@ -137,11 +137,11 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
         _log.warning(said, name, unlabelled, model.ngeom)
 
 
-def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None, name: str) -> None:
+def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, requested: StartPose | None, name: str) -> None:
     """Add the requested start, or else the arena's own, to the world body; ``model`` is the compiled ``root``."""
     world, site = _at_rest(model), root.find("site", "start")
-    if wish is not None:
-        start = start_at(*world, *wish)
+    if requested is not None:
+        start = start_at(*world, *requested)
         T_world_start = from_yaw(*start.position, start.yaw)
     elif site is not None:
         marked = world[1].site("start")
@@ -157,12 +157,12 @@ def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | 
     root.worldbody.add("site", name="start", pos=T_world_start[:3, 3], quat=quat)
 
 
-def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
+def _from_builder(name: str, builder: ArenaBuilder, requested: StartPose | None) -> RescueArena:
     """The arena of a builder, with the requested start, or else its own, or else the best one."""
-    if wish is not None or not builder.has_start:
+    if requested is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
         with naming(name):
-            start = find_start(*world) if wish is None else start_at(*world, *wish)
+            start = find_start(*world) if requested is None else start_at(*world, *requested)
         builder.set_start(*start)
     return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files), name)
 

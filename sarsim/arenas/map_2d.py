@@ -92,7 +92,7 @@ def build_map(path: Path) -> ArenaBuilder:
     """The arena of a map, not yet with a start.
 
     Raises:
-        InputError: as for :func:`read_map`; or the map has no walls, or needs more boxes than the limit.
+        InputError: see :func:`read_map`; or the map has no walls, or needs more boxes than the limit.
     """
     plan = read_map(path)
     boxes = rectangles(plan.occupied)

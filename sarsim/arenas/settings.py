@@ -15,11 +15,11 @@ SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
 
 @dataclass(frozen=True)
 class WorldVictims:
-    """Victims of a world that others made.
+    """Victims in a third-party world.
 
     Attributes:
         placements: list of victims, and of starts if none is given, which a league publishes beside its world.
-        state: of victims whose name does not say whether they are alive.
+        state: state of victims whose name does not say whether they are alive.
     """
 
     placements: Path | None = None

@@ -120,7 +120,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
 
 
 def _is_inside(ground: FreeGround) -> MaskLayer:
-    """Cells that have an obstacle somewhere in all four axis directions."""
+    """Cells with an obstacle in each of the four axis directions."""
     solid = ground.to_obstacle < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):

@@ -91,7 +91,7 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     words = list(sys.argv[1:] if args is None else args)
     for flag, value in pairwise(["", *words]):
         if not _is_text(value):
-            raise InputError(f"{value!a}: is no text in this locale; choose a UTF-8 locale, as by LC_ALL=C.UTF-8")
+            raise InputError(f"{value!a}: is not text in this locale; choose a UTF-8 locale, as by LC_ALL=C.UTF-8")
         if re.fullmatch("--[^=]*=", value):
             raise InputError(f"{value}: the value must not be empty")
         if not value:

@@ -71,10 +71,10 @@ def open_recording(config: MapRecording) -> "Recording":
 
 
 def set_sensor(recording: "Recording", config: MapRecording) -> None:
-    """Let the flags, the robot's file or else what is usual say what the recording does not say of its camera.
+    """Complete the recording's camera from the flags, the robot's file or else the defaults.
 
     Raises:
-        InputError: no camera measures as the flags say.
+        InputError: no camera can measure as the flags say.
     """
     from pipeline.datasets.depth_cameras import UNNAMED, with_flags
     from sarsim.robots.model import robot_sensor

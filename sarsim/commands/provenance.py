@@ -1,4 +1,4 @@
-"""What figures were measured with: the state of the code and the machine."""
+"""The state of the code and the machine with which figures were measured."""
 
 import importlib.metadata
 import os

@@ -194,18 +194,18 @@ class Survey:
         height: NDArray[np.float64],
         chosen: NDArray[np.bool_],
         reach: float | None = None,
-        least: float | None = None,
+        min_height: float | None = None,
     ) -> Layer:
         """Distance in m to the nearest chosen body that obstructs the ground; inf beyond ``reach``.
 
-        ``reach`` is by default the robot's clearance, m, and ``least``, the height of a body that obstructs, a step.
+        Defaults: the robot's clearance for ``reach``, m, and its highest step for the ``min_height`` of a body, m.
         """
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, (self._clearance if reach is None else reach) + CELL)
         windows[~chosen, 1] = 0
         kernels.lower_distance(
             b.corners, b.first_corner, windows, b.low[:, 2], b.high[:, 2], self.grid.origin, CELL, height,
-            self._max_step if least is None else least, self._robot.headroom, distance,
+            self._max_step if min_height is None else min_height, self._robot.headroom, distance,
         )  # fmt: skip
         return distance
 

@@ -28,7 +28,7 @@ def make_arena(
         victims: settings of the victims in a published world.
 
     Raises:
-        InputError: as in :func:`~sarsim.arenas.load.load_arena`, or the function does not exist or return an arena.
+        InputError: see :func:`~sarsim.arenas.load.load_arena`; or the function does not exist or return an arena.
     """
     if is_own_arena(name):
         whole, _, part = (name, "", "") if ":" in name else name.partition("/")

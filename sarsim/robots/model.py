@@ -24,7 +24,7 @@ def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
 
 
 def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
-    """Parameters of a robot for its firmware; raises InputError as :func:`robot_model` does."""
+    """Parameters of a robot for its firmware; for errors, see :func:`robot_model`."""
     return _filled(DriveModel, robot)
 
 

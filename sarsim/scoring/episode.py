@@ -42,7 +42,7 @@ class EpisodeScore(Sink):
     finishing = "scoring against the ground truth"
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, oracle: bool = False):
-        """Score a robot from its current pose on.
+        """Score a robot, starting at its current pose.
 
         Args:
             robot: the robot in the arena.

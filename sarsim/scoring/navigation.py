@@ -21,7 +21,7 @@ from sarsim.simulated_robot import SimulatedRobot
 
 
 class NavigationScore:
-    """Scores how a robot drives, no matter what controls it."""
+    """Scores how a robot drives, whatever controls it."""
 
     def __init__(self, robot: SimulatedRobot, surface: GroundTruthSurface):
         """Start scoring at the robot's current pose; ``surface``: the true ground."""

@@ -155,7 +155,7 @@ class Oracle(ViewTours):
     @cached_property
     def physical_seconds(self) -> float:
         """Lower bound on the time of the tour for any robot with this drive, even without stops for images, s."""
-        return least_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
+        return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
 
     def figures(self) -> dict[str, float]:
         """Figures of the tour for report.json; none if no tour, or the start alone, sees enough."""
@@ -198,7 +198,7 @@ def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> li
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
 
 
-def least_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
+def min_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
     """Lower bound on the time that a body needs for consecutive drives, s.
 
     The longer of two times: for all lines at maximum speed and acceleration, with stops only where the direction

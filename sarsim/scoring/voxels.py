@@ -43,7 +43,7 @@ class VoxelScore:
         log_odds = self._map.log_odds(self._lower, self._lower + surface.shape)
         occupied, free = log_odds > 0, log_odds < 0
         near_surface = ndimage.binary_dilation(surface, np.ones((3, 3, 3)))
-        # Occupied voxels outside the window are wrong, too, except those of an earlier episode that no ray reached.
+        # Occupied voxels outside the window are also wrong, except those of an earlier episode that no ray reached.
         loaded = np.floor((self._loaded - self._corner) / self._size).astype(np.int64) - self._lower
         within = loaded[((loaded >= 0) & (loaded < occupied.shape)).all(axis=1)]
         reached = np.count_nonzero((near_surface | crossed)[tuple(within.T)])

@@ -1,4 +1,4 @@
-"""Dust in the air: it swallows depth returns, causes false ones, and veils colours."""
+"""Dust in the air: it absorbs depth returns, causes false ones, and veils colours."""
 
 from dataclasses import dataclass, replace
 
@@ -58,7 +58,7 @@ class Air:
     def thin(
         self, measured: LabelledImage, truth: LabelledImage, min_range: float, rng: np.random.Generator
     ) -> LabelledImage:
-        """The measured image without the returns that dust swallows, and with false returns from specks of dust.
+        """The measured image without the returns that dust absorbs, and with false returns from specks of dust.
 
         A return from distance r survives with probability e^(−2 β r). A ray of length r returns from a speck
         nearer than r with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are

@@ -127,10 +127,10 @@ def geom_objects(model: mujoco.MjModel) -> NDArray[np.int32]:
     label; a geom of the world itself, such as a wall, is one of its own. An object's id is that of its first geom.
 
     Returns:
-        (ngeom + 1,) int32 ids; the last one, -1, is for pixels without a geom, whose id is -1.
+        (ngeom + 1,) int32 ids; the last one is -1, for pixels without a geom, which have the geom id -1.
 
     Raises:
-        InputError: as for :func:`geom_labels`.
+        InputError: see :func:`geom_labels`.
     """
     bodies = model.body_rootid[model.geom_bodyid]
     owners = np.where(bodies > 0, bodies, -1 - np.arange(model.ngeom))

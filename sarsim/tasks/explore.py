@@ -145,7 +145,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self._by_pose else spaces.Discrete(VIEWPOINTS)
         self.observation_space = observation_space()
         self._is_closed = False
-        self._arena, self._most_steps = arena, steps
+        self._arena, self._max_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
         self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
         self._weights = weights_of(ExploreWeights, weights)
@@ -209,7 +209,7 @@ class Explore(gymnasium.Env[Any, Any]):
         w = self._weights
         reward = w.ground * ground + w.time * seconds + w.finds * finds + w.contact * contacts + w.tipping * is_tipped
         is_over = is_tipped or bool(self._ended)
-        is_cut = not is_over and self._steps >= self._most_steps
+        is_cut = not is_over and self._steps >= self._max_steps
         info = self._info() | ({"navigation.tipped": 1} if is_tipped else {})
         return self._observation(), float(reward), is_over, is_cut, info
 

@@ -129,7 +129,7 @@ def check_files(path: Path) -> None:
     """Check all files of a model before anything builds or opens them.
 
     Raises:
-        InputError: as in :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder
+        InputError: see :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder
             or to something that is not a file.
     """
     roots = parse_mjcf(path)

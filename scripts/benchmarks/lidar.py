@@ -41,7 +41,7 @@ DEFAULT, DATASET_SENSOR = "vlp-16", "16x900"
 SENSORS = (DATASET_SENSOR, "64x1024", *PRESETS)
 IMAGE = (64, 48)  # pixels of the images that the dataset of scans has beside them, small as they are not the subject
 VIEW = 90.0  # degrees, the horizontal field of view of each depth image
-INDOORS = 20.0  # m, the range that KISS-ICP is told; its voxels are a hundredth of it, as by its own default
+INDOORS = 20.0  # m, the range passed to KISS-ICP; its voxels are a hundredth of it, as by its own default
 EDGE = 1e-3  # m; a beam so near to an edge may hit either surface
 
 

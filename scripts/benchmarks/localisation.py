@@ -124,7 +124,7 @@ def drive(config: EpisodeConfig, names: Sequence[str]) -> "Followed":
     explorer.watch(followed)
     explore(
         explorer,
-        may_step=lambda: explorer.steps < config.most_steps and len(followed.times) < FRAMES,
+        may_step=lambda: explorer.steps < config.max_steps and len(followed.times) < FRAMES,
         on_step=lambda step: followed.take(step.keyframe.frame),
     )
     robot.close()

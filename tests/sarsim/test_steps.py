@@ -24,14 +24,14 @@ GOALS = ["--goals", "1", "2"]
     ],
 )
 def test_goals_are_driven_to_at_once_unless_exploring_is_asked_for(flags, most):
-    assert settings_from(EpisodeConfig, flags).most_steps == most
+    assert settings_from(EpisodeConfig, flags).max_steps == most
 
 
 def test_no_steps_in_a_file_are_as_good_as_none_given(tmp_path):
     file = tmp_path / "config.yaml"
     file.write_text("steps: null\ngoals: [[1, 2]]\n")
-    assert settings_from(EpisodeConfig, ["--config", str(file)]).most_steps == 0
-    assert settings_from(EpisodeConfig, ["--config", str(file), "--steps", "3"]).most_steps == 3
+    assert settings_from(EpisodeConfig, ["--config", str(file)]).max_steps == 0
+    assert settings_from(EpisodeConfig, ["--config", str(file), "--steps", "3"]).max_steps == 3
 
 
 @pytest.mark.parametrize("flags", [["--steps", "0"], ["--goals", "1", "nan"], ["--goals", "inf", "1"]])

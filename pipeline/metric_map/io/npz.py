@@ -46,7 +46,7 @@ def load_metric_map(path: Path) -> MetricMap:
     """Read what :func:`save_metric_map` wrote.
 
     Raises:
-        InputError: the file is missing or damaged, is no metric map, or has another format version.
+        InputError: the file is missing or damaged, is not a metric map, or has another format version.
     """
     entries = load_results(path, "metric map", "metric_map.npz", FORMAT, VERSION)
     lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))

@@ -103,7 +103,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     """The network in a file written by :func:`save_classifier`, and its blocks; ``only`` names the accepted network.
 
     Raises:
-        InputError: as :func:`load_weights`, or the network has the wrong classes or channels, or its block settings
+        InputError: see :func:`load_weights`; or the network has the wrong classes or channels, or its block settings
             are missing or too far from the defaults.
     """
     network, metadata = load_weights(path, only)

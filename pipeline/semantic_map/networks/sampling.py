@@ -33,10 +33,10 @@ class BlockSampler:
     """Draws batches from clouds."""
 
     def __init__(
-        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, fewest: int, config: TrainingConfig
+        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, min_points: int, config: TrainingConfig
     ) -> None:
-        """The blocks of a batch come from the clouds in turn; each has at least ``fewest`` points."""
-        self._clouds, self._blocks, self._fewest = clouds, blocks, fewest
+        """The blocks of a batch come from the clouds in turn; each has at least ``min_points`` points."""
+        self._clouds, self._blocks, self._fewest = clouds, blocks, min_points
         self._size, self._seed, self._augmentation = config.batch, config.seed, config.augmentation
 
     def batch(self, number: int) -> Batch:

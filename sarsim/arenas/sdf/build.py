@@ -123,9 +123,9 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
     return solids
 
 
-def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
-    """Describe the parts of a world that were left out; ``thrown``: descriptions of bodies that lie too far out."""
-    missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *thrown]))
+def _left_out(path: Path, world: SdfWorld, far_out: list[str]) -> str:
+    """Describe the parts of a world that were left out; ``far_out``: descriptions of bodies that lie too far out."""
+    missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *far_out]))
     said = [_named(missing, ", ") + f" (not found in {PLACES})"] if missing else []
     said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
     return f"{_counted({'item': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""

@@ -77,11 +77,11 @@ class Drawing:
         (place,) = self._places(np.asarray(centre)[None])
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
-    def words(self, text: str, centre: ArrayLike, room: tuple[float, float], bold: float, colour: Colour) -> None:
-        """Write a text with the height and at most the width of ``room``; ``bold``: stroke over letter height."""
+    def words(self, text: str, centre: ArrayLike, size: tuple[float, float], bold: float, colour: Colour) -> None:
+        """Write a text as high as ``size`` (width, height) and no wider; ``bold``: stroke over letter height."""
         letters = _letters(text, bold)
-        height = self._length(room[1])
-        width = min(round(letters.shape[1] * height / letters.shape[0]), self._length(room[0]))
+        height = self._length(size[1])
+        width = min(round(letters.shape[1] * height / letters.shape[0]), self._length(size[0]))
         ink = cv2.resize(letters, (max(width, 1), height), interpolation=cv2.INTER_AREA)[..., None] / 255.0
         left, top = self._places(np.asarray(centre)[None])[0] - np.array([width, height]) // 2
         place = self.pixels[top : top + height, left : left + width]

@@ -87,10 +87,10 @@ def data_of(kind: str, text: str = "", state: str = "") -> str:
     return ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
 
 
-def _others(model: mujoco.MjModel, data: mujoco.MjData, said: dict[str, tuple[str, str, str]]) -> Iterator[Thing]:
+def _others(model: mujoco.MjModel, data: mujoco.MjData, stated: dict[str, tuple[str, str, str]]) -> Iterator[Thing]:
     for body in range(model.nbody):
         name = model.body(body).name.rpartition("/")[2]
-        kind, text, state = said.get(name, ("", "", ""))
+        kind, text, state = stated.get(name, ("", "", ""))
         geoms = np.flatnonzero(model.geom_bodyid == body)
         if kind in KINDS[1:-1] and geoms.size:
             T = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])

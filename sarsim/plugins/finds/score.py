@@ -30,7 +30,7 @@ class FindScore(Sink):
         self._robot, self._mapper, self._has_thermal = robot, mapper, False
         self._things = things_of(model, data)
         self._visibility = Visibility(model, self._things)
-        # A find near a tag on a wall that matches nothing is no false alarm.
+        # A find near a tag on a wall that matches nothing is not a false alarm.
         tags = [body.id for body in map(model.body, range(model.nbody)) if body.name.startswith("fiducial_")]
         self._others = data.xpos[tags]
 

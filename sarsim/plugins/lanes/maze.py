@@ -163,16 +163,18 @@ def _add_tube(builder: ArenaBuilder, config: MazeConfig, number: int, panel: Pan
     )
 
 
-def _add_diagonal(builder: ArenaBuilder, config: MazeConfig, middle: Pair, way: int, size: Pair) -> None:
+def _add_diagonal(builder: ArenaBuilder, config: MazeConfig, middle: Pair, direction: int, size: Pair) -> None:
     """Two 2×4s side by side, from corner to corner of a cell."""
     (thick, high), side = config.lumber, config.cell
-    _add_beam(builder, config.cell * middle - size / 2, way * pi / 4, hypot(side, side) - 2 * thick, 2 * thick, high)
+    _add_beam(
+        builder, config.cell * middle - size / 2, direction * pi / 4, hypot(side, side) - 2 * thick, 2 * thick, high
+    )
 
 
 def _add_cross(builder: ArenaBuilder, config: MazeConfig, corner: Pair, size: Pair) -> None:
-    for way in (-1, 1):
+    for direction in (-1, 1):
         middle = config.cell * corner - size / 2
-        _add_beam(builder, middle, way * pi / 4, config.cross, *config.lumber)
+        _add_beam(builder, middle, direction * pi / 4, config.cross, *config.lumber)
 
 
 def _add_beam(builder: ArenaBuilder, middle: Pair, yaw: float, long: float, thick: float, high: float) -> None:

@@ -134,7 +134,7 @@ class RosDrive(ExplorerRun):
             plugins=plugins,
             explorer=explorer,
         )
-        super().__init__(explorer, parts, estimate, config.most_steps, config.goals, config.home)
+        super().__init__(explorer, parts, estimate, config.max_steps, config.goals, config.home)
         self.stopped: str | None = None
 
     def run(

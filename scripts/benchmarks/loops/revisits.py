@@ -41,13 +41,13 @@ def _is_seen_again(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     places: NDArray[np.float64],
-    way: Values,
+    distances: Values,
     frame: int,
     trees: list[cKDTree],
 ) -> bool:
     """Whether an earlier pass saw enough of a frame's points, and enough of them to determine its pose."""
     seen = np.zeros(len(points), np.bool_)
-    for k in np.flatnonzero(way[: frame + 1] < way[frame] - AGAIN):
+    for k in np.flatnonzero(distances[: frame + 1] < distances[frame] - AGAIN):
         if np.linalg.norm(places[k] - places[frame]) < 7 and trees[k].n:
             left = np.flatnonzero(~seen)
             seen[left] = np.isfinite(trees[k].query(points[left], distance_upper_bound=SAME_SURFACE)[0])

@@ -9,7 +9,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.ground import find_hazards
-from pipeline.rescue_report.routes import Route, Router, straight_parts, told_parts
+from pipeline.rescue_report.routes import Route, Router, described_parts, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.still_robot import HEIGHT
@@ -132,7 +132,7 @@ def test_small_bends_make_no_parts() -> None:
 def test_no_direction_is_shorter_than_can_be_followed(
     way: list[tuple[float, float]], lengths: list[float], directions: list[float]
 ) -> None:
-    told = told_parts(np.array(way, float))
+    told = described_parts(np.array(way, float))
     assert [np.linalg.norm(np.diff(points, axis=0), axis=1).sum() for _, points in told] == pytest.approx(
         lengths, abs=0.01
     )
@@ -141,4 +141,4 @@ def test_no_direction_is_shorter_than_can_be_followed(
 
 
 def test_directions_do_not_stand_still() -> None:
-    assert told_parts(np.zeros((2, 2))) == []
+    assert described_parts(np.zeros((2, 2))) == []

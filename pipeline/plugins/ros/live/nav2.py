@@ -60,7 +60,7 @@ class Nav2Robot(RosRobot):
         if (goal := self._goal) is not None:
             self._node.wait(lambda: goal.end is not None, self._config.discovery)
 
-    def _deaf(self) -> list[str]:
+    def _missing_receivers(self) -> list[str]:
         if self._served():
             return []
         ending = f"/{NAVIGATE}{STATUS}"
@@ -150,7 +150,7 @@ class Nav2Navigator(Navigator):
             if outcome is not None:
                 self.halt(send)
                 return outcome
-            if self._is_off(command.place, corrected := self._in_odom(place)):
+            if self._has_shifted(command.place, corrected := self._in_odom(place)):
                 command = GoTo(place=corrected)
 
     def _outcome(self, verdict: Verdict, place: Place, latest: float) -> Outcome | None:
@@ -171,7 +171,7 @@ class Nav2Navigator(Navigator):
         T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
         return np.append(T[:2, 3], yaw_of(T))
 
-    def _is_off(self, sent: Place, place: Place) -> bool:
+    def _has_shifted(self, sent: Place, place: Place) -> bool:
         """Whether the map was corrected so much that a goal must be sent again."""
         way, turn = np.linalg.norm(place[:2] - sent[:2]), abs(wrap_angle(place[2] - sent[2]))
         return bool(way > self._nav2.moved or turn > self._nav2.turned)

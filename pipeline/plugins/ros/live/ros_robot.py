@@ -69,7 +69,7 @@ class RosRobot:
         self._heard: dict[str, float] = {}
         self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
         self._frame_time = -np.inf
-        self._anchor, self._unheeded = np.eye(4), 0.0
+        self._anchor, self._ignored_for = np.eye(4), 0.0
         self._find(wait)
         self._camera = self._senses.camera(topics.depth, topics.color)
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
@@ -88,7 +88,7 @@ class RosRobot:
 
         def missing() -> list[str]:
             silent = [f"nothing publishes {topic}" for topic in needed if not node.senders(topic)]
-            return silent + self._deaf()
+            return silent + self._missing_receivers()
 
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("waiting for the robot: %s", ", ".join(missing()))
@@ -107,7 +107,7 @@ class RosRobot:
         self._listen_to_others()
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
 
-    def _deaf(self) -> list[str]:
+    def _missing_receivers(self) -> list[str]:
         """The missing receivers of the robot's commands."""
         return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
@@ -201,7 +201,7 @@ class RosRobot:
         with self._node.received:
             motion = self._senses.motion()
         self._is_driving = False
-        self._check_heeded(command, motion, motion.time - start)
+        self._check_obeyed(command, motion, motion.time - start)
         self._on_motion(motion)
         return motion
 
@@ -213,7 +213,7 @@ class RosRobot:
     @property
     def has_map(self) -> bool:
         """Whether any node publishes the pose of the robot's ``odom`` in a map."""
-        return self._senses.links.hangs(self._senses.odom_frame)
+        return self._senses.links.has_parent(self._senses.odom_frame)
 
     def stop(self) -> None:
         """Command the robot to stop."""
@@ -232,13 +232,13 @@ class RosRobot:
         if not self._is_driving and self._last != Velocity() and silence > self._config.hold:
             self._send(Velocity())
 
-    def _check_heeded(self, command: Velocity, motion: Motion, elapsed: float) -> None:
+    def _check_obeyed(self, command: Velocity, motion: Motion, elapsed: float) -> None:
         moved, config = inverse(self._anchor) @ motion.T_odom_base, self._config
         if np.linalg.norm(moved[:3, 3]) > config.least_way or angle_of(moved) > config.least_turn:
-            self._anchor, self._unheeded = motion.T_odom_base, 0.0
+            self._anchor, self._ignored_for = motion.T_odom_base, 0.0
         elif abs(command.v) > config.least_speed or abs(command.omega) > config.least_turn_rate:
-            self._unheeded += elapsed
-        if self._unheeded > 2 * self._patience:
+            self._ignored_for += elapsed
+        if self._ignored_for > 2 * self._patience:
             self.stop()
             why = f"the robot has not moved for {2 * self._patience:g} s despite commands"
             raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")

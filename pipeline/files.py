@@ -294,7 +294,7 @@ def _answer() -> None:
     function, args, seconds, memory = pickle.load(sys.stdin.buffer)
     answer = os.dup(1)
     os.dup2(2, 1)  # The output of libraries is not part of the answer
-    seconds += ceil(time.process_time())  # That of the imports
+    seconds += ceil(time.process_time())  # The time that the imports took does not count
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(OSError, ValueError):  # Without Linux's /proc, only the time is limited
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

@@ -43,7 +43,7 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a keyframe has observed, thinned, relative to its own pose: enough to rebuild every map for other poses.
+    """A keyframe's observations, thinned, relative to its own pose: enough to rebuild every map for other poses.
 
     Attributes:
         depth: (h, w) uint16 depth of every n-th pixel along the optical axis, in ``UNIT``; 0 = no return.

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from pipeline.arrays import Rgb
 
 ON_LINE, IN_MIDDLE = "ls", "mm"
-"""What the position of a text refers to: the left end of its baseline, or its centre (Pillow's text anchors)."""
+"""The point of a text at its position: the left end of its baseline, or its centre (Pillow's text anchors)."""
 LOOKALIKES = str.maketrans("×−–—‘’“”ıµ", "x---''\"\"iu")
 """The typeface has ASCII and a few other characters."""
 

@@ -159,7 +159,7 @@ class MappingRun(Run):
 
 
 DRIVING = {"goals": "driving to the goals", "home": "driving home", "park": "driving to a victim"}
-"""What the progress says of tasks after exploration."""
+"""The tasks after exploration, as shown in the progress."""
 
 
 class ExplorerRun(Run, ABC):

@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _summary(script: EntryPoint) -> str:
-    """What a command does, from its docstring, without importing what it needs."""
+    """The summary of a command, from its docstring, without importing the command's dependencies."""
     found = find_spec(script.module)
     text = ast.get_docstring(ast.parse(Path(found.origin).read_text())) if found and found.origin else None
     return (text or "").partition("\n")[0].partition(": ``")[0].rstrip(".")

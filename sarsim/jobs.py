@@ -66,7 +66,7 @@ Engine = Callable[[Work[Job, Any], Iterable[Job], FolderLock], Outcomes[Job]]
 
 @contextmanager
 def locked(folder: Path) -> Iterator[FolderLock]:
-    """Lock a folder, so that one command at a time uses it; wait until no other process holds the lock.
+    """Lock a folder, so that only one command at a time uses it; wait until no other process holds the lock.
 
     Raises:
         InputError: another process holds the lock for longer than ``PATIENCE``.

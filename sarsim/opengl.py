@@ -53,7 +53,7 @@ def offscreen_context(width: int, height: int) -> Any:
         raise InputError(f"MUJOCO_GL={name}: must be egl, osmesa or glfw; egl needs no display")
     try:
         import_module("mujoco")
-    except ImportError as error:  # a broken installation says nothing about OpenGL
+    except ImportError as error:  # a broken installation, not a problem with OpenGL
         said = " ".join(str(error).split())[:200]
         raise InputError(f"MuJoCo cannot be imported: {said}; install sarsim's packages again") from error
     try:
@@ -82,7 +82,7 @@ def check_display() -> None:
 
 
 def _reason(error: Exception, platform: str) -> str:
-    """What is wrong and what to do, in one line; the errors themselves only name OpenGL functions."""
+    """The cause and the remedy in one line; the errors themselves only name OpenGL functions."""
     for variable in _VARIABLES:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"

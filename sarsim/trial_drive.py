@@ -54,7 +54,7 @@ def _symptoms(robot: str, changed: int) -> tuple[str, ...]:
 
 
 def symptoms(robot: str) -> list[str]:
-    """What a robot does in a few seconds that contradicts its file, one line each; empty if nothing does.
+    """The ways in which a robot's first seconds contradict its file, one line each; empty if there are none.
 
     It stands, drives ahead, turns left and takes an image on a level floor in front of a wall.
 
@@ -83,7 +83,7 @@ class _Trial:
         self._geoms = np.flatnonzero(self._model.body_rootid[self._model.geom_bodyid] == root)
 
     def shapes(self) -> Iterator[str]:
-        """What the model says of motors and shapes before it moves."""
+        """Contradictions in the model's motors and shapes before it moves."""
         model, known = self._model, self._robot.model
         for actuator in self._physics.bind(self._robot.actuators).element_id:
             is_servo = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
@@ -124,7 +124,7 @@ class _Trial:
         return (middle - half).min(axis=0), (middle + half).max(axis=0)
 
     def rest(self) -> Iterator[str]:
-        """What a robot that stands does."""
+        """Symptoms of a robot at rest."""
         self._drive(Velocity(), REST / 2)
         before = self._pose
         self._drive(Velocity(), REST / 2)
@@ -141,7 +141,7 @@ class _Trial:
             yield "the robot moves although it is to stand; check its motors and the friction of its wheels"
 
     def image(self) -> Iterator[str]:
-        """What the camera sees."""
+        """Symptoms in the camera's image."""
         renderer = Renderer(self._model)
         try:
             camera = RgbdCamera(renderer, self._robot.camera.full_identifier)

@@ -52,8 +52,8 @@ def T_above_floor(
 ) -> Mounted | None:
     """The pose of the first frame's camera above the largest level surface; None if none shows the vertical.
 
-    A direction is supported by the surfaces that are level or upright if it is the vertical. So in front of a ramp,
-    the walls decide between the ramp and the floor, and what is seen later may.
+    A direction is supported by the surfaces that are level or upright if it is the vertical. In front of a ramp, the
+    walls therefore decide between the ramp and the floor, or surfaces seen later do.
 
     Args:
         frames: a recording's frames, the first of which shows something.
@@ -80,11 +80,11 @@ def T_above_floor(
 def _seen(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
 ) -> tuple[_Surfaces | None, list[Direction]]:
-    """What the first frames show, and the verticals of those that show one, in the first frame's camera."""
+    """The surfaces in the first frames, and the verticals of those that show one, in the first frame's camera."""
     first: Pose | None = None
     last: Pose | None = None
     points, normals, ups = list[NDArray[np.float64]](), list[Directions](), list[Direction]()
-    with suppress(LostError, InputError):  # What breaks the recording is said when its frames are mapped
+    with suppress(LostError, InputError):  # Errors in the recording are reported when its frames are mapped
         for number, frame in enumerate(frames):
             placed = pose(frame)
             if placed is None:

@@ -98,7 +98,7 @@ class RgbdCamera:
 
     Attributes:
         frame: name of the frame of both images.
-        note: what is unexpected about the images, in one line; empty if nothing is.
+        note: anything unexpected about the images, in one line; empty if there is nothing.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What is known of the depth cameras with which people record, and which of them a recording names."""
+"""Depth cameras that are common in recordings, and which of them a recording names."""
 
 import re
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ class KnownCamera(NamedTuple):
     """A camera that recordings name.
 
     Attributes:
-        name: what it is called.
+        name: its name.
         pattern: matches the names of files, topics and frames by which it is known.
         sensor: its range and noise.
     """
@@ -88,10 +88,10 @@ def with_flags(
         sensor: the camera; it provides what is not given.
         depth_range: nearest and farthest depth, m.
         depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
-        names: what the user calls both, for error messages.
+        names: the user's names of both, for error messages.
 
     Raises:
-        InputError: no camera measures like that.
+        InputError: no camera can measure like that.
     """
     if depth_range is None and depth_noise is None:
         return sensor

@@ -48,7 +48,7 @@ class FrameTree:
     """Transforms between frames, which are identified by name.
 
     A frame may be sent with several parents, as where a robot's transforms and those of a motion capture system share
-    a topic. Then the parent counts that leads to the robot, or else the newest.
+    a topic. The parent that leads to the robot then counts, or else the newest.
 
     Attributes:
         base: name of the robot's frame according to its odometry messages; empty if they give none.

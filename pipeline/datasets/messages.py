@@ -1,4 +1,4 @@
-"""What is read from ROS messages: times, poses and vectors, and the names of a robot's frames (REP 103 and 105)."""
+"""Times, poses and vectors from ROS messages, and the names of a robot's frames (REP 103 and 105)."""
 
 from typing import Any
 

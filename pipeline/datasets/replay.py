@@ -94,7 +94,7 @@ class Replay:
         return given
 
     def __iter__(self) -> Iterator[Replayed]:
-        """Add one frame after another to the maps.
+        """Add the frames to the maps in order.
 
         Raises:
             InputError: the recording is broken; the frames before that are mapped.

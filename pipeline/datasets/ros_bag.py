@@ -172,7 +172,7 @@ class Topics:
         return found
 
     def _camera(self, topic: str) -> tuple[float, ...] | None:
-        """What the camera_info of an image topic says of size and matrix; None without one."""
+        """The size and matrix in the camera_info of an image topic; None without one."""
         name = info_topic(topic, self.kinds)
         if name is None:
             return None

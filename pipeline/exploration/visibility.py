@@ -16,7 +16,7 @@ from pipeline.transforms import yaw_of
 
 
 def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
-    """What the camera that took a frame sees of the ground, from up to ``short_by`` m before a viewpoint.
+    """The view of the ground for the camera that took a frame, up to ``short_by`` m before a viewpoint.
 
     Nothing is expected within half a ray step of the image's lower and upper edges, or within one step of its sides.
     Values are rounded to 1 mm and 0.1°, so that vibrations of the camera do not change the result.

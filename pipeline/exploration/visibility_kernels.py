@@ -11,7 +11,7 @@ from pipeline.geometry.cells_kernels import cell_at
 
 
 class CameraView(NamedTuple):
-    """What the camera of a level robot sees of the ground.
+    """The view of the ground from a level robot's camera.
 
     Attributes:
         height, ahead: position of the camera, m above the ground and m in front of the robot's centre.
@@ -77,7 +77,7 @@ class SearchedTerrain(NamedTuple):
 
 @njit(cache=True)
 def cast_ray(x, y, bearing, view, terrain, seen):
-    """What a camera ray of a robot at (x, y), m, is expected to show for the first time along ``bearing``, rad.
+    """Gain that a camera ray of a robot at (x, y), m, is expected to bring along ``bearing``, rad.
 
     The ray runs over the ground seen so far; a cell is hidden if a nearer one rises higher in the view. Unknown
     ground is assumed to continue at the last height seen or, if ``terrain.falls``, to fall behind the crest of a ramp

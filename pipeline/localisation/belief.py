@@ -1,4 +1,4 @@
-"""What the robot believes about its motion and its position: a hidden Markov filter over five states.
+"""The robot's belief about its motion and its position: a hidden Markov filter over five states.
 
 The states change at configured rates. Three observations distinguish them: how well a frame registers under the
 motion that each state implies, how far the frame agrees with the map, and whether the robot leans too far where the

@@ -1,4 +1,4 @@
-"""What a frame says about the robot's motion: as measured, slipping wheels, or held where it was."""
+"""Whether a frame shows that the robot moved as measured, slipped, or was held where it was."""
 
 from collections.abc import Sequence
 

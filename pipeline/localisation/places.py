@@ -27,7 +27,7 @@ PATCH, LEAST_PATCHES, MOST_PATCHES = 0.15, 80, 400
 """Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is
 drawn at random if there are more."""
 BESIDE = 0.5
-"""What a patch counts in a voxel beside one that holds an old surface; in the voxel itself it counts 1."""
+"""Score of a patch in a voxel beside one that holds an old surface; in the voxel itself, the score is 1."""
 SIGMAS = 3.0
 """The search covers this many standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)

@@ -1,1 +1,1 @@
-"""What the robot knows, step by step, in Rerun."""
+"""The robot's knowledge, step by step, in Rerun."""

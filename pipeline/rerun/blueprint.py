@@ -25,7 +25,7 @@ _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
     """The layout, with the eye above the box from ``low`` to ``high``, (3,) m in ``map``, on its negative y side.
 
-    The viewer begins with the newest data: the whole map, or what a run that goes on has just logged.
+    The viewer begins with the newest data: the whole map or, during a run, the newest entries.
     """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),

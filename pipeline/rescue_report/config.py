@@ -7,7 +7,7 @@ from pipeline.errors import require_positive
 
 @dataclass(frozen=True)
 class RescueReportConfig:
-    """What is dangerous for those who go in, how far paths and drawings reach, and when the map can be trusted.
+    """Which hazards are reported to rescuers, how far paths and drawings reach, and when the map can be trusted.
 
     Attributes:
         drop: minimum height of a drop, m: a robot that climbs stairs gets back up lower steps. The edge of a drop

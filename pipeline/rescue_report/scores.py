@@ -11,7 +11,7 @@ LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competitio
 
 @dataclass(frozen=True)
 class LeagueScore:
-    """What a mission is worth to a league.
+    """The value of a mission to a league.
 
     Attributes:
         name: the league's name.

@@ -10,7 +10,7 @@ from pipeline.arrays import Covariance, Pixels, Place, Rgb
 
 VICTIM, HEAT = "victim", "heat"
 KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
-"""What a rescue robot looks for, as named in report.json; heat is given off by living victims."""
+"""The kinds of objects that a rescue robot looks for, as named in report.json; living victims give off heat."""
 FIND_KINDS = KINDS[1:]
 """All kinds except victims, which are reported separately."""
 SHAPED = ("fire_extinguisher", "door_lever")

@@ -84,7 +84,7 @@ class TrackPolicy(ABC):
         extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
             background.
         is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
-        has_checksum: whether it is decoded correctly or not at all; what was not decoded is not reported.
+        has_checksum: whether it is decoded correctly or not at all; if not decoded, it is not reported.
     """
 
     kind: str
@@ -127,7 +127,7 @@ class TrackPolicy(ABC):
         """Minimum and maximum horizontal distance from which a camera would show enough of the object, m."""
 
     def has_shape(self, track: "Track") -> bool:
-        """Whether everything that was seen of the object, taken together, has the shape of its kind."""
+        """Whether all points seen of the object together have the shape of its kind."""
         return True
 
 

@@ -1,4 +1,4 @@
-"""What the report, the drawings and the log have in common: ids of victims, and confidence ellipsoids."""
+"""Ids of victims and confidence ellipsoids, for the report, the drawings and the log."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Networks from any source that OpenCV runs: what those of Darknet and of ONNX have in common.
+"""Networks from any source that OpenCV runs: the common part of those of Darknet and of ONNX.
 
 OpenCV trusts the files and may crash on them. Therefore a network is first tried in a separate process.
 """
@@ -84,7 +84,7 @@ def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
     Raises:
         InputError: OpenCV cannot run the network, or its outputs are not finite; the message names the ``files``.
     """
-    said = run_isolated(_fault, make, remedy, seconds=SECONDS, memory=MEMORY)
+    said = run_isolated(_error_in, make, remedy, seconds=SECONDS, memory=MEMORY)
     if said != GOOD:
         raise InputError(f"{files}: {said or CRASHED}")
     network = make()
@@ -97,8 +97,8 @@ def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
     return network
 
 
-def _fault(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
-    """What is wrong with a network, or GOOD."""
+def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
+    """The error in a network, or GOOD."""
     try:
         network = make()
         outputs = sum(4 * prod(shape) for layer in network.shapes() for shape in layer)

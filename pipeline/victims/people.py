@@ -42,7 +42,7 @@ SKIN_TO_MIDDLE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class PersonVoxels:
-    """The voxels that observations of one person show; what only a few show belongs to something else.
+    """The voxels that observations of one person show; voxels that only a few show belong to something else.
 
     Attributes:
         edge: edge length of a voxel, m.
@@ -95,7 +95,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom the keyframes show in these voxels; what only a few of them show is something else."""
+        """A person whom the keyframes show in these voxels; voxels that only a few show are something else."""
         points = voxels.agreed(AGREED * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 

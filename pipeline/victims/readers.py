@@ -28,7 +28,7 @@ class FindReader(Protocol):
     """
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
-        """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
+        """The objects that a frame shows, given a detector's boxes in its image; may be called in another thread."""
         ...
 
 
@@ -46,7 +46,7 @@ class SeveralReaders:
         return {kind: numbers for kinds in reversed(every) for kind, numbers in kinds.items()}
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
-        """What a frame shows, given a detector's boxes in its image."""
+        """The objects that a frame shows, given a detector's boxes in its image."""
         found: list[Reading] = []
         for reader in self._readers:
             found += not_among(reader.read(frame, detections), found)

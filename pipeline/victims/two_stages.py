@@ -1,7 +1,7 @@
 """The shipped detector of people: the arena network finds suspects, which the COCO network must corroborate.
 
-The arena network (YOLOv3-small) was trained on renderings of arenas only: it misses few people there, but mistakes
-much in photos for people. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
+The arena network (YOLOv3-small) was trained on renderings of arenas only: it misses few people there, but sees
+many false ones in photos. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
 times as much per pixel. It therefore looks only at suspects, or everywhere if the image does not look like an arena.
 """
 

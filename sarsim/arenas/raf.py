@@ -144,7 +144,7 @@ def _element(where: str, line: "Element") -> RafElement:
 
 
 def _meant(word: str, words: Iterable[str]) -> str:
-    """What a word was probably meant to be, for a message; empty if it is like none of the ``words``."""
+    """The word that was probably meant, for a message; empty if none of the ``words`` is similar."""
     return "".join(f"; perhaps you meant {near}" for near in get_close_matches(word, words, n=1))
 
 

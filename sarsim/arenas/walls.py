@@ -37,7 +37,7 @@ class Walls:
         spacing: float,
         fits: Callable[[NDArray[np.float64], NDArray[np.float64]], bool],
     ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Places on walls for which ``fits`` is true, each as far as possible from those before.
+        """Places on walls for which ``fits`` is true, each as far as possible from the earlier ones.
 
         Each is a point (3,) m at ``SIGHT_HEIGHT``, and the wall's normal (3,). The first place is random; all are
         more than ``spacing`` m apart.

@@ -196,7 +196,7 @@ def _instance(kind: type[Settings], given: Mapping[str, Any], where: str) -> Set
 
 
 def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
-    """What is wrong with the setting ``name`` of a dataclass, and where in it."""
+    """The error in the setting ``name`` of a dataclass, and its place in it."""
     place, inner = [name], get_type_hints(kind)[name]
     for part in error["loc"]:
         if is_dataclass(inner):

@@ -1,4 +1,4 @@
-"""What a command prints about its results."""
+"""The lines and tables that commands print about their results."""
 
 import os
 import shutil

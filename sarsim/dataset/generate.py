@@ -1,4 +1,4 @@
-"""Makes a dataset, or those of its scenes that are missing."""
+"""Makes a dataset, or its missing scenes."""
 
 import logging
 from collections.abc import Callable

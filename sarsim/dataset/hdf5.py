@@ -108,7 +108,7 @@ def open_file(path: Path) -> h5py.File:
 
 
 def _looked_through(path: Path) -> str:
-    """What is wrong with a file's attributes, datasets or chunk indices, or :data:`GOOD`; the data are not read."""
+    """The error in a file's attributes, datasets or chunk indices, or :data:`GOOD`; the data are not read."""
     try:
         with h5py.File(path, "r") as file:
             dict(file.attrs)

@@ -77,7 +77,7 @@ def render_scene(
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
     Returns the recipe of the scene, and (8,) the number of depth returns of each label; ``on_frame`` is called after
-    every frame, and what ``watchers`` returns with the robot's pose while it stands there.
+    every frame; the functions that ``watchers`` returns, with the robot's pose while it stands there.
 
     Raises:
         InputError: the arena cannot be loaded or built, or the robot cannot drive in it.

@@ -361,7 +361,7 @@ class Scene(ExitStack):
 
 
 def _objects_by_victims(geom_victim: NDArray[np.int16]) -> NDArray[np.int16]:
-    """(G,) objects of a file that does not tell them: (G,) victims, and geoms."""
+    """(G,) objects for a file without them: those of the (G,) victims, and each other geom on its own."""
     owners = np.where(geom_victim >= 0, geom_victim, -1 - np.arange(len(geom_victim)))
     _, first, part = np.unique(owners, return_index=True, return_inverse=True)
     return first[part].astype(np.int16)

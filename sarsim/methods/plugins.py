@@ -54,14 +54,14 @@ def find_mission(name: str) -> tuple[str, EntryPoint]:
 
 
 def _remedy(name: str) -> str:
-    """What to do if the sources have a plug-in that the installation does not know; empty otherwise."""
+    """The remedy if the sources have a plug-in that the installation does not know; empty otherwise."""
     project = Path(__file__).parents[2] / "pyproject.toml"
     groups = tomllib.loads(project.read_text())["project"].get("entry-points", {}) if project.is_file() else {}
     return "; run: make setup" if any(name in names for names in groups.values()) else ""
 
 
 def load_object(entry: EntryPoint) -> Any:
-    """What an entry point names; InputError if a package of its extras is missing."""
+    """The object that an entry point names; InputError if a package of its extras is missing."""
     try:
         return entry.load()
     except ModuleNotFoundError as error:

@@ -59,7 +59,7 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
 
 
 class Doing(IntEnum):
-    """What a robot does in a control period."""
+    """The robot's activity in a control period."""
 
     DRIVING = 0
     TURNING = 1

@@ -126,7 +126,7 @@ class ViewTours(ABC):
 
 
 def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
-    """Views that together show ``wanted`` cells; each is the one that adds the most cells to those before it.
+    """Views that together show ``wanted`` cells; each is the one that adds the most cells to the earlier ones.
 
     Evaluated lazily, because gains never grow (Minoux 1978). If all views together show fewer, so does the result.
 

@@ -1,4 +1,4 @@
-"""What an exploration has achieved so far, according to ground truth."""
+"""The achievements of an exploration so far, according to ground truth."""
 
 from collections.abc import Sequence
 from typing import Any

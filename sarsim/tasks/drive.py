@@ -47,7 +47,7 @@ MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [
 
 @dataclass(frozen=True)
 class DriveWeights:
-    """What a driving agent is rewarded for; a reward is the sum of these times what a step brought.
+    """Weights of a driving agent's reward, which is the sum of each weight times the gain of a step.
 
     Attributes:
         progress: per m nearer to the goal.

@@ -57,7 +57,7 @@ Action = int | np.integer[Any] | NDArray[np.float32]
 
 @dataclass(frozen=True)
 class ExploreWeights:
-    """What an agent is rewarded for; a reward is the sum of these times what a step brought.
+    """Weights of an agent's reward, which is the sum of each weight times the gain of a step.
 
     Attributes:
         ground: per m² of ground seen for the first time.

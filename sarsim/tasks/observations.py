@@ -1,4 +1,4 @@
-"""What an exploring agent observes: local maps of what the robot knows about its surroundings, and viewpoints."""
+"""Observations of an exploring agent: local maps of the robot's surroundings as it knows them, and viewpoints."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -203,7 +203,7 @@ def _cover(
     person: NDArray[np.float64],
     rng: np.random.Generator,
 ) -> PersonCover:
-    """What the person is in, under, behind or on."""
+    """The object that the person is in, under, behind or on."""
     covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
     if placement == "rubble":
         covers.append(rubble(name, person, rng))

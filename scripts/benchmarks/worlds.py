@@ -35,7 +35,7 @@ FIGURES: Mapping[str, Sequence[str]] = {
 
 
 def measure(settings: WorldsSettings) -> Result:
-    """What the mission in each world explored, found and scored.
+    """The explored fractions, finds and scores of the mission in each world.
 
     Raises:
         InputError: there is no world, a mission failed, or a setting is wrong.

@@ -70,7 +70,7 @@ def on_ground(picture: Rgb) -> Rgb:
 
 
 def scaled(picture: Rgb, factor: float) -> Rgb:
-    """The picture made smaller by a factor."""
+    """The picture reduced by a factor."""
     return np.asarray(cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), np.uint8)
 
 

@@ -29,7 +29,7 @@ def panorama(scan: Scan) -> Rgb:
 
 
 def from_above(scan: Scan) -> Rgb:
-    """The points in the colours of their labels, from an eye above the arena; near points cover far ones."""
+    """The points in the colours of their labels, seen from above the arena; nearer points hide farther ones."""
     z = (LOOK - EYE) / np.linalg.norm(LOOK - EYE)
     x = np.cross(z, (0, 0, 1)) / np.linalg.norm(np.cross(z, (0, 0, 1)))
     T_world_eye = np.eye(4)

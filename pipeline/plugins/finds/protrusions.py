@@ -51,7 +51,7 @@ class Sizes:
 
 @dataclass(frozen=True, eq=False)
 class Protrusions:
-    """What a frame shows that may be a bottle or a lever.
+    """The parts of a frame that may be a bottle or a lever.
 
     Attributes:
         picture: (H, W, 4) uint8, the frame's colours, and how far each pixel stands out; 255 = a bottle's width.

@@ -36,13 +36,13 @@ class FindReaders:
         return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
-        """What a frame shows, given a detector's boxes in its image."""
+        """The readings in a frame, given a detector's boxes in its image."""
         shapes = self._shapes.read(frame)
         squares = Squares.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
         return [*shapes, *not_among(self._read(squares, detections), shapes)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
-        """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are ignored.
+        """The readings in an image, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are ignored.
 
         Raises:
             InputError: the image is empty or of another type.

@@ -31,12 +31,12 @@ class CloudFile:
     Attributes:
         comments: comments in the header.
         columns: values of the vertices by property; x, y and z in m.
-        faults: what is wrong, one line each.
+        errors: the errors, one line each.
     """
 
     comments: list[str] = field(default_factory=list)
     columns: dict[str, Values] = field(default_factory=dict)
-    faults: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
 
     def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
         """(N, 3) positions, m, or the columns with other names; no rows if a column is missing."""
@@ -112,10 +112,10 @@ def read_cloud(path: Path) -> CloudFile:
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
     lines = [line.strip() for line in head.decode(errors="replace").splitlines()]
     if not end or lines[:1] != ["ply"]:
-        read.faults.append('not a PLY file: the first line must be "ply", and the header must end with "end_header"')
+        read.errors.append('not a PLY file: the first line must be "ply", and the header must end with "end_header"')
         return read
     if "format ascii 1.0" not in lines:
-        read.faults.append('not an ASCII PLY file: the header must contain the line "format ascii 1.0"')
+        read.errors.append('not an ASCII PLY file: the header must contain the line "format ascii 1.0"')
         return read
     read.comments = [line.removeprefix("comment").strip() for line in lines if line.startswith("comment")]
     count, names = _vertices(read, lines)
@@ -128,16 +128,16 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
     if not elements or elements[0][1][1:-1] != ["vertex"] or not elements[0][1][-1].isdecimal():
-        read.faults.append("the first element must be declared as: element vertex NUMBER")
+        read.errors.append("the first element must be declared as: element vertex NUMBER")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
-    read.faults += list(_wrong_properties(dict(properties)))
+    read.errors += list(_wrong_properties(dict(properties)))
     return int(elements[0][1][-1]), [name for name, _ in properties]
 
 
 def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
-    """What is wrong with the properties of a vertex and their types."""
+    """The errors in the properties of a vertex and their types."""
     for name, kind in kinds.items():
         if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:
             yield f"property {name} must have the type {PROPERTIES[name]}, not {kind}"
@@ -155,13 +155,13 @@ def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))
     except ValueError as error:
-        read.faults.append(f"each vertex must be a line of numbers: {error}")
+        read.errors.append(f"each vertex must be a line of numbers: {error}")
         return
     if table.shape != (count, len(names)):
         declared = f"the header declares {count} vertices with {len(names)} numbers each"
-        read.faults.append(f"{declared}, but the file has {len(table)} with {table.shape[1]}")
+        read.errors.append(f"{declared}, but the file has {len(table)} with {table.shape[1]}")
         return
     if not np.isfinite(table).all():
-        read.faults.append("all numbers of the vertices must be finite")
+        read.errors.append("all numbers of the vertices must be finite")
         return
     read.columns = dict(zip(names, table.T, strict=True))

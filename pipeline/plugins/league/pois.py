@@ -62,13 +62,13 @@ class PoiFile:
 
     Attributes:
         header: values of the header lines, by the names in ``HEADER``.
-        pois: the rows without faults.
-        faults: what is wrong, one line each.
+        pois: the rows without errors.
+        errors: the errors, one line each.
     """
 
     header: dict[str, str] = field(default_factory=dict)
     pois: list[PointOfInterest] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
 
 
 def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetime) -> list[PointOfInterest]:
@@ -128,12 +128,12 @@ def read_pois(path: Path) -> PoiFile:
     for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
         _read_header(read, number, name, line)
     if len(lines) <= len(HEADER):
-        read.faults.append(
+        read.errors.append(
             f"must have {len(HEADER)} header lines and a line of column names; lines in the file: {len(lines)}"
         )
         return read
     if lines[len(HEADER)] != POI_COLUMNS:
-        read.faults.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
+        read.errors.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
     for number, line in enumerate(lines[len(HEADER) + 1 :], 1):
         _read_row(read, number, len(HEADER) + 1 + number, line)
     return read
@@ -143,16 +143,16 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
     """Read one line of the header."""
     if not re.fullmatch(_TEXT, line):
         wanted = f'"{name}"' if number <= 2 else f"the {name} in double quotes"
-        read.faults.append(f"line {number}: must be {wanted}")
+        read.errors.append(f"line {number}: must be {wanted}")
         return
     (value,) = next(csv.reader([line]))
     read.header[name] = value
     if number <= 2 and value != name:
-        read.faults.append(f'line {number}: must be "{name}"')
+        read.errors.append(f'line {number}: must be "{name}"')
     elif not value.strip():
-        read.faults.append(f"line {number}: the {name} is empty")
+        read.errors.append(f"line {number}: the {name} is empty")
     elif name in FORMS and not _is_of(value, FORMS[name]):
-        read.faults.append(
+        read.errors.append(
             f"line {number}: must be a valid {name} such as {DEFAULT_START:{FORMS[name]}}, not {value!r}"
         )
 
@@ -169,7 +169,7 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     """Read the ``number``-th detection, which is in line ``at``."""
     row = _ROW.fullmatch(line)
     if row is None:
-        read.faults.append(f"line {at}: must be {POI_COLUMNS}, with type, name and robot in double quotes")
+        read.errors.append(f"line {at}: must be {POI_COLUMNS}, with type, name and robot in double quotes")
         return
     label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
@@ -187,6 +187,6 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     if same is not None:
         near = f"with the same type and name less than {LENGTHS['diamond']:g} m away"
         wrong[f"{kind} {name!r}: repeats an earlier row {near}; list each object once"] = True
-    read.faults += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
+    read.errors += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
     if not any(wrong.values()):
         read.pois.append(poi)

@@ -46,21 +46,21 @@ def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> 
         InputError: the folder does not exist or contains no files to check, or a file cannot be read at all.
     """
     files = handed_in_files(folder)
-    faults = [f"no {what} (*{ending})" for ending, what in HANDED_FILES.items() if not files[ending]]
+    errors = [f"no {what} (*{ending})" for ending, what in HANDED_FILES.items() if not files[ending]]
     lists = {path: read_pois(path) for path in files[".csv"]}
     headers = [read.header for read in lists.values()]
     for path, read in lists.items():
-        faults += _of(path, [*_wrong_list_name(path, read), *read.faults])
+        errors += _of(path, [*_wrong_list_name(path, read), *read.errors])
     for path in files[".ply"]:
-        faults += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers, config)])
+        errors += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers, config)])
     types = {poi.type for read in lists.values() for poi in read.pois}
     for path in files[".tiff"]:
-        faults += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types, config)])
-    return faults
+        errors += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types, config)])
+    return errors
 
 
-def _of(path: Path, faults: list[str]) -> list[str]:
-    return [f"{path.name}: {fault}" for fault in faults]
+def _of(path: Path, errors: list[str]) -> list[str]:
+    return [f"{path.name}: {error}" for error in errors]
 
 
 def _letters(*texts: str) -> str:
@@ -75,7 +75,7 @@ def _stem(header: dict[str, str]) -> str:
 
 
 def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
-    """Faults of a list's name, which must match the year, team, mission and start time in its header."""
+    """Errors in a list's name, which must match the year, team, mission and start time in its header."""
     if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
         yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
     elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
@@ -83,7 +83,7 @@ def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
 
 
 def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
-    """Faults of a map's name, which must match the year, team and mission of one of the lists."""
+    """Errors in a map's name, which must match the year, team and mission of one of the lists."""
     if not NAME.fullmatch(path.stem):
         yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
     elif headers and _letters(path.stem) not in map(_stem, headers):
@@ -91,27 +91,27 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
 
 
 def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
-    """What is wrong with a 3D map, whose comments must name the team, time and mission in the lists' ``headers``."""
-    faults = list(read.faults)
+    """The errors in a 3D map, whose comments must name the team, time and mission in the lists' ``headers``."""
+    errors = list(read.errors)
     comments = " ".join(read.comments)
     for name, key in zip(COMMENTS, ("team", "time", "mission"), strict=True):
         values = [header[key] for header in headers if header.get(key)]
         if len(read.comments) < len(COMMENTS):
-            faults.append(
+            errors.append(
                 f"must have at least {len(COMMENTS)} comments, one with the {name}; found: {len(read.comments)}"
             )
         elif values and not any(value in comments for value in values):
-            faults.append(f"no comment names the {name}, {' or '.join(map(repr, sorted(set(values))))}")
+            errors.append(f"no comment names the {name}, {' or '.join(map(repr, sorted(set(values))))}")
     points = read.points()
     if len(points):
-        faults += [*_wrong_place(points, config), *_wrong_extras(read, config.unit)]
-    elif not faults:
-        faults.append("contains no points")
-    return faults
+        errors += [*_wrong_place(points, config), *_wrong_extras(read, config.unit)]
+    elif not errors:
+        errors.append("contains no points")
+    return errors
 
 
 def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
-    """Faults of the points, which must be in metres, with the origin on the floor among them."""
+    """Errors in the points, which must be in metres, with the origin on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
     if not config.smallest <= extent <= config.largest:
         limits = f"{config.smallest:g} to {config.largest:g} m"
@@ -125,7 +125,7 @@ def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
 
 
 def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
-    """Faults of colours, normals and confidences, which must be in their valid ranges."""
+    """Errors in colours, normals and confidences, which must be in their valid ranges."""
     rgb, normals = read.points(RGB), read.points(NORMAL)
     confidence = read.columns.get("confidence", np.zeros(0))
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
@@ -137,7 +137,7 @@ def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
 
 
 def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
-    """What is wrong with a 2D map, on which finds of all ``types`` must be drawn."""
+    """The errors in a 2D map, on which finds of all ``types`` must be drawn."""
     try:
         with Image.open(path, formats=["TIFF"]) as picture:
             tags, image = dict(picture.tag_v2), np.asarray(picture)  # type: ignore[attr-defined]
@@ -151,7 +151,7 @@ def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[st
 
 
 def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
-    """Faults of the pixel size, which must be given and agree with the scale at the top right."""
+    """Errors in the pixel size, which must be given and agree with the scale at the top right."""
     if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
         yield "no pixel size: the GeoTIFF tag ModelPixelScale is missing or invalid"
         return
@@ -178,7 +178,7 @@ def _longest_run(mask: PixelMask) -> int:
 
 
 def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[str]:
-    """Faults of the elements, which are recognised by their colours."""
+    """Errors in the elements, which are recognised by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
             yield f"no {element.replace('_', ' ')}: no pixel has the colour RGB {MAP_COLOURS[element]}"

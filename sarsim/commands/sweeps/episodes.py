@@ -42,7 +42,7 @@ Row = dict[str, Any]
 
 
 class EpisodeResult(NamedTuple):
-    """What is kept of an episode: its row, its explored fraction over time, and its processor time, s."""
+    """The data kept from an episode: its row, its explored fraction over time, and its processor time, s."""
 
     row: Row
     curve: ExploredCurve

@@ -37,7 +37,7 @@ class LaneJudge:
     has_tipped: bool = False
 
     def see(self, time: float, T_world_base: Pose) -> bool:
-        """Judge a true 4×4 pose at a time, s; returns whether the attempt goes on: not after a fall or the limit."""
+        """Judge a true 4×4 pose at a time, s; returns False if the attempt has ended, by a fall or the limit."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
         if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot, self.lane):

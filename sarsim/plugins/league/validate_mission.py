@@ -31,9 +31,9 @@ def validate_mission(config: MissionValidation) -> None:
     """Check the 2D map, 3D map and list of finds that a team submits. The exit status is 1 if any is invalid."""
     from pipeline.plugins.league.validation import validate
 
-    faults = validate(config.path, config=config.tolerances)
-    print("\n".join(faults) or f"{config.path}: all files are valid")
-    if faults:
+    errors = validate(config.path, config=config.tolerances)
+    print("\n".join(errors) or f"{config.path}: all files are valid")
+    if errors:
         sys.exit(REJECTED)
 
 

@@ -110,7 +110,7 @@ PRESETS = {
   10 m and 3 cm up to 30 m.
 """
 ANY = PRESETS["vlp-16"]
-"""What a lidar that is given as ROWSxCOLUMNS is like in all else."""
+"""The other properties of a lidar that is given as ROWSxCOLUMNS."""
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class Lidar(Plugin):
 
 
 class ScanningRobot:
-    """A robot with a lidar, which scans from the first frame of the camera on.
+    """A robot with a lidar, which scans from the camera's first frame onwards.
 
     Attributes:
         model, control_period: those of the robot.

@@ -24,7 +24,7 @@ from sarsim.robots.skid_steered import WHEELS
 
 @dataclass(frozen=True)
 class BagConfig:
-    """What the bag holds.
+    """The content of the bag.
 
     Attributes:
         path: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.

@@ -49,7 +49,7 @@ SPACING = KeyframePolicy()
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """What a robot measured on a tour, and where it was.
+    """A robot's measurements on a tour, and where it was.
 
     Attributes:
         times: (N,) time of each frame, s.

@@ -63,11 +63,11 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float
 )
 def test_faults_of_form_are_reported(tmp_path, text, fault):
     (tmp_path / "a.ply").write_text(text)
-    assert read_cloud(tmp_path / "a.ply").faults[0].count(fault)
+    assert read_cloud(tmp_path / "a.ply").errors[0].count(fault)
 
 
 def test_a_cloud_in_good_form_has_no_faults(tmp_path):
     (tmp_path / "a.ply").write_text(PLY + "0 0 0\n1 2 3\n")
     read = read_cloud(tmp_path / "a.ply")
-    assert read.faults == []
+    assert read.errors == []
     np.testing.assert_array_equal(read.points(), [[0, 0, 0], [1, 2, 3]])

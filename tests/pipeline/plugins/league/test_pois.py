@@ -35,7 +35,7 @@ def test_a_list_is_as_the_league_has_it_with_each_object_once(path):
 
 def test_what_is_written_is_read(path):
     read = read_pois(path)
-    assert read.faults == []
+    assert read.errors == []
     assert (read.header["team"], read.header["country"]) == (BRIEF.team, BRIEF.country)
     for a, b in zip(read.pois, room_pois(), strict=True):
         assert (a.time, a.type, a.name, a.robot, a.mode) == (b.time, b.type, b.name, b.robot, b.mode)
@@ -63,13 +63,13 @@ def test_what_is_written_is_read(path):
 )
 def test_faults_are_reported_line_by_line(path, old, new, fault):
     path.write_text(TEXT.replace(old, new, 1))
-    (line,) = read_pois(path).faults
+    (line,) = read_pois(path).errors
     assert re.match(fault, line)
 
 
 def test_a_list_that_ends_in_its_header_is_refused(path):
     path.write_text('"pois"\n')
-    (line,) = read_pois(path).faults
+    (line,) = read_pois(path).errors
     assert "lines in the file: 1" in line
 
 
@@ -83,4 +83,4 @@ def test_a_find_of_an_earlier_run_was_found_at_the_start():
 def test_no_list_of_ones_own_has_an_object_twice_once_it_is_rounded(tmp_path, apart):
     finds = [replace(FINDS[1], position=np.array([x, 1.0, 0.3])) for x in (-1.0021, -1.0021 - apart)]
     write_pois(tmp_path / "pois.csv", BRIEF, points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start))
-    assert read_pois(tmp_path / "pois.csv").faults == []
+    assert read_pois(tmp_path / "pois.csv").errors == []

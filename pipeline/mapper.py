@@ -145,7 +145,7 @@ class Mapper:
 
     @property
     def drivable(self) -> Traversability:
-        """Where the robot may drive if it also keeps off the confirmed people."""
+        """Where the robot may drive if it also keeps away from the confirmed people."""
         people = [victim.points for victim in self.victims.confirmed]
         ground = self.traversability
         return ground.keeping_off(np.concatenate(people), self.elevation_map.swept) if people else ground

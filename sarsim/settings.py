@@ -1,4 +1,4 @@
-"""Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
+"""Settings of episodes, recordings and ROS 2 robots, kept in a separate module so that ``--help`` starts fast."""
 
 import re
 from collections.abc import Mapping

@@ -69,7 +69,7 @@ def camera_named(names: Iterable[str]) -> tuple[KnownCamera, str] | None:
 
 
 def measured_by(sensor: SensorModel, frame: Frame) -> Frame:
-    """A frame as its camera measured it: without returns outside the range.
+    """A frame with its camera's sensor model, without returns outside the range.
 
     The maps take the whole range; the frame's own sensor ends where depth is no longer precise enough to register.
     """

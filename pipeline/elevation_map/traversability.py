@@ -59,7 +59,7 @@ class Traversability:
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
         turnable: where the robot can turn all the way round on level ground.
         tall: hazards that hide what is behind them, unlike decks and ramps.
-        kept_off: ground next to people, which the robot keeps off; it counts as a hazard.
+        kept_off: ground next to people, which the robot keeps away from; it counts as a hazard.
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         is_tight: whether paths need no margin, see :attr:`without_margin`.

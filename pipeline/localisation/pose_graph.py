@@ -473,7 +473,7 @@ class Problem:
             for other, K in ends if factorises else ():
                 both = self.free[other[free]]
                 blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
-        # Gravity, and where the first keyframe is.
+        # Gravity, and the pose of the first keyframe.
         rows, free_keyframes = self._gravity_rows(), np.arange(int(self.free.sum()))
         whole = np.tile(self.config.graph.least_information * np.eye(6), (len(rows), 1, 1))
         whole[:, :3, :3] += rows.swapaxes(1, 2) @ rows

@@ -95,7 +95,7 @@ def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
 
 
 def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
-    """Tiles of open floor in a row from a tile towards a side, at most ``MAX_WAY``."""
+    """The row of open floor tiles that starts at a tile and leads towards a side, at most ``MAX_WAY``."""
     corridor = [tile]
     while len(corridor) < MAX_WAY and layout.passable(corridor[-1], side):
         after = layout.next(corridor[-1], side)

@@ -1,4 +1,4 @@
-"""Settings of an arena, in a module of their own, because ``--help`` needs no more than these."""
+"""Settings of an arena, kept in a separate module so that ``--help`` starts fast."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Settings of a dataset, in a module of their own, because ``--help`` needs no more than these."""
+"""Settings of a dataset, kept in a separate module so that ``--help`` starts fast."""
 
 import math
 from collections.abc import Mapping

@@ -74,17 +74,29 @@ class Pilot:
         if last is None:
             self.faults.check_depth_scale(localised.frame)
 
-        def turn(angle: float) -> Localised | None:
-            can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
-            return self._note(self._mapper.localise(self.sense())) if can_turn else None
-
-        localised, was_carried = self.pose_check.confirm(localised, last, turn)
+        localised, was_carried = self._confirmed(localised, last)
         left, self._T_odom_left = self._T_odom_left, localised.frame.T_odom_base
         if was_carried is None:
             moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
             was_carried = bool(moved > self._carried_way)
         self.was_carried = was_carried
         return Confirmed(localised, was_carried)
+
+    def _confirmed(self, localised: Localised, last: Frame | None) -> Confirmed:
+        """Turn for other views until the pose is confirmed; after a halt, look again from where the robot came."""
+        for _ in range(self._mapper.config.navigation.recovery.drives_back):
+            try:
+                return self.pose_check.confirm(localised, last, self._turn)
+            except LostError:
+                if not self.navigator.drive_back(self._move):
+                    raise
+                last, localised = None, self._note(self._mapper.localise(self.sense()))
+        return self.pose_check.confirm(localised, last, self._turn)
+
+    def _turn(self, angle: float) -> Localised | None:
+        """Turn by an angle, rad, and localise the frame seen then; None if the robot cannot turn."""
+        can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
+        return self._note(self._mapper.localise(self.sense())) if can_turn else None
 
     def correct(self) -> None:
         """Pass the newest estimate of the robot's pose to the navigator."""

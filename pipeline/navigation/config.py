@@ -47,14 +47,17 @@ class RecoveryConfig:
     Attributes:
         most_way: the robot backs out as far as it came, but no farther than this, m.
         most_turn: the robot turns back as far as it turned, but no farther than this, rad.
+        drives_back: number of times that a robot that is lost after a halt drives back by ``most_way`` and looks around.
     """
 
     most_way: float = 0.3
     most_turn: float = radians(15)
+    drives_back: int = 2
 
     def __post_init__(self) -> None:
         """InputError if the robot could not back out."""
         require_positive("navigation.recovery", self, "most_way", "most_turn")
+        require_at_least(0, "navigation.recovery", self, "drives_back")
 
 
 @dataclass(frozen=True)

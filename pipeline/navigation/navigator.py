@@ -346,6 +346,25 @@ class Navigator:
         self.halt(send)
         return self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle), send)
 
+    def drive_back(self, send: Send) -> bool:
+        """Turn as at the newest halt, and drive back towards where the robot came from; False if it cannot.
+
+        Without a halt, it does not know where that is.
+        """
+        if not self.halts:
+            return False
+        halt = self.halts[-1]
+        ahead = 1.0 if isinstance(halt.command, Turn) else float(np.sign(halt.command.v))
+        back = Velocity(-ahead * self._robot.ramp_speed)
+
+        def commands() -> Iterator[Velocity]:
+            yield from self._turn_to(yaw_of(halt.T_map_base))
+            start = self._T_odom_base
+            while _moved_back(self._T_odom_base, start, back) < self._config.recovery.most_way:
+                yield back
+
+        return self._supervised(commands(), send) is Outcome.REACHED
+
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool, send: Send) -> Outcome:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)

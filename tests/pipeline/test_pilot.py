@@ -15,6 +15,7 @@ from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
+from pipeline.navigation.navigator import Halt
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.pilot import Pilot
 from pipeline.planning.stretches import stretches_of
@@ -173,6 +174,34 @@ def test_a_robot_in_another_room_is_lost(outlook):
     outlook.robot.faces = CLOSET
     with pytest.raises(LostError, match="no other place"):
         outlook.confirm()
+
+
+class Screened(SeeingRobot):
+    """A robot that sees another room until it is 0.4 m behind its start."""
+
+    def sense(self) -> Frame:
+        self.faces = CLOSET if self.T[0, 3] > START[0, 3] - 0.4 else ROOM
+        return super().sense()
+
+
+@pytest.mark.parametrize(("was_halted", "is_found"), [(True, True), (False, False)])
+def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_halted, is_found):
+    outlook = Outlook()
+    outlook.robot.faces = ROOM
+    outlook.look_around(START)
+    robot = Screened()
+    robot.T, robot.looks = START, outlook.robot.looks
+    outlook.pilot.robot = outlook.robot = robot
+    if was_halted:
+        outlook.pilot.navigator.halts.append(Halt(START, Velocity(0.2), freed=True))
+    if is_found:
+        outlook.confirm()
+        assert outlook.mapper.belief.knows_place
+        assert robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.05)
+    else:
+        with pytest.raises(LostError):
+            outlook.confirm()
+        assert robot.T[0, 3] == START[0, 3]
 
 
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])

@@ -47,7 +47,7 @@ class RecoveryConfig:
     Attributes:
         most_way: the robot backs out as far as it came, but no farther than this, m.
         most_turn: the robot turns back as far as it turned, but no farther than this, rad.
-        drives_back: number of times that a robot that is lost after a halt drives back by ``most_way`` to look around.
+        drives_back: number of times that a robot, lost after a halt, drives back by ``most_way`` to look around.
     """
 
     most_way: float = 0.3

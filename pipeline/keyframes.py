@@ -18,12 +18,12 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_kernels import lowest_rays
 from pipeline.elevation_map.elevation_map import RAY_HEIGHT, ElevationMap
 from pipeline.elevation_map.ground_evidence import (
-    TURNING_ROOM,
     Assumed,
     GroundEvidence,
     box_of,
     find_depth_dropouts,
     find_overhangs,
+    turning_radius,
 )
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
@@ -96,8 +96,7 @@ class Seen:
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
         T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
-        room = robot.corner_radius + TURNING_ROOM
-        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, room)
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, turning_radius(robot))
         missing, missing_near = kept_cloud(dropouts, half)
         reach = config.cell, RAY_HEIGHT, config.fewest
         rays = lowest_rays(cloud.points[near], cloud.hits[near], camera, *reach)

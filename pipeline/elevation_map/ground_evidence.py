@@ -45,6 +45,11 @@ SILL = 0.08
 """Minimum height of the wall below a hole through which ground is seen, m: less may be a slope before a table."""
 
 
+def turning_radius(robot: RobotModel) -> float:
+    """Radius around the robot's centre, m, within which it is assumed to have room to turn in place."""
+    return robot.corner_radius + TURNING_ROOM
+
+
 def box_of(*clouds: NDArray[np.floating]) -> Box:
     """The bounding box of clouds (N, 3), m in ``base_link``, and the robot's centre."""
     points = np.concatenate([np.zeros((1, 3)), *clouds])
@@ -80,7 +85,7 @@ class Assumed:
 
         The camera cannot see a wall that is nearer than its nearest return, so no more ground is assumed.
         """
-        radius = robot.corner_radius + TURNING_ROOM
+        radius = turning_radius(robot)
         points = _lattice(-radius, radius, radius, config.cell)
         return cls(moved(T_base_start, points[np.hypot(*points.T[:2]) <= radius]))
 

@@ -35,7 +35,8 @@ def measure(settings: ExplorationSettings) -> Result:
     own = list(jobs_of(settings.episode, settings))
     groups = list(dict.fromkeys(job.group for job in own))
     compared = [job for job in own if settings.baselines and job.group not in WITHOUT_BASELINE]
-    jobs = [*own, *map(ground_only, compared), *map(job_of_baseline, compared)]
+    plain = [without_people(job, GROUND_ONLY, job.config.exploration) for job in compared]
+    jobs = [*own, *plain, *(without_people(job, NEAREST_FRONTIER, NEAREST_FRONTIER) for job in compared)]
     # Measure.
     results = run_jobs(jobs, settings, run_episode)
     found: dict[str, list[dict[str, Any] | None]] = {}
@@ -73,14 +74,9 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
     return figures, words
 
 
-def ground_only(job: Job) -> Job:
-    """The same episode without people; its figures begin with ``GROUND_ONLY``."""
-    return Job(f"{GROUND_ONLY}.{job.group}", replace(job.config, detector=None))
-
-
-def job_of_baseline(job: Job) -> Job:
-    """The episode of the baseline in the same arena with the same seed; its figures begin with its name."""
-    return Job(f"{NEAREST_FRONTIER}.{job.group}", replace(job.config, exploration=NEAREST_FRONTIER, detector=None))
+def without_people(job: Job, name: str, exploration: str) -> Job:
+    """The episode of a strategy in the same arena with the same seed, without people; ``name`` begins its figures."""
+    return Job(f"{name}.{job.group}", replace(job.config, exploration=exploration, detector=None))
 
 
 def compared_pairs(found: Mapping[str, Results], group: str) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:

@@ -35,7 +35,8 @@ class Terrain(NamedTuple):
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
         clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
-            headings, and from the area that it sweeps in a turn from each of these headings to the next.
+            headings, and from the area that it sweeps in a turn from each of these headings to the next, on a ramp
+            also where the robot slides to.
         least: int8 minimum clearance that is allowed, cm.
         ramp: where the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of that ramp; 0 where there is none.
@@ -61,7 +62,7 @@ class Costs(NamedTuple):
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
-        slide: additional deviation in a turn, m per unit of slope.
+        slide: how far the robot slides downhill in a quarter turn, m per unit of slope.
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
@@ -141,6 +142,23 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, l
                 for h in range(HEADINGS):
                     room[h] = min(room[h], distances[n, h] + lenience)
                 most = room.max()
+    return result
+
+
+@njit(cache=True)
+def allow_for_slides(clearance, uphill, slide):
+    """Clearances (nx, ny, 16), cm, in whose turns the robot also has room where it slides to, see :class:`Terrain`.
+
+    On a gradient ``uphill`` (nx, ny, 2), it slides ``slide`` cells per unit of slope.
+    """
+    nx, ny = clearance.shape[:2]
+    result = clearance.copy()
+    for i in range(nx):
+        for j in range(ny):
+            a, b = i - round(slide * uphill[i, j, 0]), j - round(slide * uphill[i, j, 1])
+            if (a, b) != (i, j) and 0 <= a < nx and 0 <= b < ny:
+                for h in range(STANDING, HEADINGS):
+                    result[i, j, h] = min(clearance[i, j, h], clearance[a, b, h])
     return result
 
 
@@ -226,11 +244,14 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
 
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
-    """Cost per radian of a turn in place, s, with ``clearance`` m around the footprint on a slope ``uphill`` (2,)."""
+    """Cost per radian of a turn in place, s, on a slope ``uphill`` (2,).
+
+    ``clearance``: m around the footprint, also where it slides to.
+    """
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     room = clearance - costs.lean * slope
-    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray + costs.slide * slope))
+    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray))
 
 
 @njit(cache=True)
@@ -325,10 +346,14 @@ def turn_seconds(x, y, start, end, terrain, costs):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
     room = costs.comfort
+    along, across = costs.slide * terrain.uphill[i, j, 0], costs.slide * terrain.uphill[i, j, 1]
     steps = int(np.ceil(abs(angle) / 0.2))
     for s in range(1, steps):
         heading = start + angle * s / steps
-        room = min(room, room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs))
+        cos, sin = np.cos(heading), np.sin(heading)
+        room = min(room, room_at(x, y, cos, sin, terrain, costs))
+        if along != 0 or across != 0:
+            room = min(room, room_at(x - along, y - across, cos, sin, terrain, costs))
     if 100 * room < terrain.least[i, j] - 0.5:
         return np.inf
     return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

@@ -121,7 +121,7 @@ class Traversability:
         obstacle = np.where(kept_off, np.uint8(pose_kernels.HAZARD), self.obstacle)
         to_obstacle = np.minimum(self.to_obstacle, self.grid.distance_to(kept_off))
         box = box_around(kept_off, ceil(reach / cell))
-        clearance = _clearances(obstacle, to_obstacle, self.robot, cell, self.config, box)
+        clearance = _clearances(obstacle, to_obstacle, self.uphill, self.robot, cell, self.config, box)
         clearance = np.minimum(self.clearance, clearance)
         return replace(
             self,
@@ -155,7 +155,9 @@ class Traversability:
         distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
-        clearance = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
+        clearance = _clearances(
+            obstacle, distance, known["uphill"], self.robot, grid.cell, self.config, everywhere
+        )
         # Where the robot has driven, the clearance is larger.
         clearance = np.maximum(clearance, known["clearance"])
         least = known["least"]
@@ -186,7 +188,7 @@ class Traversability:
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
             stray=caution * costs.stray,
-            slide=caution * robot.ramp_slide / np.tan(robot.max_tilt),
+            slide=slide_of(robot),
             lean=robot.body_height,
             across=1 / np.tan(robot.max_tilt),
             comfort=costs.comfort,
@@ -241,6 +243,11 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     return widest + 2 * cell
 
 
+def slide_of(robot: RobotModel) -> float:
+    """How far a robot slides downhill in a quarter turn, m per unit of slope."""
+    return float(robot.ramp_slide / np.tan(robot.max_tilt))
+
+
 def min_clearance(cell: float) -> int:
     """Minimum clearance of the footprint from hazards, whole cm: half the diagonal of a cell of ``cell`` m.
 
@@ -289,7 +296,7 @@ def assess(
     to_hazard = np.minimum(grid.distance_to(hazard), reach)
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
-    clearance = _clearances(obstacle, to_obstacle, robot, cell, config, within)
+    clearance = _clearances(obstacle, to_obstacle, uphill, robot, cell, config, within)
     least = np.where(driven, round(100 * LEAST_DRIVEN), min_clearance(cell)).astype(np.int8)
     pose_kernels.allow_driven(clearance, driven, least, -round(100 * DEEPEST_DRIVEN * robot.half_width))
     free = pose_kernels.free_poses(clearance, least, SWEEP)
@@ -333,16 +340,22 @@ def _obstacles(elevation: Layer, hazard: MaskLayer, cell: float, reach: float) -
 def _clearances(
     obstacle: NDArray[np.uint8],
     to_obstacle: Layer,
+    uphill: Layer,
     robot: RobotModel,
     cell: float,
     config: TraversabilityConfig,
     within: Box,
 ) -> NDArray[np.int8]:
-    rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
+    farthest = ceil(robot.ramp_slide / cell)
+    sides = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
+    rows, columns = ((max(0, a - farthest), min(n, b + farthest)) for (a, b), n in zip(sides, obstacle.shape, strict=True))
     comfort = config.costs.comfort
     footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell, comfort)
     near = robot.corner_radius + comfort
-    return pose_kernels.clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency)
+    clearance = pose_kernels.clearances(
+        obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency
+    )
+    return pose_kernels.allow_for_slides(clearance, uphill, slide_of(robot) / cell)
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
@@ -390,9 +403,11 @@ class TraversabilityLayer:
 
 
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
-    # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach.
+    # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach,
+    # from which the robot may slide to it.
     cell, config = last.grid.cell, last.config
-    reach = round((reach_of(last.robot, config, cell) + config.drop_gap) / cell) + 2 * SLOPE_REACH + 1
+    reach = reach_of(last.robot, config, cell) + config.drop_gap + last.robot.ramp_slide
+    reach = round(reach / cell) + 2 * SLOPE_REACH + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])

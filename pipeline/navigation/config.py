@@ -65,8 +65,8 @@ class ProgressConfig:
     """When a robot counts as held or stuck.
 
     Attributes:
-        held_share: fraction of the commanded speed below which the robot is held, unless it is on a ramp.
-        patience: time without progress after which the robot is stuck, s.
+        held_share: fraction of the commanded speed below which the robot is held.
+        patience: time without progress after which the robot is stuck, or after which it counts as held on a ramp, s.
         overdue: maximum duration of a turn, s, and of a leg beyond what it takes at a low speed. A robot that slides
             back and forth moves, but makes no progress.
     """

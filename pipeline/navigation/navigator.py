@@ -88,16 +88,22 @@ class Progress:
         self._wanted = np.zeros(2)
         self._felt = np.zeros(2)
         self._judged_from = time + REACTION
+        self._unheld = time
 
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
-        """Whether the newest pose shows that the robot cannot follow the command; on ramps, the wheels may skid."""
+        """Whether the newest pose shows that the robot cannot follow the command.
+
+        On a ramp, where the wheels may skid for a moment, only if it has shown so for some time.
+        """
         config = self._config
         if (pause := time - self._time) > REACTION:
             self._since += pause
             self._deadline += pause
             self._time = time
             self._restart(time)
-        held = self._is_held(T, time, command) and not on_ramp
+        if not self._is_held(T, time, command):
+            self._unheld = time
+        held = time - self._unheld > (config.patience if on_ramp else 0.0)
         # In a turn, wheels that spin on only one side seem to move the robot.
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STILL_WAY and not isinstance(command, Turn)
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STILL_TURN

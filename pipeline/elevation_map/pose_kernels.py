@@ -35,8 +35,8 @@ class Terrain(NamedTuple):
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
         clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
-            headings, and from the area that it sweeps in a turn from each of these headings to the next, on a ramp
-            also where the robot slides to.
+            headings, and from the area that it sweeps in a turn from each of these headings to the next. On a ramp,
+            also as far downhill as the body leans, and in a turn slides.
         least: int8 minimum clearance that is allowed, cm.
         ramp: where the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of that ramp; 0 where there is none.
@@ -63,7 +63,7 @@ class Costs(NamedTuple):
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
         slide: how far the robot slides downhill in a quarter turn, m per unit of slope.
-        lean: how far the top of the body leans downhill, m per unit of slope: its height.
+        lean: how far the top of the body leans downhill, m per unit of slope.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
         comfort, backing, risk, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
@@ -146,19 +146,23 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, l
 
 
 @njit(cache=True)
-def allow_for_slides(clearance, uphill, slide):
-    """Clearances (nx, ny, 16), cm, in whose turns the robot also has room where it slides to, see :class:`Terrain`.
+def allow_for_slopes(clearance, uphill, lean, slide):
+    """Clearances (nx, ny, 16), cm, with room downhill too for a body that leans, and in a turn slides there.
 
-    On a gradient ``uphill`` (nx, ny, 2), it slides ``slide`` cells per unit of slope.
+    On a gradient ``uphill`` (nx, ny, 2), it leans by ``lean`` and slides by ``slide`` cells per unit of slope.
     """
     nx, ny = clearance.shape[:2]
     result = clearance.copy()
     for i in range(nx):
         for j in range(ny):
-            a, b = i - round(slide * uphill[i, j, 0]), j - round(slide * uphill[i, j, 1])
-            if (a, b) != (i, j) and 0 <= a < nx and 0 <= b < ny:
-                for h in range(STANDING, HEADINGS):
-                    result[i, j, h] = min(clearance[i, j, h], clearance[a, b, h])
+            x, y = uphill[i, j]
+            if x == 0 and y == 0:
+                continue
+            for first, far in ((0, lean), (STANDING, lean + slide)):
+                a, b = i - round(far * x), j - round(far * y)
+                if 0 <= a < nx and 0 <= b < ny:
+                    for h in range(first, first + STANDING):
+                        result[i, j, h] = min(clearance[i, j, h], clearance[a, b, h])
     return result
 
 
@@ -233,25 +237,20 @@ def level_speed(room, speed, comfort, narrow_speed):
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
-    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope ``uphill`` (2,)."""
+    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
-    room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
-    return seconds * (costs.backing if backward else 1.0) * (1.0 + costs.risk * danger(room, costs.stray))
+    return seconds * (costs.backing if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
 
 
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
-    """Cost per radian of a turn in place, s, on a slope ``uphill`` (2,).
-
-    ``clearance``: m around the footprint, also where it slides to.
-    """
-    slope = np.hypot(uphill[0], uphill[1])
-    seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    room = clearance - costs.lean * slope
-    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray))
+    """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
+    on_ramp = uphill[0] != 0 or uphill[1] != 0
+    seconds = 1.0 / (costs.ramp_turn_rate if on_ramp else costs.turn_rate)
+    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray))
 
 
 @njit(cache=True)
@@ -284,16 +283,29 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 
 @njit(cache=True)
+def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
+    """:func:`room_at` a pose on a slope ``uphill`` (2,), also ``downhill`` m per unit of slope farther down."""
+    room = room_at(x, y, cos, sin, terrain, costs)
+    if uphill[0] != 0 or uphill[1] != 0:
+        below = room_at(x - downhill * uphill[0], y - downhill * uphill[1], cos, sin, terrain, costs)
+        room = min(room, below)
+    return room
+
+
+@njit(cache=True)
 def rooms(poses, terrain, costs):
-    """(N,) :func:`room_at` poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
+    """(N,) room at poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
     nx, ny = terrain.least.shape
     result = np.empty(len(poses))
     for n in range(len(poses)):
         x, y, heading = poses[n, 0], poses[n, 1], poses[n, 2]
         i, j = cell_at(x, y, terrain.origin, terrain.cell)
-        room = room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs)
-        is_free = 0 <= i < nx and 0 <= j < ny and 100 * room >= terrain.least[i, j] - 0.5
-        result[n] = max(room, 0.0) if is_free else -1.0
+        if not (0 <= i < nx and 0 <= j < ny):
+            result[n] = -1.0
+            continue
+        cos, sin = np.cos(heading), np.sin(heading)
+        room = room_on_slope(x, y, cos, sin, terrain.uphill[i, j], costs.lean, terrain, costs)
+        result[n] = max(room, 0.0) if 100 * room >= terrain.least[i, j] - 0.5 else -1.0
     return result
 
 
@@ -318,7 +330,7 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     for s in range(steps + 1):
         x, y = ax + dx * s / steps, ay + dy * s / steps
         i, j = cell_at(x, y, terrain.origin, terrain.cell)
-        room = room_at(x, y, cos, sin, terrain, costs)
+        room = room_on_slope(x, y, cos, sin, terrain.uphill[i, j], costs.lean, terrain, costs)
         if 100 * room < terrain.least[i, j] - 0.5:
             return np.inf
         total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
@@ -346,14 +358,12 @@ def turn_seconds(x, y, start, end, terrain, costs):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
     room = costs.comfort
-    along, across = costs.slide * terrain.uphill[i, j, 0], costs.slide * terrain.uphill[i, j, 1]
     steps = int(np.ceil(abs(angle) / 0.2))
     for s in range(1, steps):
         heading = start + angle * s / steps
         cos, sin = np.cos(heading), np.sin(heading)
-        room = min(room, room_at(x, y, cos, sin, terrain, costs))
-        if along != 0 or across != 0:
-            room = min(room, room_at(x - along, y - across, cos, sin, terrain, costs))
+        below = costs.lean + costs.slide
+        room = min(room, room_on_slope(x, y, cos, sin, terrain.uphill[i, j], below, terrain, costs))
     if 100 * room < terrain.least[i, j] - 0.5:
         return np.inf
     return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

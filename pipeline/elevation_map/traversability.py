@@ -155,9 +155,7 @@ class Traversability:
         distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
-        clearance = _clearances(
-            obstacle, distance, known["uphill"], self.robot, grid.cell, self.config, everywhere
-        )
+        clearance = _clearances(obstacle, distance, known["uphill"], self.robot, grid.cell, self.config, everywhere)
         # Where the robot has driven, the clearance is larger.
         clearance = np.maximum(clearance, known["clearance"])
         least = known["least"]
@@ -346,16 +344,20 @@ def _clearances(
     config: TraversabilityConfig,
     within: Box,
 ) -> NDArray[np.int8]:
-    farthest = ceil(robot.ramp_slide / cell)
+    lean, slide = robot.body_height / cell, slide_of(robot) / cell
+    farthest = ceil((lean + slide) * np.tan(robot.max_tilt))
     sides = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
-    rows, columns = ((max(0, a - farthest), min(n, b + farthest)) for (a, b), n in zip(sides, obstacle.shape, strict=True))
+    rows, columns = (
+        (max(0, first - farthest), min(n, last + farthest))
+        for (first, last), n in zip(sides, obstacle.shape, strict=True)
+    )
     comfort = config.costs.comfort
     footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell, comfort)
     near = robot.corner_radius + comfort
     clearance = pose_kernels.clearances(
         obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency
     )
-    return pose_kernels.allow_for_slides(clearance, uphill, slide_of(robot) / cell)
+    return pose_kernels.allow_for_slopes(clearance, uphill, lean, slide)
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
@@ -404,16 +406,18 @@ class TraversabilityLayer:
 
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
     # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach,
-    # from which the robot may slide to it.
+    # also those from which the robot leans or slides that far.
     cell, config = last.grid.cell, last.config
-    reach = reach_of(last.robot, config, cell) + config.drop_gap + last.robot.ramp_slide
+    robot = last.robot
+    downhill = robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide
+    reach = reach_of(robot, config, cell) + config.drop_gap + downhill
     reach = round(reach / cell) + 2 * SLOPE_REACH + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])
     dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
     within = inside(here, around)
-    part = assess(last.grid.part(around), elevation, dropout, driven, last.robot, config, within)
+    part = assess(last.grid.part(around), elevation, dropout, driven, robot, config, within)
     layers = {name: getattr(last, name).copy() for name in LAYERS}
     for name, layer in layers.items():
         layer[here] = getattr(part, name)[within]

@@ -20,6 +20,8 @@ MAX_WHEEL_LAG = 0.03
 """rad, the largest lag that accumulates while a wheel cannot turn as commanded."""
 SETTLED = math.radians(0.2)
 """rad, heading error below which a stationary robot no longer corrects it."""
+GIVES_UP = 1.0
+"""s, time after which a stationary robot no longer corrects its heading: something holds it."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class SkidSteer:
         self._v = 0.0
         self._omega = 0.0
         self.heading_error = 0.0
+        self._stopped_for = 0.0
         self._wheel_target = self._wheel_lag = [0.0, 0.0]
 
     def command(
@@ -91,8 +94,9 @@ class SkidSteer:
     def _hold_heading(self, gyro_z: float, dt: float) -> None:
         error = self.heading_error + (self._omega - gyro_z) * dt
         self.heading_error = _clip(error, MAX_HEADING_ERROR)
-        stopped = self._v == 0.0 and self._omega == 0.0
-        if stopped and abs(self.heading_error) < SETTLED:
+        is_stopped = self._v == 0.0 and self._omega == 0.0
+        self._stopped_for = self._stopped_for + dt if is_stopped else 0.0
+        if is_stopped and (abs(self.heading_error) < SETTLED or self._stopped_for > GIVES_UP):
             self.heading_error = 0.0
 
     def _wheels(self) -> list[float]:

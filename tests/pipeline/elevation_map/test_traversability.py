@@ -190,6 +190,18 @@ def test_the_side_of_a_deck_is_no_way_up_or_down(start):
     assert not traversability.grid.at(traversability.traversable, [1.2, 0.8])
 
 
+def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
+    slope, wall = 0.28, 1.2
+    walls = [wall_points((-2, y), (2, y)) for y in (-wall, wall)]
+    traversability = assess_map(surface_of(ground_points(lambda x, y: slope * y, (-2, 2), (-1.5, 1.5)), *walls))
+    column = traversability.free[traversability.grid.cell_of((0.0, 0.0))[0]]
+    lean, slide = slope * PIONEER.body_height, slope * PIONEER.ramp_slide / np.tan(PIONEER.max_tilt)
+    for turns, downhill in ((0, lean), (1, lean + slide)):
+        y = np.array([traversability.grid.centre_of((0, j))[1] for j in np.flatnonzero(column[:, turns] & 1)])
+        off = (y.min() + wall) - (wall - y.max())
+        assert off == pytest.approx(downhill, abs=traversability.grid.cell)
+
+
 def test_a_slope_beyond_twenty_degrees_is_a_hazard():
     gentle = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(18)), (0, 2), (0, 2)))
     steep = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(22)), (0, 2), (0, 2)))

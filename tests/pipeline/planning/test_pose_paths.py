@@ -184,13 +184,6 @@ def test_a_ramp_is_met_head_on_where_that_is_no_detour():
     assert np.ptp(path[:, 1]) < 0.15
 
 
-def test_on_a_slope_the_body_leans_towards_the_wall():
-    costs, lean = corridor(0.6).costs(), 0.28 * PIONEER.body_height
-    for uphill in (np.array([0.28, 0.0]), np.array([0.0, 0.28])):
-        free, near = (pose_kernels.drive_seconds_per_metre(room, 1, 0, uphill, False, costs) for room in (0.2, 0.09))
-        assert near / free == pytest.approx(1 + costs.risk * (1 - (0.09 - lean) / costs.stray))
-
-
 def test_the_deck_is_reached_over_its_ramp_only():
     traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
     path = PosePaths(traversability, (1.2, 1.2)).path_to((1.2, 0.0))

@@ -127,3 +127,10 @@ def test_stopped_robot_does_not_follow_a_drifting_gyro():
     firmware = SkidSteer(PIONEER)
     orders = [firmware.command(Velocity(), STILL, 1e-3, DT) for _ in range(3000)]
     assert np.abs(orders).max() < 0.01
+
+
+def test_a_robot_that_something_holds_stops_its_wheels():
+    body = Body(obedience=0.0)
+    body.drive(2.0, omega=0.5)
+    assert np.abs(body.drive(0.5)[-1]).min() > 1.0  # it still tries to reach the heading
+    assert_allclose(body.drive(2.0)[-1], 0.0, atol=1e-9)

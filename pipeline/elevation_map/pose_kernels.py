@@ -248,9 +248,9 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
-    on_ramp = uphill[0] != 0 or uphill[1] != 0
-    seconds = 1.0 / (costs.ramp_turn_rate if on_ramp else costs.turn_rate)
-    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray))
+    slope = np.hypot(uphill[0], uphill[1])
+    seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
+    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
 
 
 @njit(cache=True)

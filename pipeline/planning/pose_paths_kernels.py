@@ -93,7 +93,8 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
-    if not is_free and entered < before and not was_near(a, b, terrain.least):
+    # A turn may sweep what the robot has never swept, even where it has been.
+    if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.least)):
         return -1
     if terrain.ramp[a, b]:
         return move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
@@ -112,7 +113,7 @@ class Search(NamedTuple):
         source: (N,) int16 index of the start from which the path comes.
         level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
         escape: distance from its start within which the robot may drive through poses without enough room, if its
-            clearance does not decrease or it has been there before, m; negative if it need not.
+            clearance does not decrease or it drives where it has been before, m; negative if it need not.
         first: (B,) int32 first entry of each bucket; -1 if it is empty.
         state, after: (4 N + K,) int32 pose of each entry, and next entry of the same bucket.
         now: (3,) int64 cost up to which all poses are settled, and numbers of entries waiting and in total.

@@ -2,3 +2,7 @@
 
 It depends on neither MuJoCo nor the simulator: any robot that implements :class:`pipeline.robot.Robot` can use it.
 """
+
+from pipeline.kernel_cache import PIPELINE, drop_outdated
+
+drop_outdated([PIPELINE])

@@ -183,7 +183,8 @@ class Explorer:
     def drive(self, step: Step) -> bool:
         """Follow the plan of a step and turn to the viewpoint's heading; True if the robot arrived.
 
-        The robot stops in front of an obstacle that is not on the map; the next step then plans again.
+        The robot stops in front of an obstacle that is not on the map, or where it slid off its path; the next step
+        then plans again.
         """
         viewpoint, plan = step.viewpoint, step.plan
         if viewpoint is None or plan is None:
@@ -219,7 +220,7 @@ class Explorer:
             pilot.pose_check.doubt()
         if np.linalg.norm(navigator.T_map_base[:2, 3] - here) > config.explorer.got_away:
             self._failed_drives = 0
-        elif not reached:
+        elif outcome not in (Outcome.REACHED, Outcome.SLID):
             self._failed_drives += 1
 
         # Learn where the robot drove, what blocked it and what it touched. If it did not get free from an obstacle,

@@ -20,6 +20,8 @@ class FollowerConfig:
             wheels do not skid past the end.
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
         pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
+        most_off: distance from the line of a stretch beyond which the robot, after the turn to its heading, does not
+            begin it, m: as far as plans let the robot stray.
         hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
     """
@@ -31,13 +33,14 @@ class FollowerConfig:
     braking: float = 0.8
     pivot_level: float = radians(15)
     pivot_ramp: float = radians(35)
+    most_off: float = 0.1
     hold_gain: float = 1.0
 
     def __post_init__(self) -> None:
         """InputError if the robot could not follow a path with these settings."""
         section = "navigation.follower"
         require_positive(section, self, "turn_gain", "position_tolerance", "heading_tolerance", "braking")
-        require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "hold_gain")
+        require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "most_off", "hold_gain")
 
 
 @dataclass(frozen=True)

@@ -374,16 +374,23 @@ class Navigator:
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool, send: Send) -> Outcome:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
-        outcome = self._supervised(self._approach(stretch, speeds, is_passed), send, stretch.length)
+        outcome = self._turn_towards(stretch, send)
+        if outcome is Outcome.SLID:
+            return outcome
+        if outcome is Outcome.REACHED:
+            outcome = self._supervised(self._along(stretch, speeds, is_passed), send, stretch.length)
         self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))
         return outcome
 
-    def _approach(self, stretch: Stretch, speeds: Values | None, is_passed: bool) -> Iterator[Velocity]:
+    def _turn_towards(self, stretch: Stretch, send: Send) -> Outcome:
+        """Turn to the heading of a stretch if it is too far off to correct it during the drive."""
         config = self._config.follower
         error = abs(wrap_angle(stretch.heading - yaw_of(self.T_map_base)))
-        if error > (config.pivot_ramp if self._on_ramp else config.pivot_level):
-            yield from self._turn_to(stretch.heading)
-        yield from self._along(stretch, speeds, is_passed)
+        if error <= (config.pivot_ramp if self._on_ramp else config.pivot_level):
+            return Outcome.REACHED
+        outcome = self._supervised(self._turn_to(stretch.heading), send)
+        _, left = stretch.offsets(self.T_map_base[:2, 3], 0)
+        return Outcome.SLID if outcome is Outcome.REACHED and abs(left) > config.most_off else outcome
 
     @property
     def _leans(self) -> bool:

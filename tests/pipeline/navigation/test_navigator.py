@@ -425,6 +425,23 @@ def test_a_turn_ends_although_the_robot_slides_around_its_way_point():
     assert len(robot.commands) * robot.control_period < 30
 
 
+@pytest.mark.parametrize(("slide", "is_driven"), [(0.03, True), (0.2, False)])
+def test_a_stretch_off_which_the_robot_slid_in_the_turn_to_it_is_not_begun(slide, is_driven):
+    robot = KinematicRobot()
+    navigator, drive = Follower(robot), robot.drive
+    has_slid = iter([True])
+
+    def sliding(command):
+        if command.omega != 0 and next(has_slid, False):
+            robot.T[0, 3] += slide
+        return drive(command)
+
+    robot.drive = sliding
+    assert navigator.drive(np.array([(0.0, 1.0)])) == is_driven
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED] * is_driven
+    assert (robot.T[1, 3] > 0.9) == is_driven
+
+
 def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     robot = KinematicRobot(pitch=lambda x, y: np.deg2rad(-16))
     navigator, drive = Follower(robot, hold_gain=0.0), robot.drive

@@ -220,7 +220,7 @@ class Explorer:
             pilot.pose_check.doubt()
         if np.linalg.norm(navigator.T_map_base[:2, 3] - here) > config.explorer.got_away:
             self._failed_drives = 0
-        elif outcome not in (Outcome.REACHED, Outcome.SLID):
+        elif not reached:
             self._failed_drives += 1
 
         # Learn where the robot drove, what blocked it and what it touched. If it did not get free from an obstacle,

@@ -35,8 +35,8 @@ class Terrain(NamedTuple):
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
         clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
-            headings, and from the area that it sweeps in a turn from each of these headings to the next. On a ramp,
-            also as far downhill as the body leans, and in a turn slides.
+            headings, and from the area that it sweeps in a turn from each of these headings to the next. On and near
+            a ramp, also as far downhill as the body leans, and in a turn slides.
         least: int8 minimum clearance that is allowed, cm.
         ramp: where the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of that ramp; 0 where there is none.
@@ -62,7 +62,7 @@ class Costs(NamedTuple):
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
-        slide: how far the robot slides downhill in a quarter turn, m per unit of slope.
+        slide: how far the robot slides downhill in a turn, m per unit of slope: as far as in a quarter turn.
         lean: how far the top of the body leans downhill, m per unit of slope.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
@@ -191,16 +191,17 @@ def bits_of(cells, yaws):
 
 
 @njit(cache=True)
-def allow_driven(clearance, driven, least, deepest):
+def allow_driven(clearance, level, driven, least, deepest):
     """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses given by the bits ``driven`` (nx, ny).
 
-    Clearances below ``deepest``, cm, stay: drift of the map does not move an obstacle so far into the footprint.
+    It stays where ``level`` (nx, ny, 16), the clearance of the footprint itself, is below ``deepest``, cm: drift of
+    the map does not move an obstacle so far into the footprint.
     """
     nx, ny, poses = clearance.shape
     for i in range(nx):
         for j in range(ny):
             for h in range(poses if driven[i, j] else 0):
-                if driven[i, j] >> h & 1 and clearance[i, j, h] >= deepest:
+                if driven[i, j] >> h & 1 and level[i, j, h] >= deepest:
                     clearance[i, j, h] = max(clearance[i, j, h], least[i, j])
 
 
@@ -294,7 +295,10 @@ def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
 
 @njit(cache=True)
 def rooms(poses, terrain, costs):
-    """(N,) room at poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
+    """(N,) m around the robot at poses (N, 3), x and y in m, heading in rad; negative where it cannot stand.
+
+    On a slope, the room as far downhill as the robot leans counts as well.
+    """
     nx, ny = terrain.least.shape
     result = np.empty(len(poses))
     for n in range(len(poses)):
@@ -350,7 +354,7 @@ def lines_seconds(starts, ends, terrain, costs):
 def turn_seconds(x, y, start, end, terrain, costs):
     """Cost of the shorter turn in place between two headings, rad, at (x, y) m, in s; inf if it meets an obstacle.
 
-    Only the headings in between are checked; :func:`line_seconds` checks those at both ends.
+    On level ground, only the headings in between are checked; :func:`line_seconds` checks those at both ends.
     """
     nx, ny = terrain.least.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
@@ -358,12 +362,13 @@ def turn_seconds(x, y, start, end, terrain, costs):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
     room = costs.comfort
+    uphill, downhill = terrain.uphill[i, j], costs.lean + costs.slide
     steps = int(np.ceil(abs(angle) / 0.2))
-    for s in range(1, steps):
-        heading = start + angle * s / steps
+    ends = 1 if uphill[0] != 0 or uphill[1] != 0 else 0
+    for s in range(1 - ends, steps + ends):
+        heading = start + angle * s / steps if steps > 0 else start
         cos, sin = np.cos(heading), np.sin(heading)
-        below = costs.lean + costs.slide
-        room = min(room, room_on_slope(x, y, cos, sin, terrain.uphill[i, j], below, terrain, costs))
+        room = min(room, room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs))
     if 100 * room < terrain.least[i, j] - 0.5:
         return np.inf
     return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

@@ -121,8 +121,8 @@ class Traversability:
         obstacle = np.where(kept_off, np.uint8(pose_kernels.HAZARD), self.obstacle)
         to_obstacle = np.minimum(self.to_obstacle, self.grid.distance_to(kept_off))
         box = box_around(kept_off, ceil(reach / cell))
-        clearance = _clearances(obstacle, to_obstacle, self.uphill, self.robot, cell, self.config, box)
-        clearance = np.minimum(self.clearance, clearance)
+        level = _clearances(obstacle, to_obstacle, self.robot, cell, self.config, box)
+        clearance = np.minimum(self.clearance, _on_slopes(level, self.uphill, self.robot, cell))
         return replace(
             self,
             hazard=hazard,
@@ -155,9 +155,9 @@ class Traversability:
         distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
-        clearance = _clearances(obstacle, distance, known["uphill"], self.robot, grid.cell, self.config, everywhere)
+        level = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
         # Where the robot has driven, the clearance is larger.
-        clearance = np.maximum(clearance, known["clearance"])
+        clearance = np.maximum(_on_slopes(level, known["uphill"], self.robot, grid.cell), known["clearance"])
         least = known["least"]
         least[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
         known |= {"obstacle": obstacle, "to_obstacle": distance, "clearance": clearance, "least": least}
@@ -186,7 +186,7 @@ class Traversability:
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
             stray=caution * costs.stray,
-            slide=slide_of(robot),
+            slide=caution * slide_of(robot),
             lean=robot.body_height,
             across=1 / np.tan(robot.max_tilt),
             comfort=costs.comfort,
@@ -204,7 +204,7 @@ class Traversability:
         return pose_kernels.lines_seconds(a, b, self.terrain, self.costs())
 
     def rooms(self, poses: Places) -> Values:
-        """(N,) m around the footprint at poses (N, 3), negative if too little; see :func:`pose_kernels.rooms`."""
+        """(N,) m around the robot at poses (N, 3), negative if too little; see :func:`pose_kernels.rooms`."""
         return pose_kernels.rooms(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
 
     def has_ramp(self, xy: ArrayLike) -> bool:
@@ -294,9 +294,11 @@ def assess(
     to_hazard = np.minimum(grid.distance_to(hazard), reach)
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
-    clearance = _clearances(obstacle, to_obstacle, uphill, robot, cell, config, within)
+    level = _clearances(obstacle, to_obstacle, robot, cell, config, within)
+    clearance = _on_slopes(level, uphill, robot, cell)
     least = np.where(driven, round(100 * LEAST_DRIVEN), min_clearance(cell)).astype(np.int8)
-    pose_kernels.allow_driven(clearance, driven, least, -round(100 * DEEPEST_DRIVEN * robot.half_width))
+    deepest = -round(100 * DEEPEST_DRIVEN * robot.half_width)
+    pose_kernels.allow_driven(clearance, level, driven, least, deepest)
     free = pose_kernels.free_poses(clearance, least, SWEEP)
     return Traversability(
         grid=grid,
@@ -338,14 +340,13 @@ def _obstacles(elevation: Layer, hazard: MaskLayer, cell: float, reach: float) -
 def _clearances(
     obstacle: NDArray[np.uint8],
     to_obstacle: Layer,
-    uphill: Layer,
     robot: RobotModel,
     cell: float,
     config: TraversabilityConfig,
     within: Box,
 ) -> NDArray[np.int8]:
-    lean, slide = robot.body_height / cell, slide_of(robot) / cell
-    farthest = ceil((lean + slide) * np.tan(robot.max_tilt))
+    """Clearances as on level ground, within a box of cells and as far outside as a robot in it may slide."""
+    farthest = ceil(_farthest_downhill(robot) / cell)
     sides = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
     rows, columns = (
         (max(0, first - farthest), min(n, last + farthest))
@@ -354,10 +355,17 @@ def _clearances(
     comfort = config.costs.comfort
     footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell, comfort)
     near = robot.corner_radius + comfort
-    clearance = pose_kernels.clearances(
-        obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency
-    )
-    return pose_kernels.allow_for_slopes(clearance, uphill, lean, slide)
+    return pose_kernels.clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency)
+
+
+def _on_slopes(level: NDArray[np.int8], uphill: Layer, robot: RobotModel, cell: float) -> NDArray[np.int8]:
+    """Clearances from those as on level ground."""
+    return pose_kernels.allow_for_slopes(level, uphill, robot.body_height / cell, slide_of(robot) / cell)
+
+
+def _farthest_downhill(robot: RobotModel) -> float:
+    """How far downhill a robot may lean and slide, m."""
+    return float(robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
@@ -409,8 +417,7 @@ def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Trav
     # also those from which the robot leans or slides that far.
     cell, config = last.grid.cell, last.config
     robot = last.robot
-    downhill = robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide
-    reach = reach_of(robot, config, cell) + config.drop_gap + downhill
+    reach = reach_of(robot, config, cell) + config.drop_gap + _farthest_downhill(robot)
     reach = round(reach / cell) + 2 * SLOPE_REACH + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.

@@ -21,7 +21,7 @@ class FollowerConfig:
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
         pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
         most_off: distance from the line of a stretch beyond which the robot, after the turn to its heading, does not
-            begin it, m: as far as plans let the robot stray.
+            begin it, m: as far as plans let the robot stray on a straight drive.
         hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
     """

@@ -375,8 +375,6 @@ class Navigator:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
         outcome = self._turn_towards(stretch, send)
-        if outcome is Outcome.SLID:
-            return outcome
         if outcome is Outcome.REACHED:
             outcome = self._supervised(self._along(stretch, speeds, is_passed), send, stretch.length)
         self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))

@@ -48,7 +48,7 @@ def move_from(i, j, h, move):
 
 @njit(cache=True)
 def move_ticks(h, move, room, uphill, cell, costs):
-    """Cost in ticks of a move from heading ``h`` with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
+    """Cost in ticks of a move from heading ``h`` with ``room`` cm around the robot on a slope ``uphill`` (2,)."""
     if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])

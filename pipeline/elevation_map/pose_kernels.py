@@ -63,7 +63,7 @@ class Costs(NamedTuple):
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
         slide: how far the robot slides downhill in a turn, m per unit of slope: as far as in a quarter turn.
-        lean: how far the top of the body leans downhill, m per unit of slope.
+        lean: how far the body leans downhill, m per unit of slope: the height at which it is widest.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
         comfort, backing, risk, stop: see :class:`pipeline.elevation_map.config.PathCosts`.

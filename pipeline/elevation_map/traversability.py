@@ -26,6 +26,8 @@ robot's axles, over which a small step tilts it."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
 """m per m, and m. A neighbour whose height differs by more than both together belongs to another surface, such as a
 wall or the floor under a deck, and is left out of the fit."""
+WIDEST = 0.5
+"""Height at which a body is widest, as a fraction of its height: tyres bulge there, and the top plate is narrower."""
 SWEEP = 1
 """Distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm."""
 LEAST_DRIVEN = -0.03
@@ -187,7 +189,7 @@ class Traversability:
             ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
             stray=caution * costs.stray,
             slide=caution * slide_of(robot),
-            lean=robot.body_height,
+            lean=WIDEST * robot.body_height,
             across=1 / np.tan(robot.max_tilt),
             comfort=costs.comfort,
             narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
@@ -360,12 +362,12 @@ def _clearances(
 
 def _on_slopes(level: NDArray[np.int8], uphill: Layer, robot: RobotModel, cell: float) -> NDArray[np.int8]:
     """Clearances from those as on level ground."""
-    return pose_kernels.allow_for_slopes(level, uphill, robot.body_height / cell, slide_of(robot) / cell)
+    return pose_kernels.allow_for_slopes(level, uphill, WIDEST * robot.body_height / cell, slide_of(robot) / cell)
 
 
 def _farthest_downhill(robot: RobotModel) -> float:
     """How far downhill a robot may lean and slide, m."""
-    return float(robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
+    return float(WIDEST * robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:

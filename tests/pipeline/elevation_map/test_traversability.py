@@ -195,7 +195,7 @@ def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
     walls = [wall_points((-2, y), (2, y)) for y in (-wall, wall)]
     traversability = assess_map(surface_of(ground_points(lambda x, y: slope * y, (-2, 2), (-1.5, 1.5)), *walls))
     column = traversability.free[traversability.grid.cell_of((0.0, 0.0))[0]]
-    lean, slide = slope * PIONEER.body_height, slope * PIONEER.ramp_slide / np.tan(PIONEER.max_tilt)
+    lean, slide = slope * PIONEER.body_height / 2, slope * PIONEER.ramp_slide / np.tan(PIONEER.max_tilt)
     for turns, downhill in ((0, lean), (1, lean + slide)):
         y = np.array([traversability.grid.centre_of((0, j))[1] for j in np.flatnonzero(column[:, turns] & 1)])
         off = (y.min() + wall) - (wall - y.max())

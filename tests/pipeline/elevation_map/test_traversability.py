@@ -202,6 +202,15 @@ def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
         assert off == pytest.approx(downhill, abs=traversability.grid.cell)
 
 
+def test_where_it_drove_beside_a_wall_downhill_it_may_drive_again():
+    slope, wall = 0.28, -1.2
+    ramp = surface_of(ground_points(lambda x, y: slope * y, (-1, 1), (-1.3, 0)), wall_points((-1, wall), (1, wall)))
+    y = wall + PIONEER.half_width + 0.04
+    assert not drives(assess_map(ramp), (-0.5, y), (0.5, y))
+    ramp.add_track(np.column_stack([np.linspace(-0.5, 0.5, 50), np.full(50, y), np.zeros(50)]))
+    assert drives(assess_map(ramp), (-0.5, y), (0.5, y))
+
+
 def test_a_slope_beyond_twenty_degrees_is_a_hazard():
     gentle = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(18)), (0, 2), (0, 2)))
     steep = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(22)), (0, 2), (0, 2)))

@@ -140,18 +140,23 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         """The viewpoint to drive to (None if there is none), and the context of the decision.
 
-        If no path leads to a goal, not even over unseen ground, the search is repeated without the safety margin.
+        If there is none, the search is repeated without room downhill on slopes, where the robot may touch something
+        because it leans or slides. If no path leads to a goal, not even over unseen ground, it is repeated without the
+        safety margin.
         """
         viewpoint, context = self._choose(keyframe)
+        if viewpoint is None and not self.is_held and context.traversability.ramp.any():
+            bold = self._choose(keyframe, is_bold=True)
+            viewpoint, context = (viewpoint, context) if bold[0] is None else bold
         if viewpoint is None and not self.is_held and self.mission.tighten():
             return self._choose(keyframe)
         return viewpoint, context
 
-    def _choose(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
+    def _choose(self, keyframe: Keyframe, is_bold: bool = False) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance costs more, so that the same path is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
         pose = self.pilot.navigator.next_pose(keyframe.T_map_base)
-        context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation)
+        context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation, is_bold)
         context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
@@ -242,14 +247,21 @@ def touched_by(halt: Halt, ground: Traversability) -> Places:
 
 
 def context_of(
-    mapper: Mapper, keyframe: Keyframe, pose: Place, caution: float, is_tight: bool, rewards: ViewpointRewards
+    mapper: Mapper,
+    keyframe: Keyframe,
+    pose: Place,
+    caution: float,
+    is_tight: bool,
+    rewards: ViewpointRewards,
+    is_bold: bool = False,
 ) -> Context:
     """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
 
     ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
-    margin. ``rewards``: rewards of viewpoints that confirm finds.
+    margin. ``rewards``: rewards of viewpoints that confirm finds. ``is_bold``: whether paths may do without room downhill.
     """
-    ground = mapper.drivable.without_margin if is_tight else mapper.drivable
+    ground = mapper.drivable.without_downhill_room if is_bold else mapper.drivable
+    ground = ground.without_margin if is_tight else ground
     paths = PosePaths(ground, pose[:2], float(pose[2]), caution)
     measured = mapper.elevation_map.measured
     return Context(keyframe.frame, keyframe.T_map_base, measured, paths, mapper.keyframes.poses, rewards)

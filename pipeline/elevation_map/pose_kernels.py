@@ -62,6 +62,7 @@ class Costs(NamedTuple):
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
+        spread: additional deviation in a turn, m per unit of slope.
         slide: how far the robot slides downhill in a turn, m per unit of slope: as far as in a quarter turn.
         lean: how far the body leans downhill, m per unit of slope: the height at which it is widest.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
@@ -77,6 +78,7 @@ class Costs(NamedTuple):
     turn_rate: float
     ramp_turn_rate: float
     stray: float
+    spread: float
     slide: float
     lean: float
     across: float
@@ -251,7 +253,7 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.slide * slope))
+    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.spread * slope))
 
 
 @njit(cache=True)

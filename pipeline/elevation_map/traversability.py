@@ -56,6 +56,7 @@ class Traversability:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: steps and slopes that the robot cannot drive over.
         to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
+        level: clearance if nothing leaned or slid downhill, see :attr:`without_downhill_room`.
         obstacle, to_obstacle, clearance, least, ramp, uphill: see :class:`pose_kernels.Terrain`; distances are at
             most :func:`reach_of` the robot, and a place where a thin panel may stand is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
@@ -65,6 +66,7 @@ class Traversability:
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
+        is_bold: whether paths need no room downhill, see :attr:`without_downhill_room`.
     """
 
     grid: Grid
@@ -74,6 +76,7 @@ class Traversability:
     to_hazard: Layer
     obstacle: NDArray[np.uint8]
     to_obstacle: Layer
+    level: NDArray[np.int8]
     clearance: NDArray[np.int8]
     least: NDArray[np.int8]
     ramp: MaskLayer
@@ -86,6 +89,7 @@ class Traversability:
     robot: RobotModel
     config: TraversabilityConfig
     is_tight: bool = False
+    is_bold: bool = False
 
     @cached_property
     def traversable(self) -> MaskLayer:
@@ -103,6 +107,12 @@ class Traversability:
         free = pose_kernels.free_poses(self.clearance, least, SWEEP)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
         return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
+
+    @cached_property
+    def without_downhill_room(self) -> "Traversability":
+        """The same ground if nothing leaned or slid downhill: where there is no other way, the robot takes the risk."""
+        free = pose_kernels.free_poses(self.level, self.least, SWEEP)
+        return replace(self, clearance=self.level, free=free, is_bold=True)
 
     def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
         """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
@@ -125,12 +135,14 @@ class Traversability:
         box = box_around(kept_off, ceil(reach / cell))
         level = _clearances(obstacle, to_obstacle, self.robot, cell, self.config, box)
         clearance = np.minimum(self.clearance, _on_slopes(level, self.uphill, self.robot, cell))
+        level = np.minimum(self.level, level)
         return replace(
             self,
             hazard=hazard,
             to_hazard=np.minimum(self.grid.distance_to(hazard), reach),
             obstacle=obstacle,
             to_obstacle=to_obstacle,
+            level=level,
             clearance=clearance,
             free=pose_kernels.free_poses(clearance, self.least, SWEEP),
             turnable=self.turnable & (clearance.min(axis=2) >= min_clearance(cell)),
@@ -158,11 +170,18 @@ class Traversability:
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
         level = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
+        clearance = level if self.is_bold else _on_slopes(level, known["uphill"], self.robot, grid.cell)
         # Where the robot has driven, the clearance is larger.
-        clearance = np.maximum(_on_slopes(level, known["uphill"], self.robot, grid.cell), known["clearance"])
+        level, clearance = np.maximum(level, known["level"]), np.maximum(clearance, known["clearance"])
         least = known["least"]
         least[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
-        known |= {"obstacle": obstacle, "to_obstacle": distance, "clearance": clearance, "least": least}
+        known |= {
+            "obstacle": obstacle,
+            "to_obstacle": distance,
+            "level": level,
+            "clearance": clearance,
+            "least": least,
+        }
         known["free"] = pose_kernels.free_poses(clearance, least, SWEEP)
         return replace(self, grid=grid, **known)
 
@@ -188,8 +207,9 @@ class Traversability:
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
             stray=caution * costs.stray,
-            slide=caution * slide_of(robot),
-            lean=WIDEST * robot.body_height,
+            spread=caution * slide_of(robot),
+            slide=0.0 if self.is_bold else slide_of(robot),
+            lean=0.0 if self.is_bold else WIDEST * robot.body_height,
             across=1 / np.tan(robot.max_tilt),
             comfort=costs.comfort,
             narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
@@ -222,10 +242,12 @@ UNSEEN: dict[str, float] = {
     "elevation": np.nan,
     "sealed": np.nan,
     "to_hazard": np.inf,
+    "level": np.iinfo(np.int8).min,
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
-LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot", "config", "is_tight")]
+NO_LAYERS = "grid", "robot", "config", "is_tight", "is_bold"
+LAYERS = [field.name for field in fields(Traversability) if field.name not in NO_LAYERS]
 
 
 def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> float:
@@ -301,6 +323,7 @@ def assess(
     least = np.where(driven, round(100 * LEAST_DRIVEN), min_clearance(cell)).astype(np.int8)
     deepest = -round(100 * DEEPEST_DRIVEN * robot.half_width)
     pose_kernels.allow_driven(clearance, level, driven, least, deepest)
+    pose_kernels.allow_driven(level, level, driven, least, deepest)
     free = pose_kernels.free_poses(clearance, least, SWEEP)
     return Traversability(
         grid=grid,
@@ -310,6 +333,7 @@ def assess(
         to_hazard=to_hazard,
         obstacle=obstacle,
         to_obstacle=to_obstacle,
+        level=level,
         clearance=clearance,
         least=least,
         ramp=ramp,

@@ -140,9 +140,9 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         """The viewpoint to drive to (None if there is none), and the context of the decision.
 
-        If there is none, the search is repeated without room downhill on slopes, where the robot may touch something
-        because it leans or slides. If no path leads to a goal, not even over unseen ground, it is repeated without the
-        safety margin.
+        If there is none, the search is repeated without room downhill on slopes, where the robot may lean or slide
+        against something. If no path leads to a goal, not even over unseen ground, it is repeated without the safety
+        margin.
         """
         viewpoint, context = self._choose(keyframe)
         if viewpoint is None and not self.is_held and context.traversability.ramp.any():
@@ -258,7 +258,8 @@ def context_of(
     """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
 
     ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
-    margin. ``rewards``: rewards of viewpoints that confirm finds. ``is_bold``: whether paths may do without room downhill.
+    margin. ``rewards``: rewards of viewpoints that confirm finds. ``is_bold``: whether paths may do without room
+    downhill.
     """
     ground = mapper.drivable.without_downhill_room if is_bold else mapper.drivable
     ground = ground.without_margin if is_tight else ground

@@ -110,7 +110,7 @@ class Traversability:
 
     @cached_property
     def without_downhill_room(self) -> "Traversability":
-        """The same ground if nothing leaned or slid downhill: where there is no other way, the robot takes the risk."""
+        """The ground if nothing leaned or slid downhill: the robot takes the risk where there is no other way."""
         free = pose_kernels.free_poses(self.level, self.least, SWEEP)
         return replace(self, clearance=self.level, free=free, is_bold=True)
 

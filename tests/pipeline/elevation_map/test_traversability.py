@@ -200,6 +200,10 @@ def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
         y = np.array([traversability.grid.centre_of((0, j))[1] for j in np.flatnonzero(column[:, turns] & 1)])
         off = (y.min() + wall) - (wall - y.max())
         assert off == pytest.approx(downhill, abs=traversability.grid.cell)
+    bold = traversability.without_downhill_room
+    assert np.count_nonzero(bold.free[..., 1]) > np.count_nonzero(traversability.free[..., 1])
+    beside = np.array([[0.0, 0.05 - wall + PIONEER.half_width, 0.0]])
+    assert bold.rooms(beside)[0] > 0 > traversability.rooms(beside)[0]
 
 
 def test_where_it_drove_beside_a_wall_downhill_it_may_drive_again():

@@ -125,6 +125,25 @@ def test_ways_to_goals_need_no_margin_once_nothing_else_is_left(explorer):
     assert not explorer.step().traversability.is_tight
 
 
+def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer):
+    def falls_to_the_right(x, y):
+        return 0.28 * y * np.interp(x, [0.5, 2, 3, 4.5], [0, 1, 1, 0])
+
+    sides = -PIONEER.half_width - 0.08, PIONEER.half_width + 0.03  # of a passage across the slope
+    walls = [wall_points((2, y), (3, y)) for y in sides]
+    walls += [wall_points((x, y), (x, np.sign(y))) for x in (2, 3) for y in sides]
+    walls += [wall_points((-1, y), (6, y)) for y in (-1, 1)] + [wall_points((x, -1), (x, 1)) for x in (-1, 6)]
+    explorer.mapper.elevation_map.update(np.vstack([ground_points(falls_to_the_right, (-1, 6), (-1, 1)), *walls]))
+    robot = explorer.pilot.robot
+    robot.sense = lambda sense=robot.sense: replace(sense(), depth=np.zeros((120, 160), np.float32))
+    explorer.mission.goals = Goals([(1.0, 0.0), (5.0, 0.0)])
+    near = explorer.step()
+    assert near.plan is not None and not near.traversability.is_bold
+    explorer.mission.goals = Goals([(5.0, 0.0)])
+    far = explorer.step()
+    assert far.plan is not None and far.traversability.is_bold
+
+
 def test_goals_that_were_seen_come_before_views_and_views_only_as_long_as_goals_are_left(explorer):
     explorer.step()
     explorer.mission.goals = Goals([(9.0, 9.0), (1.2, 0.0)])

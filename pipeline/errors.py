@@ -31,7 +31,7 @@ def one_line(error: BaseException) -> str:
 
 
 def require_positive(section: str, config: object, *fields: str) -> None:
-    """Raise InputError unless these fields of a dataclass, a ``section`` of the settings, are greater than 0."""
+    """Raise InputError unless these fields of a ``section`` of the settings are all greater than 0."""
     _require(section, config, fields, gt, 0, "greater than 0")
 
 

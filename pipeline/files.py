@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
-MOST_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
+MAX_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
+MAX_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
 STARTING = 60  # s, most that a new Python process takes to start on a busy machine
 GOOD = "good"  # The answer of a separate process that has found no error
 
@@ -159,7 +159,7 @@ def read_bytes(path: Path, max_bytes: float = np.inf) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def read_text(path: Path, max_bytes: float = MOST_TEXT) -> str:
+def read_text(path: Path, max_bytes: float = MAX_TEXT) -> str:
     """The content of a UTF-8 text file; InputError if it has more than ``max_bytes`` bytes, or is not such a file."""
     try:
         return read_bytes(path, max_bytes).decode("utf-8-sig")
@@ -225,8 +225,8 @@ def load_arrays(path: Path, kind: str) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
-        if size > MOST_MEMORY:
-            raise InputError(f"{path}: unpacks to {size / 1e6:.0f} MB; the limit is {MOST_MEMORY / 1e6:.0f} MB")
+        if size > MAX_MEMORY:
+            raise InputError(f"{path}: unpacks to {size / 1e6:.0f} MB; the limit is {MAX_MEMORY / 1e6:.0f} MB")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:

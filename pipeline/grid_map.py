@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY
+from pipeline.files import MAX_MEMORY
 
 Box = tuple[slice, slice]  # A rectangle of grid cells
 
@@ -248,9 +248,9 @@ class GridMap:
 
 
 def check_memory(name: str, size: int) -> None:
-    """Raise InputError if an allocation of ``size`` bytes would exceed ``MOST_MEMORY``."""
-    if size > MOST_MEMORY:
-        raise InputError(f"{name} would take {size / 1e9:.3g} GB; the limit is {MOST_MEMORY / 1e9:.3g} GB")
+    """Raise InputError if an allocation of ``size`` bytes would exceed ``MAX_MEMORY``."""
+    if size > MAX_MEMORY:
+        raise InputError(f"{name} would take {size / 1e9:.3g} GB; the limit is {MAX_MEMORY / 1e9:.3g} GB")
 
 
 def _bits(values: NDArray) -> NDArray:

@@ -162,8 +162,8 @@ def start_worker(
 ) -> tuple[SpawnProcess, Connection]:
     """Call a function in a new process with one end of a pipe as its first argument; return the other end.
 
-    The process ends with this one, however this one ends. Ctrl-C and a closed terminal reach this process only. If it
-    is terminated, its clean-up code (``finally``, ``with``) runs first.
+    The process ends with this one, however this one ends. Ctrl-C and a closed terminal reach this process only. If
+    the new process is terminated, its clean-up code (``finally``, ``with``) runs first.
     """
     ours, theirs = Pipe()
     process = get_context("spawn").Process(target=_work, args=(function, theirs, *args), daemon=True)

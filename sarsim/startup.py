@@ -17,7 +17,7 @@ LARGE = 2**22
 By default glibc raises this threshold to the size of what was freed, per thread. Fragmentation then
 wastes half a gigabyte or more in a long run. A threshold of 1 MB would cost a fifth of the processor time.
 """
-MOST_PIXELS = 2**26
+MAX_PIXELS = 2**26
 """Maximum size of an image file, enough for any photo. OpenCV's own limit takes gigabytes and half a minute."""
 
 
@@ -35,7 +35,7 @@ def prepare_process() -> None:
     # OpenMP's threads, as PyTorch's, would spin between two loops, which costs another tenth.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     # OpenCV reads it once, when it is first imported, and rejects images whose header declares more pixels.
-    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
     _choose_cache()
     # Rerun prints its own lines about files that cannot be written; sarsim says in one line what they mean.
     os.environ.setdefault("RUST_LOG", "warn,re_log_encoding=off,re_sdk=off")

@@ -98,7 +98,7 @@ class Gamepad:
         self._rest = b""
 
     def steer(self, throttle: Throttle) -> None:
-        """Apply the events since the last call to the throttle; an unplugged gamepad stops the robot."""
+        """Update the throttle with the events since the last call; an unplugged gamepad stops the robot."""
         try:
             data = os.read(self._file, 64 * JS_EVENT.size)
         except BlockingIOError:  # no events

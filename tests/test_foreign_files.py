@@ -236,7 +236,7 @@ def test_arrays_that_expand_endlessly(tmp_path: Path, monkeypatch: pytest.Monkey
     np.savez_compressed(path, a=np.zeros(10**6))
     assert path.stat().st_size < 10_000
     assert load_arrays(path, "map").keys() == {"a"}
-    monkeypatch.setattr(files, "MOST_MEMORY", 10**6)
+    monkeypatch.setattr(files, "MAX_MEMORY", 10**6)
     with pytest.raises(InputError, match=r"map\.npz: unpacks to 8 MB; the limit is 1 MB"):
         load_arrays(path, "map")
 

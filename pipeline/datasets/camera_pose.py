@@ -17,7 +17,7 @@ from pipeline.localisation.registration import front_normals
 from pipeline.localisation.vertical import T_level_camera, vertical
 from pipeline.transforms import inverse
 
-MOST_FRAMES, MOST_VIEWS = 30, 8  # Number of first frames that are looked at, and of those that count
+MAX_FRAMES, MAX_VIEWS = 30, 8  # Number of first frames that are looked at, and of those that count
 APART, TURNED = 0.1, 0.1  # A frame counts if the camera has moved by m or rad since the last that counted
 STEEPEST = np.cos(np.radians(45))  # Smallest cosine between the vertical and the image's upward direction
 ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Level and upright surfaces are within 4° of that
@@ -25,7 +25,7 @@ CANDIDATES = 200  # Number of level surfaces' points that are tried
 OTHER = np.cos(np.radians(6))  # Directions that are this far apart are not one vertical
 DISAGREE = 0.7  # Support of another direction, as a fraction of the best, with which it may be the vertical
 LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
-LEAST_LEVEL = 0.25  # Support of the floor, as a fraction of that of the largest level surface
+MIN_LEVEL = 0.25  # Support of the floor, as a fraction of that of the largest level surface
 
 
 class Mounted(NamedTuple):
@@ -91,7 +91,7 @@ def _seen(
                 continue
             first = placed if first is None else first
             T = inverse(first) @ placed
-            if ups and (number >= MOST_FRAMES or len(points) >= MOST_VIEWS):
+            if ups and (number >= MAX_FRAMES or len(points) >= MAX_VIEWS):
                 break
             if last is not None and _is_near(T, last):
                 continue
@@ -131,7 +131,7 @@ def _floor(seen: _Surfaces, up: Direction) -> float:
     if not len(level):
         return float(np.quantile(heights, 0.02))
     layer = np.searchsorted(level, level + LAYER) - np.arange(len(level))  # points above each, within a layer
-    lowest = int(np.argmax(layer >= LEAST_LEVEL * layer.max()))
+    lowest = int(np.argmax(layer >= MIN_LEVEL * layer.max()))
     first = level[lowest : lowest + layer[lowest]]
     around = level[np.abs(level - np.median(first)) < LAYER]
     return float(np.median(around))

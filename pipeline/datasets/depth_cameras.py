@@ -10,7 +10,7 @@ from pipeline.frame import Frame
 from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
 
 FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
-MOST_NOISE = 0.1  # m, largest standard deviation at 1 m; ten times that of the noisiest camera below
+MAX_NOISE = 0.1  # m, largest standard deviation at 1 m; ten times that of the noisiest camera below
 SUBPIXEL = 0.08  # pixels, noise of a RealSense's disparity on a textured surface (Intel's guide to tuning the D400)
 
 
@@ -99,8 +99,8 @@ def with_flags(
     if not 0 < nearest < farthest <= FARTHEST:
         rule = f"must be above 0 and at most {FARTHEST:g} m, the nearer one first"
         raise InputError(f"{names[0]} {nearest:g} {farthest:g}: {rule}")
-    if depth_noise is not None and not 0 < depth_noise <= MOST_NOISE:
-        raise InputError(f"{names[1]} {depth_noise:g}: must be above 0 and at most {MOST_NOISE:g} m at 1 m")
+    if depth_noise is not None and not 0 < depth_noise <= MAX_NOISE:
+        raise InputError(f"{names[1]} {depth_noise:g}: must be above 0 and at most {MAX_NOISE:g} m at 1 m")
     noise = sensor.noise if depth_noise is None else DepthNoise(0.0, depth_noise)
     given = SensorModel.measuring(nearest, farthest, noise)
     if not nearest + given.margin < farthest - given.margin:

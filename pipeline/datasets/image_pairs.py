@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.arrays import Values
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, read_bytes, read_text
+from pipeline.files import MAX_MEMORY, read_bytes, read_text
 from pipeline.frame import SAME_TIME, decoded
-from pipeline.localisation.trajectory import LEAST_SINCE_1970, in_seconds
+from pipeline.localisation.trajectory import MIN_SINCE_1970, in_seconds
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 DEPTH, COLOUR = ("depth",), ("rgb", "color")  # Names of lists and of folders
@@ -21,8 +21,8 @@ NUMBER = re.compile(
 )  # In names: a decimal, but not a part of 1.2.3, or a whole number
 ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
 TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
-MOST_STEP = 2.0  # Longest median interval between images for which times without a date can be in s
-MOST_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are not dates
+MAX_STEP = 2.0  # Longest median interval between images for which times without a date can be in s
+MAX_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are not dates
 UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
 """Units of time, by their number in a second."""
 Key = tuple[float, ...]
@@ -76,7 +76,7 @@ def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values
         if fps is not None:
             return times / fps
         note(f"{file.name}: the times count by ones, and are taken for s; if they are frame numbers, give --fps")
-    unit = next((unit for unit in UNITS if step / unit <= MOST_STEP), None)
+    unit = next((unit for unit in UNITS if step / unit <= MAX_STEP), None)
     if unit is None:
         raise InputError(f"{file}: the median interval between images is {step:g}; give times in s, ms, µs or ns")
     if unit != 1:
@@ -88,7 +88,7 @@ def _dates(times: Values) -> Values | None:
     """Times since 1970 in any unit, converted to s; None if they cannot be times since 1970."""
     found = in_seconds(times)
     step = np.median(np.diff(np.unique(found))) if np.ptp(found) else 0.0
-    return found if np.median(found) > LEAST_SINCE_1970 and step <= MOST_STEP_OF_DATES else None
+    return found if np.median(found) > MIN_SINCE_1970 and step <= MAX_STEP_OF_DATES else None
 
 
 def holds_images(path: Path) -> bool:
@@ -146,7 +146,7 @@ def _is_depth(path: Path, name: str) -> bool:
     if "depth" in name.lower() or not (path / name).is_file():
         return "depth" in name.lower()
     try:
-        image = decoded(read_bytes(path / name, MOST_MEMORY), cv2.IMREAD_UNCHANGED)
+        image = decoded(read_bytes(path / name, MAX_MEMORY), cv2.IMREAD_UNCHANGED)
     except InputError:
         return False
     return image.ndim == 2 and image.dtype != np.uint8

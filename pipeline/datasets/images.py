@@ -38,7 +38,7 @@ CONFIG = struct.Struct("<iff")
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
 UNREADABLE = "is damaged, too large or not supported"
 LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
-LEAST_CLIPPED, CLIP_GAP = (
+MIN_CLIPPED, CLIP_GAP = (
     0.01,
     0.1,
 )  # Fraction of an image with the depth written for no return; gap below it, as a fraction
@@ -89,7 +89,7 @@ def clip_of(depths: Sequence[Depth]) -> float | None:
     equal = np.array([np.mean(depth == np.float32(most)) for depth in depths])
     others = max((depth[depth < np.float32(most)].max(initial=0.0) for depth in depths), default=0.0)
     is_round = most > 0 and abs(10 * most - round(10 * most)) < 1e-4
-    is_clip = is_round and np.median(equal) > LEAST_CLIPPED and 0 < others < (1 - CLIP_GAP) * most
+    is_clip = is_round and np.median(equal) > MIN_CLIPPED and 0 < others < (1 - CLIP_GAP) * most
     return most if is_clip else None
 
 

@@ -51,7 +51,7 @@ class Listener(Protocol):
         """Receive a motion, and the command that the robot followed."""
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Receive the wheels' angles and speeds at a time, s."""
+        """Receive the wheels' angles and speeds, measured at ``time``, s."""
 
     def odometry(self, odometry: OdometrySample) -> None:
         """Receive the robot's pose and velocity."""

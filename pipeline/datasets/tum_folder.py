@@ -15,14 +15,14 @@ from pipeline.datasets.image_pairs import UNITS, Pair, image_pairs
 from pipeline.datasets.images import metres
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
+from pipeline.files import MAX_MEMORY, read_bytes, read_numbers, read_text
 from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 from pipeline.sensor import XTION
 
 POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In the names of files of poses
 READ = "groundtruth.txt", "odometry.txt"
-LEAST_STEP = 5e-4  # Shortest median interval between poses, s
+MIN_STEP = 5e-4  # Shortest median interval between poses, s
 
 
 def read_tum_folder(
@@ -126,7 +126,7 @@ def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
     def fit(unit: float) -> float:
         first, last = times[0] / unit, times[-1] / unit
         shared, whole = min(last, span[1]) - max(first, span[0]), max(last, span[1]) - min(first, span[0])
-        return shared / whole if whole > 0 and step / unit >= LEAST_STEP else 0.0
+        return shared / whole if whole > 0 and step / unit >= MIN_STEP else 0.0
 
     best = max([*UNITS, *([fps] if fps else [])], key=fit)
     return best if fit(best) > max(fit(1.0), 0.0) else 1.0
@@ -193,7 +193,7 @@ def _depth(file: Path, scale: float | None, usual: float) -> Depth:
 
 
 def _image(file: Path, flags: int) -> NDArray:
-    content = read_bytes(file, MOST_MEMORY)
+    content = read_bytes(file, MAX_MEMORY)
     try:
         return decoded(content, flags)
     except InputError as error:

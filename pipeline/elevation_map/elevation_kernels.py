@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.geometry.cells_kernels import cell_at
 
-MOST_HITS = np.iinfo(np.uint16).max
+MAX_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 NO_COLUMN = -1
 """Row of a cell without returns, which has no column."""
@@ -72,7 +72,7 @@ def accumulate(points, counts, origin, cell, within, columns, bins, number, lowe
             number += 1
         bins.lowest[row] = bottom
         count, height, hits = np.int64(counts[n]), bins.height[row], bins.hits[row]
-        total = min(hits[k] + count, MOST_HITS)
+        total = min(hits[k] + count, MAX_HITS)
         hits[k] = total
         height[k] += (z - height[k]) * min(count / total, 1.0)
         if returns[i, j] == 0:

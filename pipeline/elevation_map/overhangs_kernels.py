@@ -68,7 +68,11 @@ def _space_above(point, noise, depth, pinhole, up, limits):
             hidden = hidden + 1 if _hides(d, z, noise, limits) else 0
         elif not (is_far and (height >= 0 or z * below / height >= limits.farthest)):
             result = UNSURE
-        if d > 0 and hidden >= limits.fewest and _goes_on_beside(point, noise, depth, pinhole, (u, v), z, limits):
+        if (
+            d > 0
+            and hidden >= limits.fewest
+            and _extends_to_both_sides(point, noise, depth, pinhole, (u, v), z, limits)
+        ):
             return UNSURE if _has_sill(point, noise, depth, pinhole, (u, v), up, limits) else ROOFED
     return result
 
@@ -80,7 +84,7 @@ def _hides(d, z, noise, limits):
 
 
 @njit(cache=True)
-def _goes_on_beside(point, noise, depth, pinhole, pixel, z, limits):
+def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
     """Whether the surface that hides the space above a return extends to both sides of it without hiding the ground.
 
     Next to the upright edge of a wall or post, a tilted camera sees the ground, and the wall above it.

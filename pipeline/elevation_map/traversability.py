@@ -30,7 +30,7 @@ WIDEST = 0.5
 """Height at which a body is widest, as a fraction of its height: tyres bulge there, and the top plate is narrower."""
 SWEEP = 1
 """Distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm."""
-LEAST_DRIVEN = -0.03
+MIN_DRIVEN = -0.03
 """Minimum clearance where the robot's centre has been, m.
 
 It is also assumed to exist there, so that noise in later keyframes does not trap the robot.
@@ -226,7 +226,10 @@ class Traversability:
         return pose_kernels.lines_seconds(a, b, self.terrain, self.costs())
 
     def rooms(self, poses: Places) -> Values:
-        """(N,) m around the robot at poses (N, 3), negative if too little; see :func:`pose_kernels.rooms`."""
+        """(N,) m, room around the robot's footprint at poses (N, 3); negative where it cannot stand.
+
+        See :func:`pose_kernels.rooms`.
+        """
         return pose_kernels.rooms(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
 
     def has_ramp(self, xy: ArrayLike) -> bool:
@@ -320,7 +323,7 @@ def assess(
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     level = _clearances(obstacle, to_obstacle, robot, cell, config, within)
     clearance = _on_slopes(level, uphill, robot, cell)
-    least = np.where(driven, round(100 * LEAST_DRIVEN), min_clearance(cell)).astype(np.int8)
+    least = np.where(driven, round(100 * MIN_DRIVEN), min_clearance(cell)).astype(np.int8)
     deepest = -round(100 * DEEPEST_DRIVEN * robot.half_width)
     pose_kernels.allow_driven(clearance, level, driven, least, deepest)
     pose_kernels.allow_driven(level, level, driven, least, deepest)

@@ -15,7 +15,7 @@ from pipeline.keyframes import Places
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
-MOST_MISSES = np.iinfo(np.uint8).max
+MAX_MISSES = np.iinfo(np.uint8).max
 """After so many misses, further ones of a cell are not counted."""
 NOWHERE = Places.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
@@ -33,10 +33,10 @@ class Sightings:
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
         self._robot = robot
         self._config = config
-        self.chances = np.ones(MOST_MISSES + 1)
+        self.chances = np.ones(MAX_MISSES + 1)
         # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
-        self._shown = np.zeros(MOST_MISSES + 1, np.int64)
-        self._missed = np.zeros(MOST_MISSES + 1, np.int64)
+        self._shown = np.zeros(MAX_MISSES + 1, np.int64)
+        self._missed = np.zeros(MAX_MISSES + 1, np.int64)
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected = NOWHERE
         self._drive = NOWHERE
@@ -99,7 +99,7 @@ class Sightings:
         if moved < layers.grid.cell:
             # Even a smaller move makes the map cover ground along its edges without showing it; opening drops this.
             is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
-            self._shown += np.bincount(layers["misses"][is_shown], minlength=MOST_MISSES + 1)
+            self._shown += np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
             self._poses = np.concatenate([before, context.poses[first:]])
             return first
         # The misses are counted again from the corrected poses.
@@ -118,7 +118,7 @@ class Sightings:
         for cells in self._disappointing:
             if cells.keyframe[0] >= first:
                 again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
-                misses[again] += misses[again] < MOST_MISSES
+                misses[again] += misses[again] < MAX_MISSES
                 missed_from[again] = poses[cells.keyframe[0], :2, 3]
         self._layers.write("misses", misses)
         self._layers.write("missed_from", missed_from)

@@ -23,15 +23,15 @@ GUESS_SIGMA = 0.15
 IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA = 0.004, 0.008
 """The same about the pose from visual odometry, rad and m; small, because along a plane GICP falsely measures no
 motion."""
-LEAST_OVERLAP = 0.4
+MIN_OVERLAP = 0.4
 """Minimum fraction of a frame's points that were seen before, unless its image shows the motion."""
-MOST_BLIND = 30
+MAX_BLIND = 30
 """Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
 is lost."""
 KEPT_WAY, KEPT_TURN = 0.15, radians(7.5)
 """m and rad. The surfaces of a frame are kept if the camera has moved or turned this far since the last such frame,
 so that the next frames overlap with them."""
-MOST_CORNERS, LEAST_CORNERS = 400, 20
+MAX_CORNERS, MIN_CORNERS = 400, 20
 """Maximum number of corners, and minimum number that agree on a motion; at least half of the tracked ones must."""
 CORNER_QUALITY = 0.01
 """Minimum quality of a corner relative to the strongest."""
@@ -66,7 +66,7 @@ class DepthOdometry:
         cloud, by_image = cloud_of_frame(frame, registration), self._by_image(frame)
         if cloud is None:
             self._blind = 0 if by_image is not None else self._blind + 1
-            if self._blind > MOST_BLIND:
+            if self._blind > MAX_BLIND:
                 found = f"{self._blind} frames in a row had too little depth for registration"
                 raise LostError(f"up to {frame.time:.2f} s, {found}")
             self._T = self._T if by_image is None else by_image
@@ -107,7 +107,7 @@ class DepthOdometry:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
         sigmas = np.full(6, GUESS_SIGMA) * (1 + self._blind)
         best = self._best(frame, cloud, [self._T, self._T @ self._motion], sigmas)
-        if best is None or best[1].overlap < LEAST_OVERLAP:
+        if best is None or best[1].overlap < MIN_OVERLAP:
             raise LostError(f"the frame at {frame.time:.2f} s overlaps earlier frames too little to be registered")
         return best[1].T, best[0]
 
@@ -134,14 +134,14 @@ def visual_motion(before: Frame, after: Frame) -> Pose | None:
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(
-        first, MOST_CORNERS, CORNER_QUALITY, CORNER_SPACING, mask=before.returns.astype(np.uint8)
+        first, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING, mask=before.returns.astype(np.uint8)
     )
-    if corners is None or len(corners) < LEAST_CORNERS:
+    if corners is None or len(corners) < MIN_CORNERS:
         return None
     there, found = _followed(first, second, corners)
     back, found_back = _followed(second, first, there)
     good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < PIXEL_ERROR)
-    if np.count_nonzero(good) < LEAST_CORNERS:
+    if np.count_nonzero(good) < MIN_CORNERS:
         return None
     columns, rows = np.rint(np.asarray(corners)[good, 0]).astype(int).T
     points = before.intrinsics.rays[rows, columns] * before.depth[rows, columns, None]
@@ -152,7 +152,7 @@ def visual_motion(before: Frame, after: Frame) -> Pose | None:
         None,
         reprojectionError=PIXEL_ERROR,
     )
-    if not ok or inliers is None or len(inliers) < max(LEAST_CORNERS, np.count_nonzero(good) / 2):
+    if not ok or inliers is None or len(inliers) < max(MIN_CORNERS, np.count_nonzero(good) / 2):
         return None
     return inverse(from_rotation(Rotation.from_rotvec(turn.ravel()).as_matrix(), way.ravel()))
 

@@ -23,7 +23,7 @@ VOXEL = 0.1
 """Edge length of the voxels in which surfaces are compared, m."""
 UPRIGHT = 0.5
 """Maximum vertical component of the normals of the surfaces compared; level ground is alike everywhere."""
-PATCH, LEAST_PATCHES, MOST_PATCHES = 0.15, 80, 400
+PATCH, MIN_PATCHES, MAX_PATCHES = 0.15, 80, 400
 """Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is
 drawn at random if there are more."""
 BESIDE = 0.5
@@ -66,9 +66,9 @@ def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values
     patches = voxel_means(upright(recent) - here, PATCH)
     patches = patches[np.linalg.norm(patches[:, :2], axis=1) < RADIUS]
     target = upright(old) - here
-    if len(patches) < LEAST_PATCHES or len(target) < LEAST_PATCHES:
+    if len(patches) < MIN_PATCHES or len(target) < MIN_PATCHES:
         return None
-    patches = np.random.default_rng(0).permutation(patches)[:MOST_PATCHES]
+    patches = np.random.default_rng(0).permutation(patches)[:MAX_PATCHES]
     # Try every position and heading that is likely enough.
     x, y = np.minimum(SIGMAS * sigmas[:2], WIDEST)
     turn = min(SIGMAS * sigmas[2], WIDEST_TURN)

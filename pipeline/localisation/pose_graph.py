@@ -31,7 +31,7 @@ ERRORS = 5
 """Number of systematic errors of the odometry."""
 SAMPLES = 64
 """Number of samples of the poses' distribution; they give a standard deviation to 9%."""
-MOST_STEPS = 30
+MAX_STEPS = 30
 """Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
 SMALLEST_STEP = 2.0**-10
 """A step that increases the error even when it is shortened to this fraction is not taken."""
@@ -364,7 +364,7 @@ class Problem:
         """
         self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
         error, decrease, last, is_stale = self._error(self.poses, self.errors), np.inf, np.inf, True
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             # Linearise, and weigh each constraint by how well it fits. Factorisation takes the most time, so it is
             # repeated only where steps with the last one converge slowly.
             gradient = self._linearised(factorises=is_stale)

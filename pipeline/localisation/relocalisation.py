@@ -27,7 +27,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, wrap_angle, yaw_of
 
-LEAST_FRAMES = 3
+MIN_FRAMES = 3
 """Minimum number of frames; one corner of a room looks like another, especially in an incomplete map."""
 PATCH = 0.2
 """Size of a patch, m; the frames' points are thinned to patches, which are matched with the map."""
@@ -37,7 +37,7 @@ GROUND_TOLERANCE = 0.1
 """Maximum height of a pose above or below the ground, m."""
 SURFACE_TOLERANCE = 0.1
 """Maximum distance from a surface of the map at which a patch lies on it, m."""
-LEAST_EXPLAINED = 0.85
+MIN_EXPLAINED = 0.85
 """Minimum fraction of the patches that lie on surfaces of the map."""
 RIVAL = 1e-4
 """Maximum likelihood of any other place, relative to the best one."""
@@ -45,7 +45,7 @@ CORRELATED_PATCHES = 3
 """Number of patches that count as one observation, because neighbours fit, or fail to fit, together."""
 DRIFT = 0.1
 """Standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns."""
-MOST_UNCERTAIN = 0.05
+MAX_UNCERTAIN = 0.05
 """Maximum standard deviation of the position at which a robot is found, m."""
 SEARCHED = 256
 """Number of patches that the search uses, drawn at random; also the minimum number of points."""
@@ -59,7 +59,7 @@ MISSED = 0.05
 PROMISING = 0.7
 """A guess is considered if its evidence is more than this fraction of the best guess's; both may be off by half a
 step."""
-MOST_GUESSES = 12
+MAX_GUESSES = 12
 """Maximum number of promising guesses; with more, the place is ambiguous."""
 SAME_PLACE_WAY, SAME_PLACE_TURN = 0.3, radians(15)
 """Guesses closer together than this, m and rad, count as one."""
@@ -196,7 +196,7 @@ def search(points: Places, gain: NDArray[np.float32], places: Places, field: Vox
     cloud = (points[some] / field.size).astype(np.float32)
     score(cloud, gain[some], field.voxel(places), yaws, field.voxels, scores)
     least, guesses = PROMISING * scores.max(), list[Guess]()
-    while len(guesses) <= MOST_GUESSES:
+    while len(guesses) <= MAX_GUESSES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)
         if scores[n, m] <= max(least, 0):
             return guesses
@@ -254,7 +254,7 @@ class MapPoints:
         drift = spread(DRIFT, registration.lever)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
-        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MOST_UNCERTAIN**2:
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MAX_UNCERTAIN**2:
             return None
         change = covariance @ information @ change
         return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
@@ -296,7 +296,7 @@ class Relocalisation:
             little is mapped there.
         """
         registration = self._config.registration
-        if len(self.frames) < LEAST_FRAMES or not len(points):
+        if len(self.frames) < MIN_FRAMES or not len(points):
             return None
         # Thin what the frames show, levelled, to patches, and list where on mapped ground the robot may stand.
         cloud = np.vstack([*map(self._points, self.frames)])
@@ -329,7 +329,7 @@ class Relocalisation:
                 found.append((Guess(T, evidence), float(covered.mean())))
         # Accept the best if the map covers it, and if it is far likelier than any other and than chance.
         found.sort(key=lambda place: -place[0].evidence)
-        if not found or found[0][1] < LEAST_EXPLAINED:
+        if not found or found[0][1] < MIN_EXPLAINED:
             return None
         best, rival = found[0][0], found[1][0].evidence if len(found) > 1 else 0.0
         is_clear = (best.evidence - rival) / CORRELATED_PATCHES > -np.log(RIVAL)

@@ -45,19 +45,19 @@ REPEATED_DEVIATION = 0.03
 """A keyframe is repeated only if the robot's pose relative to it has a smaller standard deviation, m."""
 FOUND_DEVIATION = 0.1
 """Standard deviation of a pose without odometry, m: where a carried robot was found, or after a jump."""
-LEAST_EXTENT = 1.0
+MIN_EXTENT = 1.0
 """Minimum size assumed for the map, m, when the robot may be anywhere in it."""
 STOPPED_WAY = 0.05
 """A camera that shows the same image after a longer drive, m, has stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
-MOST_REGISTERED = 4000
+MAX_REGISTERED = 4000
 """Maximum number of recently seen points that are registered with old ones, drawn at random."""
 STOREY = 0.7
 """Old surfaces are sought up to this height above or below the robot's own path, m."""
 VIEW_STRIDE = 8
 """Step between the pixels of a keyframe's depth image that are kept to see what it looked through."""
-LEAST_GROUND_POINTS = 20
+MIN_GROUND_POINTS = 20
 """Minimum number of ground points under the robot."""
 
 
@@ -395,7 +395,7 @@ class Slam(Localisation):
         likely[list(found)] = log_likelihoods(registrations, target, frame, config.registration)
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
-        reach = max(LEAST_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
+        reach = max(MIN_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
         level = by_gravity(motion.T, frame, config.odometry.gravity_sigma)
         anywhere = level.information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
         likely[MotionState.CARRIED] = -min(motion.surprise, occam_factor(anywhere, motion.information))
@@ -413,7 +413,7 @@ class Slam(Localisation):
         In a narrow place, the camera sees only walls, which do not determine the robot's height.
         """
         heights, owners = self.local_map.ground_below(T_map_base, self._local)
-        if not self.on_ground or len(heights) < LEAST_GROUND_POINTS:
+        if not self.on_ground or len(heights) < MIN_GROUND_POINTS:
             return None
         lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
         information = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, GROUND_SIGMA**-2])
@@ -452,7 +452,7 @@ class Slam(Localisation):
         first = int(np.bincount(owner[near]).argmax())
         near &= self.graph.deviations(first)[owner] < self._config.slam.local_deviation
         target = Target(before.at[near], before.facing[near], owner[near])
-        some = np.random.default_rng(0).permutation(recent.size())[:MOST_REGISTERED]
+        some = np.random.default_rng(0).permutation(recent.size())[:MAX_REGISTERED]
         source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])
         if len(target.points) < config.least_points:
             return

@@ -15,7 +15,7 @@ from pipeline.localisation.config import TrajectoryConfig
 from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import FARTHEST, are_poses, from_rotation, inverse
 
-LEAST_SINCE_1970 = 1e8
+MIN_SINCE_1970 = 1e8
 """The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds every plausible time in s."""
 
 
@@ -144,4 +144,4 @@ def in_seconds(times: Values) -> Values:
     Args:
         times: all times of a file, (N,) or (N, 1), at least one.
     """
-    return times / next((unit for unit in (1e9, 1e6, 1e3) if np.median(times) > LEAST_SINCE_1970 * unit), 1.0)
+    return times / next((unit for unit in (1e9, 1e6, 1e3) if np.median(times) > MIN_SINCE_1970 * unit), 1.0)

@@ -8,11 +8,11 @@ from pipeline.arrays import Pose
 from pipeline.frame import Frame
 from pipeline.transforms import inverse
 
-LEAST_WAY = 0.05
+MIN_WAY = 0.05
 """Minimum motion that the wheels must have measured, m."""
 SMALL = 80, 60
 """Width and height, pixels, to which images are reduced, so that their noise averages out."""
-MOST_SAME = 0.95
+MAX_SAME = 0.95
 """Images are compared by this quantile of their pixels' differences."""
 SAME_GREY = 1.2
 """Maximum difference of the same view, grey levels. While the wheels of a wedged robot spun, 1 was measured; in 2,300
@@ -27,7 +27,7 @@ def shows_no_motion(before: Frame, after: Frame) -> bool:
     A plain wall looks the same after a motion, too.
     """
     moved = inverse(before.T_odom_base) @ after.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) < LEAST_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:
+    if np.linalg.norm(moved[:3, 3]) < MIN_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:
         return False
     old, new = (_small(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)) for frame in (before, after))
     depths = [_small(np.where(frame.returns, frame.depth, 0.0)) for frame in (before, after)]
@@ -55,4 +55,4 @@ def _small(image: NDArray[np.generic]) -> NDArray[np.float64]:
 
 
 def _difference(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
-    return float(np.quantile(np.abs(after - before), MOST_SAME))
+    return float(np.quantile(np.abs(after - before), MAX_SAME))

@@ -19,12 +19,12 @@ FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)
 as published)."""
 ROUNDS = 5
 """Number of rounds with each angle."""
-LEAST_SURFACES = 0.05
+MIN_SURFACES = 0.05
 """Minimum fraction of the surfaces that must distinguish the vertical from other directions."""
 
 STRIDE = 6
 """Step between the rows and columns that are searched for a floor, pixels."""
-LEAST_POINTS = 100
+MIN_POINTS = 100
 """Minimum number of returns to find a floor."""
 TRIALS = 400
 """Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
@@ -33,9 +33,9 @@ ON_FLOOR = 3.0
 """Number of standard deviations of a depth within which a point lies on the floor."""
 STEEPEST = radians(60)
 """Maximum angle between the floor's normal and the image's upward direction, rad."""
-LEAST_FLOOR = 0.05
+MIN_FLOOR = 0.05
 """Minimum fraction of the returns that lie on the floor."""
-MOST_BELOW = 0.02
+MAX_BELOW = 0.02
 """Maximum fraction of the returns that lie below the floor; a table has more, because the floor is below it."""
 BELOW = 3.0
 """A point lies below the floor if it is lower by this many times the tolerance of ``ON_FLOOR``."""
@@ -56,7 +56,7 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
         along = np.abs(normals @ up)
         horizontal, upright = normals[along > np.cos(angle)], normals[along < np.sin(angle)]
         values, directions = np.linalg.eigh(upright.T @ upright - horizontal.T @ horizontal)
-        if values[1] - values[0] < LEAST_SURFACES * len(normals):
+        if values[1] - values[0] < MIN_SURFACES * len(normals):
             return None
         up = directions[:, 0] * np.sign(directions[:, 0] @ up)
     return up
@@ -73,18 +73,18 @@ def T_floor_camera(frame: Frame) -> Pose:
     depth, rays = (image[::STRIDE, ::STRIDE] for image in (frame.depth, frame.intrinsics.rays))
     shown = depth > 0
     points = rays[shown].astype(np.float64) * depth[shown, None]
-    if len(points) < LEAST_POINTS:
-        needed = f"at least {LEAST_POINTS} to find the floor"
+    if len(points) < MIN_POINTS:
+        needed = f"at least {MIN_POINTS} to find the floor"
         raise InputError(f"the frame at {frame.time:.2f} s has only {len(points)} depths; it needs {needed}")
     tolerance = ON_FLOOR * frame.sensor.sigma(points[:, 2])
 
     def may_be_floor(planes: Planes, heights: NDArray[np.floating]) -> Mask:
         is_level = -planes[:, 1] > np.cos(STEEPEST)
-        return is_level & (np.mean(heights < -BELOW * tolerance[:, None], axis=0) < MOST_BELOW)
+        return is_level & (np.mean(heights < -BELOW * tolerance[:, None], axis=0) < MAX_BELOW)
 
     triples = np.random.default_rng(0).integers(0, len(points), (TRIALS, 3))
     found = ransac_plane(points, triples, tolerance, may_be_floor)
-    if found is None or np.count_nonzero(found[1]) <= LEAST_FLOOR * len(points):
+    if found is None or np.count_nonzero(found[1]) <= MIN_FLOOR * len(points):
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to determine the vertical from")
     on_floor = points[found[1]]
     middle = on_floor.mean(axis=0)
@@ -96,11 +96,13 @@ def T_floor_camera(frame: Frame) -> Pose:
 def T_lowest_camera(frame: Frame, up: Direction) -> Pose:
     """Pose of the camera above the lowest surface that it sees; ``up``: the vertical in ``camera_optical``."""
     heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
-    return T_level_camera(up, float(np.quantile(heights, MOST_BELOW)))
+    return T_level_camera(up, float(np.quantile(heights, MAX_BELOW)))
 
 
 def T_level_camera(up: Direction, floor: float) -> Pose:
-    """Pose of ``camera_optical`` in a level frame on the floor: x points where it looks, the origin is below it.
+    """Pose of ``camera_optical`` in a level frame whose origin is on the floor below the camera.
+
+    Its x axis points in the direction in which the camera looks.
 
     Args:
         up: the vertical in ``camera_optical``.

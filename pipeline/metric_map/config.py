@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY
+from pipeline.files import MAX_MEMORY
 from pipeline.sensor import XTION
 from pipeline.transforms import FARTHEST
 
@@ -40,7 +40,7 @@ class MetricMapConfig:
     hit: int = 10
     miss: int = 1
     max_log_odds: int = 40
-    max_bytes: int = MOST_MEMORY
+    max_bytes: int = MAX_MEMORY
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -30,11 +30,11 @@ SHOWN = radians(10)
 """Error of the heading that is acceptable when a viewpoint is passed, rad; the view is still the same."""
 LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
-LEAST_PACE = 0.2
+MIN_PACE = 0.2
 """Minimum fraction of its speed that the robot keeps, however far it is off its heading."""
 STILL = 0.02
 """Speed below which the robot counts as standing and may turn in place, m/s."""
-LEAST_SPEED = 0.2
+MIN_SPEED = 0.2
 """A slower robot returns to its line as if at this speed, m/s, so that noise does not turn it."""
 WIDEST_RETURN = 0.5
 """Maximum angle between the robot's heading and its line while it returns to the line, rad."""
@@ -43,7 +43,7 @@ CARRIED_WAY = 0.3
 plan, was carried."""
 TILT_LEAD = 0.1
 """The robot backs out if it would lean too far within this time, s."""
-LEAST_WAY, LEAST_TURN = 0.02, radians(2)
+MIN_WAY, MIN_TURN = 0.02, radians(2)
 """The robot backs out at least this far, m, or turns back by at least this angle, rad."""
 ENOUGH = 0.5
 """Fraction of that distance or angle after which the robot counts as free."""
@@ -54,7 +54,7 @@ STILL_WAY, STILL_TURN = 0.02, radians(2)
 """Displacement, m, and rotation, rad, up to which the robot makes no progress."""
 OVERDUE_RAMP = 4.0
 """A leg may take ``overdue`` s more than this many times its duration at the speed on ramps."""
-LEAST_V, LEAST_OMEGA = 0.04, 0.15
+MIN_V, MIN_OMEGA = 0.04, 0.15
 """Speeds below which commands are not judged, m/s and rad/s."""
 REACTION = 0.3
 """Time during which a robot may still follow its previous command, s, because of delays on the network and at both
@@ -62,9 +62,9 @@ ends. Longer intervals between two poses are not judged: a real robot gets no co
 
 TIME_CONSTANT = 0.5
 """Time constant with which the estimated vertical follows the accelerometer, which bumps and braking disturb, s."""
-MOST_DISTURBANCE = 2.0
+MAX_DISTURBANCE = 2.0
 """Maximum difference from gravity at which an acceleration is used, m/s²."""
-MOST_CHANGE = radians(8)
+MAX_CHANGE = radians(8)
 """Maximum predicted change of the tilt, rad; bumps turn the robot quickly, but no farther."""
 
 
@@ -131,7 +131,7 @@ class Progress:
         wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
         self._wanted += share * (wanted - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
-        counts = self._wanted > (LEAST_V, LEAST_OMEGA)
+        counts = self._wanted > (MIN_V, MIN_OMEGA)
         counts[1] &= asked[0] == 0
         return bool((counts & (self._felt < config.held_share * self._wanted)).any())
 
@@ -153,7 +153,7 @@ class Attitude:
         self.rate = gyro[:2]
         up = self.up - np.cross(gyro, self.up) * dt
         size = float(np.linalg.norm(accelerometer))
-        if abs(size - g) < MOST_DISTURBANCE:
+        if abs(size - g) < MAX_DISTURBANCE:
             up = up + (accelerometer / size - up) * min(1.0, dt / TIME_CONSTANT)
         self.up = up / np.linalg.norm(up)
 
@@ -165,7 +165,7 @@ class Attitude:
 
     def tilt_in(self, seconds: float) -> float:
         """The larger of roll and pitch in ``seconds`` s, rad, if both keep changing as now, up to a limit."""
-        most = MOST_CHANGE
+        most = MAX_CHANGE
         return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())
 
 
@@ -470,11 +470,11 @@ class Navigator:
         model = self._robot
         config = self._config.follower
         # With this gain, the robot returns to its line with a damping ratio of 0.7.
-        gain = config.turn_gain / (2 * max(speed, LEAST_SPEED))
+        gain = config.turn_gain / (2 * max(speed, MIN_SPEED))
         back = float(np.clip(gain * left, -WIDEST_RETURN, WIDEST_RETURN))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
         # The farther off its heading, the more slowly the robot drives; otherwise it would leave the line.
-        speed *= max(LEAST_PACE, float(np.cos(2 * error)))
+        speed *= max(MIN_PACE, float(np.cos(2 * error)))
         rate = config.turn_gain * error + speed * stretch.curvature_at(at, LEAD * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
@@ -545,11 +545,11 @@ class Navigator:
         config = self._config.recovery
         T_odom_held = self._T_odom_base
         if isinstance(command, Turn):
-            least, most = LEAST_TURN, config.most_turn
+            least, most = MIN_TURN, config.most_turn
             braking = abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            least, most = LEAST_WAY, config.most_way
+            least, most = MIN_WAY, config.most_way
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
         came = _moved_back(T_odom_start, T_odom_held, undo)

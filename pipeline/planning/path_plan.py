@@ -48,7 +48,7 @@ class PlanningGraph(Protocol):
     """The graph used for planning: a topological map.
 
     Attributes:
-        kind: ``mst``, with routes over the nodes, or ``roadmap``, with routes past them.
+        kind: ``mst``, where routes pass through the nodes, or ``roadmap``, where they need not.
         graph: graph of node ids; the weight is the cost of each drive, s.
     """
 

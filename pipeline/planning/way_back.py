@@ -14,7 +14,7 @@ from pipeline.transforms import yaw_of
 
 NEAR = 2
 """Distance from a keyframe to drivable ground within which it counts as on that ground, cells."""
-LEAST_DRIVE = 0.05
+MIN_DRIVE = 0.05
 """Distance between keyframes below which the robot only turned, m."""
 FARTHEST = 1.0
 """Distance between keyframes above which the robot was carried from one to the other, m."""
@@ -50,7 +50,7 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
     first = int(np.flatnonzero(piece == 1 + counts[1:].argmax())[-1])
     drives = np.diff(places[first:][::-1], axis=0)
     lengths = np.linalg.norm(drives, axis=1)
-    is_drive = lengths > LEAST_DRIVE
+    is_drive = lengths > MIN_DRIVE
     if not is_drive.any() or lengths.max() > FARTHEST:
         return None
     ends = places[-1] + np.cumsum(drives, axis=0)[is_drive]

@@ -20,7 +20,7 @@ from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import PlanePatch
 from pipeline.transforms import inverse, transform_points
 
-LEAST_COSINE = 0.5
+MIN_COSINE = 0.5
 """Minimum cosine between the normals of segments that continue each other.
 
 Corners alone do not distinguish a surface from a narrow one that stands on it.
@@ -144,7 +144,7 @@ class Segment:
 
     def continues(self, other: "Segment") -> bool:
         """Whether both segments have the same class and lie in one plane, seen from the same side."""
-        if self.label != other.label or self.plane.normal @ other.plane.normal < LEAST_COSINE:
+        if self.label != other.label or self.plane.normal @ other.plane.normal < MIN_COSINE:
             return False
         small, large = (self, other) if self.box.area < other.box.area else (other, self)
         offsets = np.abs(large.plane.distance(corners(small.box))) - small.box.extent[2] / 2

@@ -25,11 +25,11 @@ SHIFT, NOISE = 0.02, 0.008
 """A pixel is less than ``SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
 WINDOW = 2
 """If a pixel fits several planes, the pixels up to this far away in rows and columns help to decide."""
-LEAST_PROBABILITY = 1e-3
+MIN_PROBABILITY = 1e-3
 """Lower limit of a class's probability; it limits the evidence against a class."""
 LEAN = radians(15)
 """Maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or deck side to the vertical, rad."""
-LEAST_RAMP = radians(4)
+MIN_RAMP = radians(4)
 """Minimum tilt of an inclined ramp, rad."""
 
 
@@ -57,7 +57,7 @@ def planar_vote(
         found.planes, SHIFT, NOISE, WINDOW,
     )[frame.returns]  # fmt: skip
     possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])
-    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), LEAST_PROBABILITY)
+    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), MIN_PROBABILITY)
     evidence = weight * mean_logs(logs, plane, len(found.planes))
     return normalised_products(probabilities, logs, evidence, plane)
 
@@ -69,7 +69,7 @@ def possible_classes(cosines: Values) -> NDArray[np.bool_]:
     possible = {
         Label.WALL: upright,
         Label.TERRAIN: level,
-        Label.INCLINED_RAMP: lean > LEAST_RAMP,
+        Label.INCLINED_RAMP: lean > MIN_RAMP,
         Label.STRAIGHT_RAMP: level | upright,
         Label.CEILING: level,
         Label.CLUTTER: np.ones_like(level),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
+from pipeline.files import MAX_MEMORY, atomic_write, read_bytes
 
 _TYPES = {
     **dict.fromkeys("xyz", "float"),
@@ -35,7 +35,7 @@ def read_ply(path: Path) -> NDArray[np.void]:
     Raises:
         InputError: the file cannot be read, is too large, or was not written by :func:`write_ply`.
     """
-    head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header\n")
+    head, end, body = read_bytes(path, MAX_MEMORY).partition(b"end_header\n")
     count, rest = divmod(len(body), VERTEX.itemsize)
     if rest or head + end != _header(count):
         raise InputError(f"{path}: truncated or not written by sarsim; delete it to continue without labels")

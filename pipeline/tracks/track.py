@@ -20,7 +20,7 @@ from pipeline.transforms import transform_places
 
 GATE = chi2_gate(3, 0.99)
 """Squared Mahalanobis distance up to which two measured positions are taken for one object's: 99% of them are."""
-MOST_MISSES = 2.0
+MAX_MISSES = 2.0
 """A track with more misses than this per detection is given up."""
 
 
@@ -259,7 +259,7 @@ class Track:
     @property
     def is_given_up(self) -> bool:
         """Whether it was missed too often; decoded objects are never given up."""
-        return len(self.missed) > MOST_MISSES * len(self.seen) and not self.is_decoded
+        return len(self.missed) > MAX_MISSES * len(self.seen) and not self.is_decoded
 
     @property
     def is_confirmed(self) -> bool:

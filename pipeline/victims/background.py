@@ -17,7 +17,7 @@ TRIALS = 200
 CANDIDATES = 12
 """Random samples from which each further point of a triple is chosen, as the nearest to its first point in the image:
 planes are small and far apart."""
-LEAST_SHARE = 0.02
+MIN_SHARE = 0.02
 """Minimum fraction of all samples that must lie on a plane."""
 BEYOND = 0.25
 """Minimum ratio of a plane's samples outside the box to those inside for it to be background."""
@@ -61,7 +61,7 @@ def background_planes(frame: Frame, box: tuple[float, float, float, float], rng:
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
     samples, planes = _samples(frame, box), []
-    enough = max(3, LEAST_SHARE * len(samples.points))
+    enough = max(3, MIN_SHARE * len(samples.points))
     while len(samples.points) >= enough:
         plane = _plane(samples, rng)
         near = near_plane(samples.points, plane, samples.sensor)

@@ -25,7 +25,7 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
     return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
 
 
-MOST_BOXES = 3000
+MAX_BOXES = 3000
 """Maximum number of boxes that are compared: a network that sees a person in every cell would take minutes."""
 
 
@@ -34,7 +34,7 @@ def best_boxes(
     scores: NDArray[np.float32],
     min_confidence: float,
     overlap: float,
-    max_boxes: int = MOST_BOXES,
+    max_boxes: int = MAX_BOXES,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
 

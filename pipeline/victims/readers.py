@@ -16,7 +16,7 @@ from pipeline.tracks.find import HEAT, Reading, is_same
 from pipeline.victims.config import HeatConfig
 from pipeline.victims.detection import Detection, Detector, check_detections
 
-LEAST_OUTLINE = 4
+MIN_OUTLINE = 4
 """Minimum number of pixels on the outline of a warm region; fewer may be a lamp or a hot pixel."""
 
 
@@ -115,7 +115,7 @@ def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) 
     scale = height / thermal.shape[0]
     contours, _ = cv2.findContours(warm.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     for contour in contours:
-        if len(contour) >= LEAST_OUTLINE:
+        if len(contour) >= MIN_OUTLINE:
             middles = cv2.convexHull(contour)[:, 0] + np.float32(0.5)
             yield Reading(HEAT, "", (middles * scale).astype(np.float32), 1.0)
 

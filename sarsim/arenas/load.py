@@ -31,7 +31,7 @@ BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
 }  # fmt: skip
 """The builder of each kind of file."""
 LEANING = 0.1  # Greatest ratio of gravity's horizontal to its vertical part
-MOST_TOLD = 5  # Greatest number of bodies that a line names
+MAX_TOLD = 5  # Greatest number of bodies that a line names
 DRAWN = 3  # Groups of geoms below this are drawn
 _log = logging.getLogger(__name__)
 
@@ -126,9 +126,7 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
         raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")
     movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid]))
     if named := [model.body(body).name or f"number {body}" for body in movable]:
-        told = ", ".join(named[:MOST_TOLD]) + (
-            f" and {len(named) - MOST_TOLD} more" if len(named) > MOST_TOLD else ""
-        )
+        told = ", ".join(named[:MAX_TOLD]) + (f" and {len(named) - MAX_TOLD} more" if len(named) > MAX_TOLD else "")
         _log.warning("%s: these bodies can move, but are scored where they are at the start: %s", name, told)
     if unlabelled := np.count_nonzero((geom_labels(model) == Label.UNLABELLED) & (model.geom_group < DRAWN)):
         said = (

@@ -24,10 +24,10 @@ from pipeline.files import check_regular, read_text
 from pipeline.transforms import FARTHEST
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.raf import MAX_GEOMS
-from sarsim.vetting.model_files import MOST_MODEL_BYTES
+from sarsim.vetting.model_files import MAX_MODEL_BYTES
 
-MOST_BYTES = 100_000  # Maximum size of the YAML file, which has seven short lines
-MOST_PIXELS = 60_000_000  # 6,000 m², the maximum area of an arena, in pixels of 1 cm
+MAX_BYTES = 100_000  # Maximum size of the YAML file, which has seven short lines
+MAX_PIXELS = 60_000_000  # 6,000 m², the maximum area of an arena, in pixels of 1 cm
 WALL_HEIGHT = TILE_SIZE  # m; a NIST wall is as high as it is wide
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": MODES[0]}
@@ -140,7 +140,7 @@ def _runs(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _values(path: Path) -> dict[str, Any]:
     try:
-        values = yaml.safe_load(read_text(path, MOST_BYTES))
+        values = yaml.safe_load(read_text(path, MAX_BYTES))
     except (yaml.YAMLError, RecursionError) as error:
         raise InputError(f"{path}: cannot be parsed as YAML: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(values, dict) or not {"image", "resolution", "origin"} <= values.keys():
@@ -164,11 +164,11 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
             raise InputError(f"{path}: the image {file} must be in the folder of this YAML file or in a subfolder")
-        check_regular(file, MOST_MODEL_BYTES)
+        check_regular(file, MAX_MODEL_BYTES)
         with Image.open(file) as image:
-            if image.width * image.height > MOST_PIXELS:
+            if image.width * image.height > MAX_PIXELS:
                 raise InputError(
-                    f"{file}: has {image.width} × {image.height} pixels; the limit is {MOST_PIXELS} in all"
+                    f"{file}: has {image.width} × {image.height} pixels; the limit is {MAX_PIXELS} in all"
                 )
             deep = image.mode.startswith("I")
             plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_mode(image))

@@ -29,7 +29,7 @@ START_WORDS = ("start", "robot")
 """Words that mark the name of a line as a start of the robot."""
 ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
 """Postures of people for whom an arena file gives only a position."""
-MOST_LINES = 1000
+MAX_LINES = 1000
 """Maximum number of lines in a list; the league's worlds have at most 20 victims."""
 _SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
 
@@ -92,8 +92,8 @@ def read_placements(path: Path) -> Placements:
             out of range.
     """
     lines = read_text(path).splitlines()
-    if len(lines) > MOST_LINES:
-        raise InputError(f"{path}: has {len(lines)} lines; the limit is {MOST_LINES}")
+    if len(lines) > MAX_LINES:
+        raise InputError(f"{path}: has {len(lines)} lines; the limit is {MAX_LINES}")
     poses, heading = list[WorldPose](), ""
     for number, line in enumerate(lines, 1):
         words = [word for word in _SEPARATORS.split(line.partition("#")[0]) if word]

@@ -11,7 +11,7 @@ from pipeline.arrays import Rotation3
 from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.things.codes import FAMILY, MOST_TAGS, TAG_SIDE
+from sarsim.arenas.things.codes import FAMILY, MAX_TAGS, TAG_SIDE
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import (
@@ -105,7 +105,7 @@ def _code(name: str, draws: RandomDraws) -> ThingModel:
 
 def _tag(name: str, draws: RandomDraws) -> ThingModel:
     # Lower numbers are reserved for the tags by which maps are scored.
-    return april_tag(name, draws.number(MOST_TAGS, len(FAMILY.bytesList) - 1), TAG_SIDE)
+    return april_tag(name, draws.number(MAX_TAGS, len(FAMILY.bytesList) - 1), TAG_SIDE)
 
 
 def _extinguisher(name: str, draws: RandomDraws) -> ThingModel:

@@ -23,8 +23,8 @@ HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
 LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
 ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
-MOST_PLACES = 2000  # Maximum number of positions that are compared
-MOST_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
+MAX_PLACES = 2000  # Maximum number of positions that are compared
+MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
 ABOVE = 0.3  # m above a start from which the ground below it is looked for
 ON_GROUND = 0.005  # m; a start at most this far from the ground is on it
 SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
@@ -98,7 +98,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """
     survey = Survey(model, data)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
-    for ground in islice(survey.grounds(Label.TERRAIN, START_AREA), MOST_GROUNDS):
+    for ground in islice(survey.grounds(Label.TERRAIN, START_AREA), MAX_GROUNDS):
         for floor, size in _pieces(ground):
             if best is None or size > best[0]:
                 best = (size, ground, floor)
@@ -148,9 +148,9 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
 
 
 def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cells (N, 2), thinned to every second one along both axes until at most ``MOST_PLACES`` are left."""
+    """Cells (N, 2), thinned to every second one along both axes until at most ``MAX_PLACES`` are left."""
     spacing = 1
-    while len(cells) > MOST_PLACES:
+    while len(cells) > MAX_PLACES:
         spacing *= 2
         fewer = cells[(cells % spacing == 0).all(axis=1)]
         if not len(fewer):

@@ -18,7 +18,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.tracks.find import KINDS
 from pipeline.victims.detection import Detection, Detector
 
-MOST_ROWS = 3000  # Maximum number of detections in an image: a damaged file must not fill the memory
+MAX_ROWS = 3000  # Maximum number of detections in an image: a damaged file must not fill the memory
 
 
 class OutputCache:
@@ -50,7 +50,7 @@ class OutputCache:
             digest.update(np.asarray(part).tobytes())
         path = self.folder / digest.hexdigest()
         with suppress(OSError, zlib.error, ValueError):
-            stream, rows = zlib.decompressobj(), MOST_ROWS if shape[0] < 0 else shape[0]
+            stream, rows = zlib.decompressobj(), MAX_ROWS if shape[0] < 0 else shape[0]
             content = stream.decompress(path.read_bytes(), rows * shape[1] * np.dtype(kind).itemsize + 1)
             kept = np.frombuffer(content, kind).reshape(shape).copy()
             if stream.eof and np.isfinite(kept).all():

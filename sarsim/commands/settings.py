@@ -31,7 +31,7 @@ RESULTS = ("out", "resume", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
 NO_DETECTOR = "--no-detector"
-MOST_SETTINGS, DEEPEST = 100_000, 8
+MAX_SETTINGS, DEEPEST = 100_000, 8
 """Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
 
@@ -220,7 +220,7 @@ def _unknown(place: Sequence[str], names: Collection[str]) -> str:
 def _yaml(path: Path, where: str) -> Any:
     """The content of a YAML file; if it is not valid YAML, an InputError that begins with ``where``."""
     try:
-        text, depth = read_text(path, MOST_SETTINGS), 0
+        text, depth = read_text(path, MAX_SETTINGS), 0
         for event in yaml.parse(text):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent):

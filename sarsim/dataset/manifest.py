@@ -19,7 +19,7 @@ SCENES = "scenes"
 DATASET_FORMAT = "sarsim-dataset"
 DATASET_VERSION = 1
 SPLITS = ("train", "val", "test")
-MOST_SCENES = 10**9
+MAX_SCENES = 10**9
 _REMEDY = "generate the dataset again in another folder"
 _HELD_OUT = {4: "val", 9: "test"}
 """Split by the last digit of a scene's index, so that scenes keep their split when a dataset grows."""
@@ -170,9 +170,9 @@ def _entry(row: dict[str, Any]) -> SceneEntry:
     if not isinstance(row, dict) or row.keys() != {*keys}:
         raise ValueError(f"each scene must have exactly the keys {', '.join(keys)}")
     entry = SceneEntry(**row)
-    if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES):
+    if not (type(entry.index) is int and 0 <= entry.index < MAX_SCENES):
         raise ValueError(
-            f"the index of a scene must be an integer from 0 to {MOST_SCENES - 1}, not {entry.index!r:.40}"
+            f"the index of a scene must be an integer from 0 to {MAX_SCENES - 1}, not {entry.index!r:.40}"
         )
     if entry.file != scene_path(entry.index):
         raise ValueError(f"the file of scene {entry.index} must be {scene_path(entry.index)}, not {entry.file!r:.80}")

@@ -68,9 +68,9 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
 """Type and shape of every dataset in a file; a letter stands for the same size everywhere."""
 LATER = ("geoms/object",)
 """Datasets that older files of this version lack."""
-MOST_BYTES = 2**28
+MAX_BYTES = 2**28
 """Maximum bytes of a frame's image, and of any other dataset, because a small file may claim to hold terabytes."""
-MOST_FRAMES = 100_000
+MAX_FRAMES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,10 +267,10 @@ class Scene(ExitStack):
             if part.dtype.kind != "S" if kind == "S" else part.dtype != np.dtype(kind):
                 wanted = "fixed-length strings" if kind == "S" else f"type {np.dtype(kind)}"
                 raise ValueError(f"{name} must have {wanted}, not {part.dtype}")
-            if part.nbytes > (most := MOST_BYTES * (sizes["M"] if name in _IMAGES else 1)):
+            if part.nbytes > (most := MAX_BYTES * (sizes["M"] if name in _IMAGES else 1)):
                 raise ValueError(f"{name} has {part.nbytes} bytes; the limit is {most} bytes")
-        if sizes["M"] > MOST_FRAMES:
-            raise ValueError(f"the scene has {sizes['M']} frames; the limit is {MOST_FRAMES}")
+        if sizes["M"] > MAX_FRAMES:
+            raise ValueError(f"the scene has {sizes['M']} frames; the limit is {MAX_FRAMES}")
         return sizes
 
     def _check_numbers(self) -> None:
@@ -296,9 +296,9 @@ class Scene(ExitStack):
         if (wrong := objects[(objects < 0) | (objects >= geoms)]).size:
             raise ValueError(f"geoms/object contains {wrong[0]}, which is not an index of the {geoms} geoms")
         boxes = self.victim_pixels[self.victim_area > 0]
-        if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MOST_BYTES).any():
+        if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MAX_BYTES).any():
             raise ValueError(
-                f"boxes in victims/pixels must have 0 ≤ u0 < u1 and 0 ≤ v0 < v1, and be below {MOST_BYTES}"
+                f"boxes in victims/pixels must have 0 ≤ u0 < u1 and 0 ≤ v0 < v1, and be below {MAX_BYTES}"
             )
 
     def __len__(self) -> int:

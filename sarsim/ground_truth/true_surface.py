@@ -21,7 +21,7 @@ from sarsim.robots.skid_steered import robot_model
 
 CELL = 0.05
 MARGIN = 0.5  # m of grid around the arena
-MOST_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
+MAX_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
 OFF_PEOPLE = (
     0.45  # m; the robot's centre passes no nearer to a person or doll, so that ground behind one is not drivable
 )
@@ -218,9 +218,9 @@ def clearance_of(robot: RobotModel) -> float:
 def _grid_around(bodies: ConvexBodies) -> Grid:
     """A grid that covers all bodies, with ``MARGIN`` around them."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
-    if not np.prod(high - low) <= MOST_AREA:
+    if not np.prod(high - low) <= MAX_AREA:
         raise InputError(
-            f"the arena is too large: {' × '.join(f'{x:.4g}' for x in high - low)} m; the limit is {MOST_AREA:g} m²"
+            f"the arena is too large: {' × '.join(f'{x:.4g}' for x in high - low)} m; the limit is {MAX_AREA:g} m²"
         )
     # Rounding errors must not add a row of cells.
     first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)

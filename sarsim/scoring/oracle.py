@@ -175,7 +175,7 @@ class Oracle(ViewTours):
 def _keyframes(
     stops: NDArray[np.float64], backwards: NDArray[np.bool_], first: float, last: float
 ) -> list[NDArray[np.float64]]:
-    """Keyframe poses on the drives between stops (2,), and in the turns before and after them."""
+    """Keyframe poses on the drives between stops (N, 2), and in the turns before and after them."""
     poses, heading = list[NDArray[np.float64]](), first
     for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
         if (a != b).any():

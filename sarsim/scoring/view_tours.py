@@ -45,7 +45,7 @@ class Leg:
 
     @cached_property
     def bits(self) -> NDArray[np.uint8]:
-        """The seen cells, eight per byte: tours are joined and counted several times faster."""
+        """The seen cells, packed eight per byte, so that those of several legs are combined and counted faster."""
         return np.packbits(self.seen)
 
 

@@ -25,7 +25,7 @@ TARGET = 0.3  # Mean value, in 0..1, that the gain aims at
 
 @dataclass(frozen=True)
 class Conditions:
-    """The conditions of an episode.
+    """What makes the camera's images differ from the truth.
 
     Attributes:
         depth_sensor: the depth sensor, with its range and errors.

@@ -19,7 +19,7 @@ TYRE_ERROR = 0.01
 ``TYRE_ERROR``, ``SIDE_ERROR`` and ``SLIP`` are chosen; the manual only says to measure the ticks per millimetre."""
 SIDE_ERROR = 0.003
 """Standard deviation of the additional relative error of the radius of each side's tyres."""
-MOST_TYRE_ERROR = 0.2
+MAX_TYRE_ERROR = 0.2
 """Limit of the relative error; beyond it, the tyre would be of another size."""
 SLIP = 0.01
 """m/√m, random walk of the distance of each side, for dust and bumps, which the smooth floor of the physics lacks.
@@ -41,11 +41,11 @@ class WheelOdometry:
             tyre_error: relative error of the radius, unknown to the robot, in addition to those drawn from ``rng``.
 
         Raises:
-            InputError: the magnitude of ``tyre_error`` is not below ``MOST_TYRE_ERROR``.
+            InputError: the magnitude of ``tyre_error`` is not below ``MAX_TYRE_ERROR``.
         """
-        if not abs(tyre_error) < MOST_TYRE_ERROR:
+        if not abs(tyre_error) < MAX_TYRE_ERROR:
             raise InputError(
-                f"tyre_error must be greater than -{MOST_TYRE_ERROR:g} and less than {MOST_TYRE_ERROR:g},"
+                f"tyre_error must be greater than -{MAX_TYRE_ERROR:g} and less than {MAX_TYRE_ERROR:g},"
                 f" not {tyre_error:g}"
             )
         self._rng = rng

@@ -37,7 +37,7 @@ ARRIVED_WITHIN = 0.3
 """Distance from the goal at which the robot has arrived, m."""
 TIPPED = np.cos(np.deg2rad(60))
 """A robot has tipped over if the z component of its vertical axis is less than this."""
-MOST_SEEDS = 1_000_000
+MAX_SEEDS = 1_000_000
 """Number of seeds, and of random arenas, from which episodes are drawn."""
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
 """The slice of each measurement in the array of all measurements."""
@@ -217,7 +217,7 @@ class Drive(gymnasium.Env[Any, Any]):
     def _load(self) -> None:
         if self.world is not None:
             self.world.close()
-        name = f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena
+        name = f"random:{self.np_random.integers(MAX_SEEDS)}" if self._arena == "random" else self._arena
         arena = load_arena(name)
         warn_of_symptoms(self._robot)
         self.world = RescueEnvironment(arena, self._robot)

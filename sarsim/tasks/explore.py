@@ -38,7 +38,7 @@ from sarsim.tasks.checks import (
     numbers_of,
     weights_of,
 )
-from sarsim.tasks.drive import MOST_SEEDS
+from sarsim.tasks.drive import MAX_SEEDS
 from sarsim.tasks.observations import (
     LOCAL_CELL,
     LOCAL_SIDE,
@@ -165,8 +165,8 @@ class Explore(gymnasium.Env[Any, Any]):
             raise InputError(f"reset: seed = {(options or {})['seed']!r}: must be a whole number from 0 on")
         super().reset(seed=seed)
         drawn: dict[str, Any] = {
-            "arena": f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena,
-            "seed": int(self.np_random.integers(MOST_SEEDS)),
+            "arena": f"random:{self.np_random.integers(MAX_SEEDS)}" if self._arena == "random" else self._arena,
+            "seed": int(self.np_random.integers(MAX_SEEDS)),
         }
         self._begun, earlier = drawn | (options or {}), self._begun
         if self._robot is not None and self._begun["arena"] == earlier["arena"]:

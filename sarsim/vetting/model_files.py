@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from defusedxml import DefusedXmlException, ElementTree
 
 from pipeline.errors import InputError
-from pipeline.files import MOST_TEXT, check_regular, read_bytes
+from pipeline.files import MAX_TEXT, check_regular, read_bytes
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-MOST_MODEL_BYTES = 100_000_000  # Total of a model's files: MJCF, meshes, textures and height fields
-MOST_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms each; esogu_52x15 has 1,600
+MAX_MODEL_BYTES = 100_000_000  # Total of a model's files: MJCF, meshes, textures and height fields
+MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms each; esogu_52x15 has 1,600
 MJCF_ENDINGS = ".xml", ".mjcf"
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders."""
@@ -35,7 +35,7 @@ class RefusedError(InputError):
     """A file that may be harmful, not merely broken or missing; nothing that refers to it is read."""
 
 
-def parse_xml(path: Path, max_bytes: int = MOST_TEXT) -> "Element":
+def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
     """The root element of a file of at most ``max_bytes`` bytes.
 
     Raises:
@@ -150,8 +150,8 @@ def check_files(path: Path) -> None:
         check_regular(file)
         size = _bounded(size + file.stat().st_size, path)
     count = sum(map(_geoms, roots.values()))
-    if count > MOST_GEOMS:
-        raise InputError(f"{path}: has {count} geoms, including copies; the limit is {MOST_GEOMS}")
+    if count > MAX_GEOMS:
+        raise InputError(f"{path}: has {count} geoms, including copies; the limit is {MAX_GEOMS}")
 
 
 def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
@@ -170,9 +170,9 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
 
 
 def _bounded(size: int, path: Path) -> int:
-    if size > MOST_MODEL_BYTES:
+    if size > MAX_MODEL_BYTES:
         raise InputError(
-            f"{path}: the model's files are too large: at least {size} bytes in all; the limit is {MOST_MODEL_BYTES}"
+            f"{path}: the model's files are too large: at least {size} bytes in all; the limit is {MAX_MODEL_BYTES}"
         )
     return size
 

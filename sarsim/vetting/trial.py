@@ -15,8 +15,8 @@ from sarsim.vetting.resolved import EXACT, resolved
 
 TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's; the largest shipped arena needs 0.1 GB
 SECONDS = 20  # s of processor time
-MOST_USER = 100  # ``user`` values of an element
-MOST_HEIGHTS = 2_400_000  # Cells of height fields: 6,000 m², the most that is surveyed, in 5 cm cells
+MAX_USER = 100  # ``user`` values of an element
+MAX_HEIGHTS = 2_400_000  # Cells of height fields: 6,000 m², the most that is surveyed, in 5 cm cells
 FARTHEST = 8_000.0  # m from the origin; beyond it float32 no longer resolves 1 mm
 ITERATIONS = 0, 1000  # Of a solver; MuJoCo's default is 100
 FACETS = 3, 128  # Quads along or around a drawn shape; MuJoCo's defaults are at most 28
@@ -117,12 +117,12 @@ def check_model(model: mujoco.MjModel) -> None:
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
             _check(name, getattr(owner, name), BOUNDS[name])
-    if model.hfield_data.size > MOST_HEIGHTS:
-        raise InputError(f"the height fields have {model.hfield_data.size} cells; the limit is {MOST_HEIGHTS}")
+    if model.hfield_data.size > MAX_HEIGHTS:
+        raise InputError(f"the height fields have {model.hfield_data.size} cells; the limit is {MAX_HEIGHTS}")
     for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived ones last
         value = getattr(model, name)
         if name.startswith("nuser_"):
-            _check(name, value, (0, MOST_USER))
+            _check(name, value, (0, MAX_USER))
         elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and not np.isfinite(value).all():
             raise InputError(f"all values in {name} must be finite")
     for name in PLACES:

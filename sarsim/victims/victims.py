@@ -136,7 +136,7 @@ def make_victim(
         room: maximum size of the person along x and y, m.
 
     Raises:
-        InputError: the posture is impossible in the placement, or no person in it fits into the room.
+        InputError: the placement does not allow the posture, or no person in that posture fits into ``room``.
     """
     choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:

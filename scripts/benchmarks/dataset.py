@@ -103,7 +103,7 @@ def make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:
 
 
 def undisturbed_seconds() -> float:
-    """A clock, s, that stops while this single-threaded process waits for a processor, if Linux reports the wait."""
+    """Time, s, on a clock that stops while this single-threaded process waits for a processor, if Linux says so."""
     try:
         waited = int(Path("/proc/self/schedstat").read_text().split()[1])
     except OSError:

@@ -87,7 +87,7 @@ class Tally:
         self._map, self._truth = SemanticMap(), SemanticMap()
 
     def add(self, frame: PosedFrame, given: NDArray[np.float32]) -> None:
-        """Add the (N, 8) probabilities given by a classifier to the returns of a frame."""
+        """Count a frame, given the (N, 8) probabilities that a classifier assigned to its returns."""
         points, truth = frame.points, np.eye(len(Label), dtype=np.float32)[frame.labels]
         self._returns += confusion_matrix(frame.labels, given.argmax(axis=1).astype(np.uint8))
         alone, true = SemanticMap(), SemanticMap()

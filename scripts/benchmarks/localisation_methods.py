@@ -24,7 +24,7 @@ from scripts.benchmarks.localisation_scores import errors_of, moved_along, nees,
 STRIDE = 4
 """Pixel stride of the points given to KISS-ICP; they are still denser than its voxels, each of which keeps one."""
 
-LEAST_RETURNS = 0.1
+MIN_RETURNS = 0.1
 """Minimum fraction of pixels with returns. With fewer, as near a wall, baselines get lost."""
 STRAYED = 0.1, np.deg2rad(5)
 """m and rad; a baseline that deviates more from the odometry within a frame counts as lost, and odometry is used."""
@@ -36,7 +36,7 @@ RgbdImage = o3d.t.geometry.RGBDImage
 
 def is_blind(frame: Frame) -> bool:
     """Whether a frame has too few returns to be registered."""
-    return bool(np.mean(frame.returns) < LEAST_RETURNS)
+    return bool(np.mean(frame.returns) < MIN_RETURNS)
 
 
 class Method(ABC):

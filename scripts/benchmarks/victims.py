@@ -28,8 +28,8 @@ from scripts.benchmarks.runs import Job, Results, failures, jobs_of, run_episode
 from scripts.benchmarks.settings import VictimsSettings
 
 THREADS = 2
-LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
-MOST_HIDDEN = 0.6  # Maximum occluded fraction of a person who should be found
+MIN_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
+MAX_HIDDEN = 0.6  # Maximum occluded fraction of a person who should be found
 
 
 def measure(settings: VictimsSettings) -> Result:
@@ -42,7 +42,7 @@ def measure(settings: VictimsSettings) -> Result:
     at_least(1, settings, "frames")
     # The detector's speed.
     detector = VictimDetector.load(*settings.detector)
-    precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=LEAST_CONFIDENCE))
+    precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=MIN_CONFIDENCE))
     figures = speed(detector, settings.rounds, settings.seed) if settings.rounds else {}
     # Its average precision in frames of unseen arenas, from the same viewpoints in each light.
     arenas = recipe(settings.seed, settings.frames)
@@ -138,7 +138,7 @@ class PeopleInFrame:
     @property
     def counts(self) -> Mask:
         """The people who should be found."""
-        return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
+        return (self.area >= VISIBLE) & (self.hidden <= MAX_HIDDEN)
 
 
 def recipe(seed: int, frames: int) -> Recipe:

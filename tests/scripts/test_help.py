@@ -19,8 +19,8 @@ COMMANDS = [
     for sub in SUBCOMMANDS.get(path.stem, [""])
 ]
 HEAVY = {"cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch"}
-MOST_FLAGS = 227
-MOST_LINES = 122
+MAX_FLAGS = 227
+MAX_LINES = 122
 ASK_ALL = """
 import contextlib, io, json, runpy, sys
 said = {}
@@ -49,7 +49,7 @@ def asked() -> tuple[dict[str, str], list[str]]:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_is_short_and_says_what_every_flag_is_for(command: str) -> None:
     text = asked()[0][command]
-    assert text.startswith("usage: ") and text.count("\n") <= MOST_LINES
+    assert text.startswith("usage: ") and text.count("\n") <= MAX_LINES
     described = re.sub(r"[│\s]+", " ", text)
     assert "{None" not in described and "default: None" not in described
     assert not re.findall(r"(--[\w-]+(?:\.[\w-]+)*) (?:[A-Z{\[]\S* )*\((?:required|default[^)]*)\) --", described)
@@ -59,7 +59,7 @@ def test_all_commands_together_have_no_more_flags_than_agreed() -> None:
     names: dict[str, set[str]] = {}  # a flag that several of a command's subcommands have is one to learn
     for command, text in asked()[0].items():  # one that can be negated counts once
         names.setdefault(command.split()[0], set()).update(re.findall(r"^│ (--[\w.-]+)", text, re.MULTILINE))
-    assert sum(map(len, names.values())) <= MOST_FLAGS, names
+    assert sum(map(len, names.values())) <= MAX_FLAGS, names
     assert len(names["run_episode"]) >= 20
 
 

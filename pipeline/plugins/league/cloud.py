@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.special import expit
 
 from pipeline.arrays import Directions, Places, Points, Pose, Values
-from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
+from pipeline.files import MAX_MEMORY, atomic_write, read_bytes
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.plugins.league.brief import MissionBrief
 from pipeline.transforms import inverse, transform_points
@@ -109,7 +109,7 @@ def read_cloud(path: Path) -> CloudFile:
         InputError: the file is not a regular file, is too large, or cannot be read.
     """
     read = CloudFile()
-    head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
+    head, end, body = read_bytes(path, MAX_MEMORY).partition(b"end_header")
     lines = [line.strip() for line in head.decode(errors="replace").splitlines()]
     if not end or lines[:1] != ["ply"]:
         read.errors.append('not a PLY file: the first line must be "ply", and the header must end with "end_header"')

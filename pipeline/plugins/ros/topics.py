@@ -69,7 +69,7 @@ class RobotTopics:
         self._send("/imu", motion.time, messages.imu(motion))
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Send the wheels' angles and speeds at a time, s."""
+        """Send the wheels' angles and speeds, measured at ``time``, s."""
         self._send("/joint_states", time, messages.joint_states(time, *joints))
 
 

@@ -21,7 +21,7 @@ from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 
-MOST_FACTOR = 16
+MAX_FACTOR = 16
 """Maximum factor between the settings in a file's :class:`BlockConfig` and the defaults; beyond it, a frame could
 take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
@@ -123,7 +123,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
         for name, usual in asdict(BlockConfig()).items():
-            least, most = usual / MOST_FACTOR, usual * MOST_FACTOR
+            least, most = usual / MAX_FACTOR, usual * MAX_FACTOR
             if not least <= getattr(blocks, name) <= most:
                 raise InputError(
                     f"{path}: block setting {name} = {getattr(blocks, name)}: must be from {least:g} to {most:g}"

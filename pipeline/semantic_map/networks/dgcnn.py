@@ -10,11 +10,11 @@ from torch import Tensor, nn
 from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, largest_of_blocks, to_points
-from pipeline.semantic_map.networks.network import MOST_CHANNELS, PointNetwork, whole
+from pipeline.semantic_map.networks.network import MAX_CHANNELS, PointNetwork, whole
 
 SLOPE = 0.2
 """Slope of LeakyReLU below 0."""
-MOST_NEIGHBOURS = 64
+MAX_NEIGHBOURS = 64
 """Largest k that ``dgcnn_cpu`` supports."""
 EDGE_FEATURES, GLOBAL = 64, 1024
 """Number of features of a point after each EdgeConv, and of a block."""
@@ -69,25 +69,25 @@ class Dgcnn(PointNetwork):
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network that fits published weights, with the metadata's k; ValueError if they are not a DGCNN's."""
         k = whole(metadata.get("k", str(NEAREST_POINTS)))
-        if not 1 <= k <= MOST_NEIGHBOURS:
+        if not 1 <= k <= MAX_NEIGHBOURS:
             text = metadata["k"]
             raise ValueError(
-                f"k = {text!r:.20}: the number of neighbours must be a whole number from 1 to {MOST_NEIGHBOURS}"
+                f"k = {text!r:.20}: the number of neighbours must be a whole number from 1 to {MAX_NEIGHBOURS}"
             )
         names = "conv1.0.weight", "conv9.weight"
         if missing := [name for name in names if name not in tensors]:
             raise ValueError(f"not a DGCNN for segmentation: the tensor {missing[0]} is missing")
         first, last = (tuple(tensors[name].shape) for name in names)
         # Shapes need limits: a tensor with a 0 in its shape takes no bytes in a file, whatever its other sizes.
-        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:
+        if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MAX_CHANNELS or first[0] != EDGE_FEATURES:
             raise ValueError(
                 f"not a DGCNN for segmentation: {names[0]} has shape {first}, but must have "
-                f"({EDGE_FEATURES}, C, 1, 1) with C even and from {2 * GRAPH_CHANNELS} to {2 * MOST_CHANNELS}"
+                f"({EDGE_FEATURES}, C, 1, 1) with C even and from {2 * GRAPH_CHANNELS} to {2 * MAX_CHANNELS}"
             )
-        if len(last) != 3 or not 1 <= last[0] <= MOST_CHANNELS:
+        if len(last) != 3 or not 1 <= last[0] <= MAX_CHANNELS:
             raise ValueError(
                 f"not a DGCNN for segmentation: {names[1]} has shape {last}, but must have "
-                f"(C, {GLOBAL // 4}, 1) with C from 1 to {MOST_CHANNELS}"
+                f"(C, {GLOBAL // 4}, 1) with C from 1 to {MAX_CHANNELS}"
             )
         return cls(first[1] // 2, last[0], k)
 

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from pipeline.errors import InputError
 
-MOST_CHANNELS = 64
+MAX_CHANNELS = 64
 """Maximum number of channels, and of classes, of weights from files; published weights have 9 and 13."""
 
 
@@ -45,9 +45,9 @@ class PointNetwork(nn.Module, ABC):
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network of the size given by a file's ``tensors`` or ``metadata``; ValueError if that is out of range."""
         for name, least in (("channels", 4), ("classes", 1)):
-            if not least <= whole(metadata.get(name, "")) <= MOST_CHANNELS:
+            if not least <= whole(metadata.get(name, "")) <= MAX_CHANNELS:
                 found = f"not {metadata[name]!r:.20}" if name in metadata else "but is missing"
-                limits = f"from {least} to {MOST_CHANNELS}"
+                limits = f"from {least} to {MAX_CHANNELS}"
                 raise ValueError(f"the number of {name} of {cls.NAME} must be a whole number {limits}, {found}")
         return cls(whole(metadata["channels"]), whole(metadata["classes"]))
 

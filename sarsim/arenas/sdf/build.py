@@ -25,24 +25,24 @@ from sarsim.arenas.sdf.labels import (
     outline_of,
     outline_of_ground,
 )
-from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided, with_volume
+from sarsim.arenas.sdf.pieces import MAX_PIECES, two_sided, with_volume
 from sarsim.arenas.sdf.resources import PLACES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
 from sarsim.arenas.sdf.window import Window, solids_within, window_of
 from sarsim.arenas.sdf.world import SdfModel, SdfWorld
-from sarsim.ground_truth.true_surface import MOST_AREA
+from sarsim.ground_truth.true_surface import MAX_AREA
 from sarsim.robots.model import robot_model
-from sarsim.vetting.model_files import MOST_GEOMS
+from sarsim.vetting.model_files import MAX_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
 BEYOND = 2.0  # m by which planes, which are infinite, extend past the margin: goals may lie outside the outer objects
-MOST_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far out
+MAX_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far out
 FAR_OUT = 3.0  # A body this many times as far from the centre as the others does not belong to the world
-MOST_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
+MAX_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
 HEADROOM = robot_model().headroom  # m; a surface that is higher above the lowest point of a model is not ground
 TILE = 6.0  # m; visible surfaces are split into cubes of this size, so that rendering can skip those out of view
-MOST_FACETS = 10_000  # With more facets (0.1 ms each), pieces that collide as their hulls have one label each
+MAX_FACETS = 10_000  # With more facets (0.1 ms each), pieces that collide as their hulls have one label each
 COLLIDES: Attributes = {"group": 3}  # collides, but is not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 
@@ -88,7 +88,7 @@ def build_sdf(path: Path) -> ArenaBuilder:
     victims = [victim for victim in victims if victim not in far]
     hulls = _as_hulls(solids)
     facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
-    plain = hulls if facets > MOST_FACETS else set()
+    plain = hulls if facets > MAX_FACETS else set()
     flat = Counter[str]()
     bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain, flat)])
     thrown += [_far_out(victim.name, victim.T_world[:2, 3]) for victim in far]
@@ -114,8 +114,8 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
     for shape in world.shapes(without=lambda model: model.scoped in apart):
         with world.without():
             solids += reader.solids(shape)
-        if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: has more shapes than the limit of {MOST_GEOMS}; remove some models")
+        if len(solids) > MAX_GEOMS:
+            raise InputError(f"{path}: has more shapes than the limit of {MAX_GEOMS}; remove some models")
     if not (solids or apart or world.missing):
         said = _left_out(path, world, [])
         found = f"readable shapes; left out {said}" if said else "shapes; add at least one <collision> or <visual>"
@@ -132,9 +132,9 @@ def _left_out(path: Path, world: SdfWorld, far_out: list[str]) -> str:
 
 
 def _named(things: list[str], between: str) -> str:
-    """The first ``MOST_NAMED`` names, and how many more there are."""
-    more = [f"and {len(things) - MOST_NAMED} more"] if len(things) > MOST_NAMED else []
-    return between.join([*things[:MOST_NAMED], *more])
+    """The first ``MAX_NAMED`` names, and how many more there are."""
+    more = [f"and {len(things) - MAX_NAMED} more"] if len(things) > MAX_NAMED else []
+    return between.join([*things[:MAX_NAMED], *more])
 
 
 def _places_of(victims: list[SdfModel]) -> NDArray[np.float64]:
@@ -154,15 +154,15 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
     """
     around = [_box_around(solid) for solid in solids if solid.kind != "plane"]
     boxes = np.concatenate([np.array(around).reshape(-1, 2, 2), np.stack([places, places], axis=1)])
-    if not len(boxes) or np.prod(np.ptp(boxes, axis=(0, 1)) + 2 * MARGIN) <= MOST_AREA:
+    if not len(boxes) or np.prod(np.ptp(boxes, axis=(0, 1)) + 2 * MARGIN) <= MAX_AREA:
         return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
-    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MOST_THROWN)]  # the others were thrown out of the world
+    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MAX_THROWN)]  # the others were thrown out of the world
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
-    if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
+    if np.prod(extent + 2 * MARGIN) <= MAX_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
-    window = window_of(near, MOST_AREA)
+    window = window_of(near, MAX_AREA)
     _log.warning("%s: the world (%.0f × %.0f m) is too large for an arena; building only %s", path, *extent, window)
     return list(solids_within(solids, window)), window
 
@@ -178,12 +178,12 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _as_hulls(solids: list[Solid]) -> set[int]:
-    """The ids of the pieces that collide as one geom: the most detailed ones, until ``MOST_PIECES`` suffice."""
+    """The ids of the pieces that collide as one geom: the most detailed ones, until ``MAX_PIECES`` suffice."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
     hulls = {id(piece) for piece in pieces if not piece.parts}
     parts = sum(len(piece.parts) or 1 for piece in pieces)
     for piece in sorted(pieces, key=lambda piece: -piece.parts_per_metre):
-        if parts <= MOST_PIECES:
+        if parts <= MAX_PIECES:
             break
         if len(piece.parts) > 1:
             parts -= len(piece.parts) - 1
@@ -237,10 +237,10 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
         if body.solid.kind != "plane":
             places[n] = body.corners[:, :2].mean(axis=0)
     solid = np.array([body.solid.kind != "plane" for body in bodies])
-    if np.prod(high - low) <= MOST_AREA or not solid.any():
+    if np.prod(high - low) <= MAX_AREA or not solid.any():
         return bodies, []
     away[solid] = np.linalg.norm(places[solid] - np.median(places[solid], axis=0), axis=1)
-    typical = np.quantile(away[solid], 1 - MOST_THROWN)
+    typical = np.quantile(away[solid], 1 - MAX_THROWN)
     is_thrown = away > FAR_OUT * typical
     thrown = [_far_out("an object", place) for place in places[is_thrown]]
     return [body for body, far in zip(bodies, is_thrown, strict=True) if not far], thrown
@@ -298,14 +298,14 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
         around = np.zeros((1, 2))
     elif not len(around):
         around = np.concatenate([body.corners[:, :2] for body in bodies])
-        middle, most = bodies[0].solid.T_world[:2, 3], np.sqrt(MOST_AREA) / 2 - MARGIN
+        middle, most = bodies[0].solid.T_world[:2, 3], np.sqrt(MAX_AREA) / 2 - MARGIN
         around = np.clip(around, middle - most, middle + most)
     return around.min(axis=0) - MARGIN, around.max(axis=0) + MARGIN
 
 
 def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
     """Lowest and highest (x, y), m, of planes: ``BEYOND`` the bounds, unless that would make the arena too large."""
-    beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MOST_AREA else 0.0
+    beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MAX_AREA else 0.0
     return low - beyond, high + beyond
 
 

@@ -36,9 +36,9 @@ _NAMED: dict[str, Colour] = {
 """Diffuse colours of the materials ``Gazebo/NAME`` in Gazebo's media/materials/scripts/gazebo.material."""
 _VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
 """Suffixes of material names that leave the colour unchanged."""
-MOST_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
+MAX_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
 SAMPLE = 64  # pixels along a texture's shorter side that suffice for its mean
-MOST_SCRIPTS = 100  # Maximum number of material files that are read in a folder
+MAX_SCRIPTS = 100  # Maximum number of material files that are read in a folder
 _BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
 _SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(.+?)\s*$", re.MULTILINE)
 
@@ -113,7 +113,7 @@ class Materials:
         """The texts of the materials in a folder's scripts, by name."""
         if folder not in self._scripts:
             texts: dict[str, str] = {}
-            for path in sorted(folder.glob("*.material"))[:MOST_SCRIPTS]:
+            for path in sorted(folder.glob("*.material"))[:MAX_SCRIPTS]:
                 try:
                     content = self._resources.read(path).decode("utf-8", "replace")
                 except InputError:
@@ -134,14 +134,14 @@ def _mean(content: bytes) -> Colour | None:
     """The mean colour of the picture in a file's content; None if it is unreadable."""
     try:
         with Image.open(BytesIO(content)) as image:
-            return mean_of(image)
+            return mean_colour(image)
     except Exception:  # broken pictures raise many kinds of exceptions
         return None
 
 
-def mean_of(image: Image.Image) -> Colour | None:
+def mean_colour(image: Image.Image) -> Colour | None:
     """The mean colour of a picture, weighted by opacity; None if it is all transparent or too large."""
-    if image.width * image.height > MOST_PIXELS:
+    if image.width * image.height > MAX_PIXELS:
         return None
     image.draft("RGB", (SAMPLE, SAMPLE))  # decodes a JPEG at a coarse scale
     pixels = np.asarray(image.convert("RGBA").reduce(max(1, min(image.size) // SAMPLE)), np.float64) / 255

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
 """Supported file types; geographic rasters are not supported."""
-MOST_PIXELS = 1025**2  # Maximum size of a heightmap: the largest in Gazebo's documentation
+MAX_PIXELS = 1025**2  # Maximum size of a heightmap: the largest in Gazebo's documentation
 TILE = 2.0  # m, approximate side of a tile; each tile has its own label
-MOST_TILES = 40  # Maximum number of tiles along an axis
+MAX_TILES = 40  # Maximum number of tiles along an axis
 BASE = 1.0  # m, thickness of a height field below its lowest point, so that nothing falls through
 
 
@@ -111,10 +111,10 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
     """(rows, columns) brightness, from the first channel of a picture of 8 or 16 bits."""
     try:
         with Image.open(BytesIO(content)) as image:
-            if not 4 <= image.width * image.height <= MOST_PIXELS or min(image.size) < 2:
+            if not 4 <= image.width * image.height <= MAX_PIXELS or min(image.size) < 2:
                 raise InputError(
                     f"{path}: the heightmap has {image.width} × {image.height} pixels; it must have at least 2 × 2"
-                    f" and at most {MOST_PIXELS} in all"
+                    f" and at most {MAX_PIXELS} in all"
                 )
             plain = image.convert("RGB") if image.mode == "P" else image
             pixels = np.asarray(plain, np.float64)
@@ -140,5 +140,5 @@ def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pos
 
 def _ends(cells: int, length: float) -> NDArray[np.int64]:
     """The indices of the points where the tiles of ``cells`` cells along ``length`` m start and end."""
-    count = int(np.clip(round(length / TILE), 1, min(MOST_TILES, cells)))
+    count = int(np.clip(round(length / TILE), 1, min(MAX_TILES, cells)))
     return np.linspace(0, cells, count + 1).round().astype(np.int64)

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from pipeline.arrays import Places
 from pipeline.errors import InputError
 from pipeline.transforms import transform_places
-from sarsim.arenas.sdf.colours import Colour, Materials, mean_of, product
+from sarsim.arenas.sdf.colours import Colour, Materials, mean_colour, product
 from sarsim.arenas.sdf.resources import Resources
 from sarsim.vetting.model_files import RefusedError
 
-MOST_TRIANGLES = 500_000  # Maximum number of triangles of a mesh; finding its connected pieces takes 10 µs for each
+MAX_TRIANGLES = 500_000  # Maximum number of triangles of a mesh; finding its connected pieces takes 10 µs for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,8 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: cannot be read as a mesh: {said}") from error
     count = sum(len(s.triangles) for s in surfaces)
-    if not 0 < count <= MOST_TRIANGLES:
-        raise InputError(f"{path}: the mesh has {count} triangles; it must have from 1 to {MOST_TRIANGLES}")
+    if not 0 < count <= MAX_TRIANGLES:
+        raise InputError(f"{path}: the mesh has {count} triangles; it must have from 1 to {MAX_TRIANGLES}")
     if not all(np.isfinite(s.vertices).all() for s in surfaces):
         raise InputError(f"{path}: the coordinates of all vertices must be finite")
     return surfaces
@@ -148,7 +148,7 @@ def _of_material(material: Any) -> Colour | None:
         return None
     red, green, blue = (np.asarray(material.diffuse, np.float64)[:3] / 255).tolist()
     written = (red, green, blue) if "kd" in material.kwargs else None
-    texture = None if material.image is None else mean_of(material.image)
+    texture = None if material.image is None else mean_colour(material.image)
     return written if texture is None else product(texture, written or (1.0, 1.0, 1.0))
 
 

@@ -26,7 +26,7 @@ PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 
 THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
 """m, of plates on flat parts; far from the origin, single precision does not resolve the thinnest."""
 FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; a plate has half its thickness
-MOST_PIECES = 2_000  # Maximum number of pieces of a mesh, convex parts of a world, facets of a piece; 2 ms per geom
+MAX_PIECES = 2_000  # Maximum number of pieces of a mesh, convex parts of a world, facets of a piece; 2 ms per geom
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:
     mesh.update_faces(mesh.nondegenerate_faces(height=SLIVER) & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()
     groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1)
-    for faces in sorted(groups, key=min) if len(groups) <= MOST_PIECES else [np.arange(len(mesh.faces))]:
+    for faces in sorted(groups, key=min) if len(groups) <= MAX_PIECES else [np.arange(len(mesh.faces))]:
         piece: Any = mesh.submesh([np.sort(faces)], append=True, repair=False)
         yield _piece(piece, surface.colour)
 
@@ -104,7 +104,7 @@ def _piece(mesh: trimesh.Trimesh, colour: Colour | None) -> MeshPiece:
         return MeshPiece(vertices, triangles, [vertices], colour)
     facets = [np.asarray(faces) for faces in mesh.facets]
     single = np.setdiff1d(np.arange(len(triangles)), np.concatenate([*facets, np.zeros(0, np.int64)]))
-    if len(facets) + len(single) > MOST_PIECES:
+    if len(facets) + len(single) > MAX_PIECES:
         return MeshPiece(vertices, triangles, [], colour)
     facets += list(single[:, None])
     number = np.empty(len(triangles), np.int64)

@@ -12,14 +12,14 @@ from scipy.cluster.vq import kmeans2
 from pipeline.arrays import Places
 from pipeline.errors import InputError, required
 from sarsim.arenas.sdf.values import child_numbers, pose_of
-from sarsim.vetting.model_files import MOST_GEOMS
+from sarsim.vetting.model_files import MAX_GEOMS
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 SEED = 0
 SPACING = 0.1  # m between the points that are clustered to spread copies evenly over a box
-MOST_POINTS = 10_000  # Approximate maximum number of these points, and their number in a cylinder
+MAX_POINTS = 10_000  # Approximate maximum number of these points, and their number in a cylinder
 LINES = {"linear-x": 0, "linear-y": 1, "linear-z": 2}
 """Distributions along a line, with the index of its axis."""
 
@@ -43,7 +43,7 @@ def places_of(population: "Element", where: str) -> Places:
         return middle - size / 2 + _in_box(kind, size, count, rng) @ turn.T
     if cylinder is not None and kind in ("random", "uniform"):
         radius, length = _positive(cylinder, "radius", 1, where)[0], _positive(cylinder, "length", 1, where)[0]
-        points = _in_cylinder(radius, length, count if kind == "random" else MOST_POINTS, rng)
+        points = _in_cylinder(radius, length, count if kind == "random" else MAX_POINTS, rng)
         return middle + (points if kind == "random" else _spread(points, count, rng)) @ turn.T
     raise InputError(
         f"{where}: the distribution type {kind[:40]!r} is unknown or lacks its region: random and uniform need a"
@@ -66,7 +66,7 @@ def _in_box(kind: str, size: NDArray[np.float64], count: int, rng: np.random.Gen
     if kind == "random":
         return rng.uniform(0, size, (count, 3))
     if kind == "uniform":
-        spacing = max(SPACING, float(np.sqrt(size[0] * size[1] / MOST_POINTS)))
+        spacing = max(SPACING, float(np.sqrt(size[0] * size[1] / MAX_POINTS)))
         axes = [np.arange(0, length, spacing) for length in size[:2]]
         points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         return _spread(np.column_stack([points, rng.uniform(0, size[2], len(points))]), count, rng)
@@ -95,8 +95,8 @@ def _count(owner: "Element", tag: str, where: str) -> int:
 
 
 def _bounded(count: int, where: str) -> int:
-    if not 0 < count <= MOST_GEOMS:
-        raise InputError(f"{where}: the number of copies must be from 1 to {MOST_GEOMS}, not {count}")
+    if not 0 < count <= MAX_GEOMS:
+        raise InputError(f"{where}: the number of copies must be from 1 to {MAX_GEOMS}, not {count}")
     return count
 
 

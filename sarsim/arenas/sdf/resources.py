@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 from pipeline.errors import InputError
-from pipeline.files import MOST_TEXT, read_bytes
-from sarsim.vetting.model_files import MOST_MODEL_BYTES, RefusedError, parse_xml
+from pipeline.files import MAX_TEXT, read_bytes
+from sarsim.vetting.model_files import MAX_MODEL_BYTES, RefusedError, parse_xml
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -25,7 +25,7 @@ _PACKAGE = "package.xml"
 """The file that makes a folder a ROS package."""
 _DEEPEST = 20  # Maximum number of ends of a path that are searched for
 _PACKAGE_LEVELS = 3  # Maximum number of levels from a world's folder up to its package
-_MOST_PACKAGES = 200  # Maximum number of packages next to it that are searched
+_MAX_PACKAGES = 200  # Maximum number of packages next to it that are searched
 _INSIDE = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
@@ -100,7 +100,7 @@ class Resources:
         package = next(holding, None)
         if package is None:
             return {}
-        others = sorted(file.parent for file in package.parent.glob(f"*/{_PACKAGE}"))[:_MOST_PACKAGES]
+        others = sorted(file.parent for file in package.parent.glob(f"*/{_PACKAGE}"))[:_MAX_PACKAGES]
         return {self._package_name(folder): folder for folder in (*others, package)}
 
     def _package_name(self, folder: Path) -> str:
@@ -187,13 +187,13 @@ class Resources:
     def parse(self, path: Path) -> "Element":
         """The root of an XML file; InputError if it is not one, or the world's files are too large in total."""
         if path not in self._parsed:
-            self._parsed[path] = parse_xml(path, min(MOST_TEXT, MOST_MODEL_BYTES - self._size))
+            self._parsed[path] = parse_xml(path, min(MAX_TEXT, MAX_MODEL_BYTES - self._size))
             self._size += path.stat().st_size
         return self._parsed[path]
 
     def read(self, path: Path) -> bytes:
         """The content of a file; InputError if it cannot be read, or the world's files are too large in total."""
         if path not in self._read:
-            self._read[path] = read_bytes(path, MOST_MODEL_BYTES - self._size)
+            self._read[path] = read_bytes(path, MAX_MODEL_BYTES - self._size)
             self._size += len(self._read[path])
         return self._read[path]

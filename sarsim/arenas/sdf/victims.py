@@ -15,7 +15,7 @@ from sarsim.arenas.placements import WorldPose, add_person, is_victim, state_of
 from sarsim.arenas.sdf.pieces import with_volume
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.world import SdfModel, SdfWorld
-from sarsim.vetting.model_files import MOST_GEOMS
+from sarsim.vetting.model_files import MAX_GEOMS
 
 _log = logging.getLogger(__name__)
 
@@ -43,8 +43,8 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
     """
     unseen = list[SdfModel]()
     for victim, solids in zip(victims, _solids_of(world, victims), strict=True):
-        if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: {victim.name} has {len(solids)} shapes; the limit is {MOST_GEOMS}")
+        if len(solids) > MAX_GEOMS:
+            raise InputError(f"{path}: {victim.name} has {len(solids)} shapes; the limit is {MAX_GEOMS}")
         if solids:
             origin = victim.T_world[:3, 3]
             geoms = [(_geom(builder, solid, origin), solid.colour) for solid in solids]

@@ -32,7 +32,7 @@ from sarsim.arenas.sdf.population import places_of
 from sarsim.arenas.sdf.resources import MissingError, Resources
 from sarsim.arenas.sdf.state import State, children_of, world_state
 from sarsim.arenas.sdf.values import name_of, pose_of, reference_of
-from sarsim.vetting.model_files import MOST_GEOMS, RefusedError
+from sarsim.vetting.model_files import MAX_GEOMS, RefusedError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -203,8 +203,8 @@ class SdfWorld:
         where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
-        if self._models > MOST_GEOMS:
-            raise RefusedError(f"{path}: has more models than the limit of {MOST_GEOMS}")
+        if self._models > MAX_GEOMS:
+            raise RefusedError(f"{path}: has more models than the limit of {MAX_GEOMS}")
         for child in children_of(element):
             with self.without():
                 self._add(model, child, path, root, files)

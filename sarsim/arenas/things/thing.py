@@ -18,7 +18,7 @@ from pipeline.transforms import from_rotation, transform_places
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
 
 ALIVE, DEAD = "alive", "dead"
-MOST_TEXT = 4000  # Maximum number of bytes of a text that are read; the largest QR code holds 2,953 bytes
+MAX_TEXT = 4000  # Maximum number of bytes of a text that are read; the largest QR code holds 2,953 bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
     """The body, and its kind, text and state, from each custom text of this form."""
     for n in range(model.ntext):
         start = int(model.text_adr[n])
-        raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MOST_TEXT)])
+        raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MAX_TEXT)])
         values = dict(part.partition("=")[::2] for part in raw.decode(errors="replace").split(";"))
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n) or ""
         if "kind" in values:

@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.things.codes import MODULES, MOST_TAGS, TAG_SIDE, tag_picture
+from sarsim.arenas.things.codes import MAX_TAGS, MODULES, TAG_SIDE, tag_picture
 from sarsim.arenas.things.thing import data_of
 from sarsim.arenas.walls import Walls, facing
 
@@ -31,10 +31,10 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
         Poses T_world_tag: origin at the tag's centre; x right, y up and z towards the viewer.
 
     Raises:
-        InputError: the number is below 0 or above ``MOST_TAGS``, or there is not enough room on the walls.
+        InputError: the number is below 0 or above ``MAX_TAGS``, or there is not enough room on the walls.
     """
-    if not 0 <= number <= MOST_TAGS:
-        raise InputError(f"--fiducials {number}: must be from 0 to {MOST_TAGS}")
+    if not 0 <= number <= MAX_TAGS:
+        raise InputError(f"--fiducials {number}: must be from 0 to {MAX_TAGS}")
     with arena.naming():
         poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:

@@ -32,7 +32,7 @@ from sarsim.scoring.victims import NEAR, pairs_of_least
 
 SHOWN = 0.1  # m; the 3D map also covers cells this near to those it shows: a voxel of a coarse map
 ALIKE = 0.5  # m; the registration ignores points farther than this from every true surface
-MOST_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
+MAX_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
 ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
 
 
@@ -111,7 +111,7 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
     """
     if not len(points):
         return float("inf")
-    moved = np.asarray(points, np.float64)[:: max(1, len(points) // MOST_POINTS)]
+    moved = np.asarray(points, np.float64)[:: max(1, len(points) // MAX_POINTS)]
     for _ in range(ROUNDS):
         step = _step(moved, *_nearest(moved, scene))
         moved = Rotation.from_rotvec(step[:3]).apply(moved) + step[3:]

@@ -13,9 +13,9 @@ from pipeline.arrays import Values
 from pipeline.errors import InputError
 from sarsim.flags import Given
 
-MOST_BEAMS = 2**20
+MAX_BEAMS = 2**20
 """Most beams of a scan; the densest sensor on the market has a quarter of them."""
-LEAST_APART = 1e-3
+MIN_APART = 1e-3
 """degrees, smallest difference of two beams' angles; the finest sensors on the market differ by 0.01°."""
 
 
@@ -48,11 +48,11 @@ class LidarModel:
         rows, columns, view = len(self.elevations), self.columns, self.field_of_view
         if rows < 1 or columns < 1:
             raise InputError(f"--lidar {rows}x{columns}: a lidar needs at least one row and one column of beams")
-        if rows * columns > MOST_BEAMS:
-            raise InputError(f"--lidar {rows}x{columns}: a scan may have at most {MOST_BEAMS} beams")
+        if rows * columns > MAX_BEAMS:
+            raise InputError(f"--lidar {rows}x{columns}: a scan may have at most {MAX_BEAMS} beams")
         if not all(abs(angle) < 90 for angle in self.elevations):
             raise InputError(f"--lidar-vertical {_words(self.elevations)}: elevations must be between -90° and 90°")
-        if np.diff(np.sort(np.array(self.elevations, np.float64))).min(initial=np.inf) < LEAST_APART:
+        if np.diff(np.sort(np.array(self.elevations, np.float64))).min(initial=np.inf) < MIN_APART:
             text = f"--lidar-vertical {_words(self.elevations)}: rows overlap; give every row an angle of its own"
             raise InputError(text)
         if not 0 < view <= 360:
@@ -150,7 +150,7 @@ class LidarConfig:
         model = PRESETS.get(self.sensor)
         if model is None:
             rows, columns = self._size()
-            elevations = spread(rows, ANY.elevations[0], ANY.elevations[-1]) if rows <= MOST_BEAMS else (0.0,) * rows
+            elevations = spread(rows, ANY.elevations[0], ANY.elevations[-1]) if rows <= MAX_BEAMS else (0.0,) * rows
             model = replace(ANY, elevations=elevations, columns=columns)
         given: dict[str, Any] = {
             "range": self.range,
@@ -168,8 +168,8 @@ class LidarConfig:
             known = ", ".join(PRESETS)
             raise InputError(f"--lidar {self.sensor}: must be {known}, or rows and columns of beams, such as 16x900")
         rows, columns = map(int, found.groups())
-        if rows * columns > MOST_BEAMS:
-            raise InputError(f"--lidar {self.sensor}: a scan may have at most {MOST_BEAMS} beams")
+        if rows * columns > MAX_BEAMS:
+            raise InputError(f"--lidar {self.sensor}: a scan may have at most {MAX_BEAMS} beams")
         return rows, columns
 
     def _elevations(self, rows: int) -> tuple[float, ...] | None:

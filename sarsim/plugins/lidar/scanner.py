@@ -19,7 +19,7 @@ SITE = "lidar"
 """Name of the site in a robot's MJCF at which the lidar is mounted."""
 ABOVE_CAMERA = 0.06
 """m above the camera, where the lidar stands on a robot without such a site: on top of its mast, level."""
-LEAST_COSINE = np.cos(np.radians(80))
+MIN_COSINE = np.cos(np.radians(80))
 """Cosine of the incidence beyond which noise grows no further: Soudarissanane et al. measured up to 80°."""
 NOTHING = -1  # geom id of a beam that hits nothing
 TINY = 1e-9  # s, the rounding of times that are sums of control periods
@@ -252,7 +252,7 @@ class Scanner:
         sensor, count = self.model, len(distance)
         normal, uniform = self._rng.standard_normal(count, np.float32), self._rng.random(count, np.float32)
         near, far = sensor.sigma
-        sigma = (near + (far - near) / sensor.range[1] * distance) / np.maximum(cosine, LEAST_COSINE)
+        sigma = (near + (far - near) / sensor.range[1] * distance) / np.maximum(cosine, MIN_COSINE)
         weakness = (distance / sensor.reach) ** 2 / np.maximum(cosine, 1e-6)
         return distance + sigma * normal, uniform < sensor.detection**weakness
 

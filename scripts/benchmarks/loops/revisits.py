@@ -13,7 +13,7 @@ from scripts.benchmarks.loops.tours import Tour
 
 AGAIN = 20.0  # m of path between two passes
 SAME_SURFACE = 0.05  # m
-LEAST_SEEN = 0.4  # Fraction of a frame's points that were seen in the earlier pass
+MIN_SEEN = 0.4  # Fraction of a frame's points that were seen in the earlier pass
 DETERMINED = 0.005
 """Minimum eigenvalue, per point, of the information of heading (with a lever of ``LEVER``), x and y in the normals of
 these points; along a corridor it is 0, in a square room 0.3."""
@@ -53,7 +53,7 @@ def _is_seen_again(
             seen[left] = np.isfinite(trees[k].query(points[left], distance_upper_bound=SAME_SURFACE)[0])
             if seen.all():
                 break
-    if not np.mean(seen) >= LEAST_SEEN:
+    if not np.mean(seen) >= MIN_SEEN:
         return False
     off, n = points[seen] - places[frame], normals[seen]
     J = np.column_stack([(off[:, 0] * n[:, 1] - off[:, 1] * n[:, 0]) / LEVER, n[:, 0], n[:, 1]])

@@ -16,7 +16,7 @@ FALSE = 0.2, np.deg2rad(5)
 """m and rad; a constraint that is off by more in a direction that it determines is false."""
 RIGHT = 0.1, np.deg2rad(2)
 """m and rad; a constraint that is off by less links two passes."""
-MOST_CLOSURES = 12  # of a drive that count
+MAX_CLOSURES = 12  # of a drive that count
 LENGTHS = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
 """m of path, by the name of the NEES."""
 APART = 10, 50, 200
@@ -52,7 +52,7 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
         "linked": linked,
         "constraints": int(registered.sum()),
         "false": int(is_false.sum()),
-        "closures": min(closures, MOST_CLOSURES),
+        "closures": min(closures, MAX_CLOSURES),
         "false_closures": false_closures,
         "ate_m": ate,
         "ate_percent": 100 * ate / path,

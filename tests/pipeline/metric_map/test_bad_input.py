@@ -100,7 +100,7 @@ def test_what_cannot_be_mapped_is_refused(wrong, message):
 
 def test_a_list_of_voxels_beyond_the_memory_is_refused(monkeypatch):
     metric_map = mapped()
-    monkeypatch.setattr(grid_map, "MOST_MEMORY", 1000)
+    monkeypatch.setattr(grid_map, "MAX_MEMORY", 1000)
     for take in (
         metric_map.occupied_centres,
         metric_map.free_centres,

@@ -132,7 +132,7 @@ def test_a_map_without_walls_or_with_too_many_pixels_or_boxes_is_refused(tmp_pat
     monkeypatch.setattr("sarsim.arenas.map_2d.MAX_GEOMS", 3)
     with pytest.raises(InputError, match=r"5 boxes.*3"):
         build_map(write(tmp_path, plan()))
-    monkeypatch.setattr("sarsim.arenas.map_2d.MOST_PIXELS", 20)
+    monkeypatch.setattr("sarsim.arenas.map_2d.MAX_PIXELS", 20)
     with pytest.raises(InputError, match="10 × 6 pixels"):
         build_map(write(tmp_path, plan()))
     (tmp_path / "map.yaml").write_text("a: 1")

@@ -101,7 +101,7 @@ def test_what_a_model_refers_to_is_a_file_of_bounded_size(tmp_path, monkeypatch)
         '<mujoco><compiler meshdir="meshes"/><asset><mesh file="m.stl"/></asset></mujoco>'
     )
     check_files(tmp_path / "a.xml")
-    monkeypatch.setattr(model_files, "MOST_MODEL_BYTES", 1000)
+    monkeypatch.setattr(model_files, "MAX_MODEL_BYTES", 1000)
     with pytest.raises(InputError, match="too large"):
         check_files(tmp_path / "a.xml")
     mesh.unlink()

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, MOST_NEIGHBOURS, SLOPE, Dgcnn
+from pipeline.semantic_map.networks.dgcnn import GRAPH_CHANNELS, MAX_NEIGHBOURS, SLOPE, Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu import inference_kernels as kernels
 from pipeline.semantic_map.networks.network import check_block
 from pipeline.semantic_map.networks.threads import Threads
@@ -42,8 +42,8 @@ class FastDgcnn:
         Raises:
             InputError: k is too large.
         """
-        if network.k > MOST_NEIGHBOURS:
-            raise InputError(f"DGCNN with k = {network.k} neighbours: k must be at most {MOST_NEIGHBOURS}")
+        if network.k > MAX_NEIGHBOURS:
+            raise InputError(f"DGCNN with k = {network.k} neighbours: k must be at most {MAX_NEIGHBOURS}")
         self._network, self.k = network, network.k
         self.classes, self.fewest = network.classes, network.fewest
         self._threads = Threads(threads or torch.get_num_threads())

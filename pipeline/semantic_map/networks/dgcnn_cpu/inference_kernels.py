@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from pipeline.semantic_map.networks.dgcnn import MOST_NEIGHBOURS
+from pipeline.semantic_map.networks.dgcnn import MAX_NEIGHBOURS
 
 GROUPS = 256
 """Number of groups, each of every 256th point; finding the closest point of each in passes over rows allows SIMD."""
@@ -19,11 +19,11 @@ def select_nearest(product, half_square, neighbours):
     Args:
         product: (R, N) float32 ``x_i · x_j`` of R points with all N.
         half_square: (N,) float32 ``|x_j|² / 2``.
-        neighbours: (R, k) int32, filled; k ≤ MOST_NEIGHBOURS and k ≤ N.
+        neighbours: (R, k) int32, filled; k ≤ MAX_NEIGHBOURS and k ≤ N.
     """
     count, k = product.shape[1], neighbours.shape[1]
-    best, best_of_best = np.empty(GROUPS, np.float32), np.empty(MOST_NEIGHBOURS, np.float32)
-    rank, groups = np.empty(MOST_NEIGHBOURS, np.int32), np.empty(GROUPS + 1, np.int32)
+    best, best_of_best = np.empty(GROUPS, np.float32), np.empty(MAX_NEIGHBOURS, np.float32)
+    rank, groups = np.empty(MAX_NEIGHBOURS, np.int32), np.empty(GROUPS + 1, np.int32)
     # Zeros, so that with NaN, which cannot be compared, the neighbours are wrong but still valid indices.
     candidates, closeness = np.zeros(count + 1, np.int32), np.empty(count + 1, np.float32)
     for r in range(len(product)):
@@ -57,19 +57,19 @@ def _best_of_groups(row, half_square, best):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _lower_bound(best, best_of_best, rank, k):
-    """A lower bound on the k nearest points' closeness: the k-th largest of MOST_NEIGHBOURS maxima."""
-    best_of_best[:] = best[:MOST_NEIGHBOURS]
-    for start in range(MOST_NEIGHBOURS, GROUPS, MOST_NEIGHBOURS):
-        for b in range(MOST_NEIGHBOURS):
+    """A lower bound on the k nearest points' closeness: the k-th largest of MAX_NEIGHBOURS maxima."""
+    best_of_best[:] = best[:MAX_NEIGHBOURS]
+    for start in range(MAX_NEIGHBOURS, GROUPS, MAX_NEIGHBOURS):
+        for b in range(MAX_NEIGHBOURS):
             value = best[start + b]
             best_of_best[b] = value if value > best_of_best[b] else best_of_best[b]
     rank[:] = 0
-    for other in range(MOST_NEIGHBOURS):
+    for other in range(MAX_NEIGHBOURS):
         value = best_of_best[other]
-        for b in range(MOST_NEIGHBOURS):
+        for b in range(MAX_NEIGHBOURS):
             rank[b] += int(value >= best_of_best[b])
     bound = np.float32(-np.inf)
-    for b in range(MOST_NEIGHBOURS):
+    for b in range(MAX_NEIGHBOURS):
         value = best_of_best[b] if rank[b] >= k else np.float32(-np.inf)
         bound = value if value > bound else bound
     return bound

@@ -22,7 +22,7 @@ from tests.pipeline.robot_model import PIONEER
 T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.1)
 CORNERS = [(-2, -2), (2, -2), (2, 2), (-2, 2)]
 ROOM = [floor(-2, 2, -2, 2), *(wall(b, a) for a, b in zip(CORNERS, CORNERS[1:] + CORNERS[:1], strict=True))]
-MOST_LOOKS = 40
+MAX_LOOKS = 40
 READABLE = 60  # pixels
 
 
@@ -56,7 +56,7 @@ def test_a_robot_looks_until_every_wall_was_seen_well_and_then_ends():
     for yaw in np.arange(8) * np.pi / 4:  # what exploring shows, from the middle
         around = from_yaw(0, 0, 0, yaw)
         mapper.add_frame(Localised(frame_at(around), around), labelled=False, set_down=not yaw)
-    while len(looked) < MOST_LOOKS:
+    while len(looked) < MAX_LOOKS:
         frame = frame_at(T)
         mapper.add_frame(Localised(frame, T), labelled=False)
         paths = PosePaths(mapper.traversability, T[:2, 3], yaw_of(T))
@@ -67,7 +67,7 @@ def test_a_robot_looks_until_every_wall_was_seen_well_and_then_ends():
         inspection.commit(viewpoint, context)
         T = from_yaw(*viewpoint.position, 0, viewpoint.heading)
         looked.append(T)
-    assert 4 <= len(looked) < MOST_LOOKS  # from the middle no wall is near enough
+    assert 4 <= len(looked) < MAX_LOOKS  # from the middle no wall is near enough
     cameras = np.array([T @ T_BASE_CAMERA for T in looked])
     for x, y in [(2, 0), (0, 2), (-2, 0), (0, -2), (2, 1), (-1, -2)]:
         way = np.array([x, y, 0.65]) - cameras[:, :3, 3]

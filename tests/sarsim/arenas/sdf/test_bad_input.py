@@ -10,7 +10,7 @@ import trimesh
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf.build import build_sdf
-from sarsim.ground_truth.true_surface import MOST_AREA
+from sarsim.ground_truth.true_surface import MAX_AREA
 from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, box, include, mesh, model, write
 
 MM = 1e-3
@@ -55,7 +55,7 @@ def test_a_large_world_is_built_around_its_origin(tmp_path, caplog):
 def test_of_a_large_world_that_is_empty_about_its_origin_what_is_nearest_is_built(tmp_path, caplog):
     corners = [model(f"m{x}{y}", box(1, 1, 1), pose=f"{x} {y} 0.5 0 0 0") for x in (-99, 50) for y in (-99, 50)]
     arena, (line,) = lines_of(write(tmp_path, PLANE, *corners), caplog)
-    assert arena.ray(50, 50, 5, along=DOWN) == pytest.approx(4, abs=MM) and f"{MOST_AREA:g}" not in line
+    assert arena.ray(50, 50, 5, along=DOWN) == pytest.approx(4, abs=MM) and f"{MAX_AREA:g}" not in line
 
 
 def test_a_mesh_across_the_edge_of_what_is_built_keeps_its_walls(tmp_path):
@@ -136,7 +136,7 @@ def test_a_world_of_a_plane_alone_is_a_floor_of_its_size(tmp_path):
         assert arena.ray(x, y, 5, along=DOWN) == pytest.approx(5, abs=MM)
     large = write(tmp_path, model("ground", plane(5000, 5000)), include("model://gone"), name="b.world")
     (ground,) = Compiled(large).model.geom_size
-    assert 60**2 < 4 * np.prod(ground[:2]) <= MOST_AREA
+    assert 60**2 < 4 * np.prod(ground[:2]) <= MAX_AREA
 
 
 def test_a_plane_that_stands_upright_far_away_stops_no_world(tmp_path, caplog):

@@ -11,7 +11,7 @@ import trimesh
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf.build import build_sdf
-from sarsim.ground_truth.true_surface import MOST_AREA, Survey
+from sarsim.ground_truth.true_surface import MAX_AREA, Survey
 from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, box, mesh, model, write
 
 MM = 1e-3
@@ -201,7 +201,7 @@ def test_the_robot_starts_on_free_ground(tmp_path):
 
 
 def test_too_many_shapes_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("sarsim.arenas.sdf.build.MOST_GEOMS", 5)
+    monkeypatch.setattr("sarsim.arenas.sdf.build.MAX_GEOMS", 5)
     with pytest.raises(InputError, match=r"a\.world: .*shapes.*5"):
         build_sdf(write(tmp_path, *[model(f"m{n}", box(1, 1, 1)) for n in range(6)]))
     with pytest.raises(InputError, match=r"a\.world: .*shape"):
@@ -294,4 +294,4 @@ def test_a_world_that_is_too_large_is_cut_so_that_it_fits(seed: int, tmp_path: P
         )
     )
     bodies = Survey(world.model, world.data).bodies  # refuses what is too large
-    assert np.prod(np.ptp(np.stack([bodies.low, bodies.high]), axis=(0, 1))[:2]) <= MOST_AREA
+    assert np.prod(np.ptp(np.stack([bodies.low, bodies.high]), axis=(0, 1))[:2]) <= MAX_AREA

@@ -113,7 +113,7 @@ def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():
 
 def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, caplog):
     room().export(tmp_path / "room.stl")
-    monkeypatch.setattr(build, "MOST_PIECES", 3)
+    monkeypatch.setattr(build, "MAX_PIECES", 3)
     with caplog.at_level(logging.WARNING):
         arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
     assert "convex hull" in caplog.text
@@ -123,8 +123,8 @@ def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, cap
 
 def test_far_too_detailed_pieces_have_one_label_each(tmp_path, monkeypatch):
     room().export(tmp_path / "room.stl")
-    monkeypatch.setattr(build, "MOST_PIECES", 3)
-    monkeypatch.setattr(build, "MOST_FACETS", 3)
+    monkeypatch.setattr(build, "MAX_PIECES", 3)
+    monkeypatch.setattr(build, "MAX_FACETS", 3)
     arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
     assert arena.model.ngeom == 2
     assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)
@@ -135,7 +135,7 @@ def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
         [np.array([(0, 1), (-0.2, 0.2), (-1, 0), (-0.2, -0.2), (0, -1), (0.2, -0.2), (1, 0), (0.2, 0.2)])], 1
     )
     trimesh.Trimesh(star.vertices, star.triangles.reshape(-1, 8, 3)[:, 1]).export(tmp_path / "star.stl")
-    monkeypatch.setattr(build, "MOST_PIECES", 2)
+    monkeypatch.setattr(build, "MAX_PIECES", 2)
     arena = Compiled(write(tmp_path, PLANE, model("m", mesh("star.stl"))))
     assert (arena.model.geom_contype > 0).sum() == 2
     assert arena.ray(0, 0, 2, along=DOWN) == pytest.approx(1, abs=MM)

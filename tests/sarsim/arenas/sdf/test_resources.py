@@ -227,7 +227,7 @@ def test_a_circle_of_includes_is_refused(tmp_path):
 
 
 def test_includes_that_double_endlessly_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("sarsim.arenas.sdf.world.MOST_GEOMS", 100)
+    monkeypatch.setattr("sarsim.arenas.sdf.world.MAX_GEOMS", 100)
     for level in range(20):
         (tmp_path / f"m{level}").mkdir()
         inside = 2 * include(f"model://m{level + 1}") if level < 19 else ""

@@ -14,7 +14,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.environment import RescueEnvironment
 from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
 from sarsim.plugins.lidar.config import LidarConfig
-from sarsim.plugins.lidar.scanner import ABOVE_CAMERA, LEAST_COSINE, Scan, Scanner
+from sarsim.plugins.lidar.scanner import ABOVE_CAMERA, MIN_COSINE, Scan, Scanner
 from tests.sarsim.plugins.lidar.hall import CROSS, Hall, dense
 
 FIELDS = ("points", "range", "ring", "column", "time", "normal", "label", "instance")
@@ -111,7 +111,7 @@ def test_the_noise_grows_no_further_at_grazing_incidence():
     assert errors.std() == pytest.approx(0.001, rel=0.02)  # of the wall, which is nearer than the floor
     hall.move(-15.0)
     errors = hall.scanner(model, seed=0).scan(0.0).range - hall.scanner(model).scan(0.0).range
-    assert errors.std() == pytest.approx(0.001 / LEAST_COSINE, rel=0.02)
+    assert errors.std() == pytest.approx(0.001 / MIN_COSINE, rel=0.02)
 
 
 def test_beams_return_less_the_farther_and_the_more_oblique():

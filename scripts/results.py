@@ -386,8 +386,8 @@ def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
 
 
 def number(value: float) -> str:
-    """A figure to four significant digits or, if 1000 or more, as an integer."""
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    """A figure to three significant digits or, if 1000 or more, as an integer."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:

@@ -150,9 +150,9 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
 
 
 def text(found: Estimate) -> str:
-    """An estimate with its interval, as text; – for values that are not finite."""
-    texts = [f"{value:.4g}" if np.isfinite(value) else "–" for value in found]
-    return "–" if texts[0] == "–" else f"{texts[0]} ({texts[1]}–{texts[2]})"
+    """An estimate with its interval, if it has one, as text; – for values that are not finite."""
+    value, low, high = (f"{value:.3g}" if np.isfinite(value) else "–" for value in found)
+    return value if value == "–" or low == high else f"{value} ({low}–{high})"
 
 
 def _failed(entry: Entry) -> int:

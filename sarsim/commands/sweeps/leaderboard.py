@@ -151,7 +151,8 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
 
 def text(found: Estimate) -> str:
     """An estimate with its interval, if it has one, as text; – for values that are not finite."""
-    value, low, high = (f"{value:.3g}" if np.isfinite(value) else "–" for value in found)
+    texts = [f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}" for value in found]
+    value, low, high = (text if np.isfinite(value) else "–" for text, value in zip(texts, found, strict=True))
     return value if value == "–" or low == high else f"{value} ({low}–{high})"
 
 

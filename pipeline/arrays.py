@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pose: TypeAlias = NDArray[np.float64]
-"""4×4 float64 rigid transform ``T_a_b``, which transforms coordinates from frame b to frame a; m."""
+"""4×4 float64 rigid transform ``T_a_b``, which transforms coordinates, m, from frame b to frame a."""
 Poses: TypeAlias = NDArray[np.float64]
 """(K, 4, 4) float64 rigid transforms; m."""
 Rotation3: TypeAlias = NDArray[np.float64]
@@ -26,24 +26,24 @@ Direction: TypeAlias = NDArray[np.float64]
 Directions: TypeAlias = NDArray[np.float64]
 """(N, 2) or (N, 3) float64 unit vectors."""
 Planes: TypeAlias = NDArray[np.float64]
-"""(P, 4) or (4,) float64 planes [n, d]: the points x, m, with n · x = d; n is a unit vector."""
+"""(P, 4) or (4,) float64 planes [n, d]. A plane consists of the points x, m, with n · x = d; n is a unit vector."""
 Box: TypeAlias = NDArray[np.float64]
-"""(2, 3) float64 lowest and highest corner; m."""
+"""(2, 3) float64 lowest and highest corner of an axis-aligned box; m."""
 Boxes: TypeAlias = NDArray[np.float64]
-"""(M, 2, 3) float64 lowest and highest corners; m."""
+"""(M, 2, 3) float64 lowest and highest corners of axis-aligned boxes; m."""
 
 Covariance: TypeAlias = NDArray[np.float64]
-"""(D, D) float64 covariance: of a pose (6, 6), in its tangent space, rotation (rad) before translation (m); of a
-position, m²."""
+"""(D, D) float64 covariance of a pose or a position (m²). That of a pose is (6, 6), in its tangent space, with
+rotation (rad) before translation (m)."""
 Information: TypeAlias = NDArray[np.float64]
-"""(D, D) float64 inverse of a covariance: of a pose (6, 6), 1/rad² and 1/m²; of a position, 1/m²."""
+"""(D, D) float64 inverse of a :data:`Covariance`, in 1/rad² and 1/m²."""
 
 Mask: TypeAlias = NDArray[np.bool_]
-"""(N,) bool, one per item."""
+"""(N,) bool, one value per item."""
 Indices: TypeAlias = NDArray[np.int64]
 """(N,) int64 indices of items."""
 Values: TypeAlias = NDArray[np.float64]
-"""(N,) float64, one per item; docstrings name the unit."""
+"""(N,) float64, one value per item; docstrings name the unit."""
 Labels: TypeAlias = NDArray[np.uint8]
 """(N,) uint8 :class:`pipeline.labels.Label`, one per item."""
 Probabilities: TypeAlias = NDArray[np.float32]
@@ -54,13 +54,13 @@ Cells: TypeAlias = NDArray[np.int64]
 Layer: TypeAlias = NDArray[np.floating]
 """(nx, ny) values of a grid's cells; docstrings name the unit."""
 MaskLayer: TypeAlias = NDArray[np.bool_]
-"""(nx, ny) bool, one per grid cell."""
+"""(nx, ny) bool, one value per grid cell."""
 
 Rgb: TypeAlias = NDArray[np.uint8]
-"""(H, W, 3) uint8 image, red, green, blue."""
+"""(H, W, 3) uint8 image, whose channels are red, green and blue."""
 Depth: TypeAlias = NDArray[np.float32]
 """(H, W) float32 depth along the optical axis in m; 0 = no return."""
 PixelMask: TypeAlias = NDArray[np.bool_]
-"""(H, W) bool, one per pixel."""
+"""(H, W) bool, one value per pixel."""
 Pixels: TypeAlias = NDArray[np.float32]
-"""(N, 2) float32 x and y in an image, pixels from its upper-left corner."""
+"""(N, 2) float32 x and y of points in an image, in pixels from its upper-left corner."""

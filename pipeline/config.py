@@ -1,4 +1,4 @@
-"""All parameters of the robot's software that may be changed, a field for each package."""
+"""All configurable parameters of the robot's software, one field per package."""
 
 from dataclasses import dataclass
 
@@ -22,8 +22,9 @@ class KeyframesConfig:
     Attributes:
         noticeable: m; a keyframe keeps its pose in the maps while nothing in its view would move farther than this,
             as in RTAB-Map.
-        due: m; while a robot drives, the maps are not corrected until something in a keyframe's view would move
-            farther, a fifth of a voxel. Each new estimate of the odometry's scale moves most keyframes a little.
+        due: m; while a robot drives, the maps are corrected only once something in a keyframe's view would move
+            farther than this. The default is a fifth of a voxel, because each new estimate of the odometry's scale
+            moves most keyframes slightly.
     """
 
     noticeable: float = 0.01
@@ -38,8 +39,8 @@ class ExplorerConfig:
     """When the explorer gives up.
 
     Attributes:
-        patience: number of failed drives from one position after which the robot stays there.
-        got_away: m; a drive that ends farther from that position has not failed.
+        patience: number of failed drives from the same position after which the robot stays there.
+        got_away: m; a drive that ends farther than this from that position has not failed.
     """
 
     patience: int = 5

@@ -9,34 +9,34 @@ Value = TypeVar("Value")
 
 
 class InputError(ValueError):
-    """Invalid input. The message is one line that says what is wrong and where; commands exit with status 2."""
+    """Invalid input. The message is one line that states the error and its place; commands exit with status 2."""
 
 
 def required(value: Value | None) -> Value:
-    """The value; raises RuntimeError if it is None. Unlike an assertion, this also holds under ``python -O``."""
+    """Return the value, or raise RuntimeError if it is None; unlike assertions, this works under ``python -O``."""
     if value is None:
         raise RuntimeError("a value that is needed here does not exist yet")
     return value
 
 
 def require_package(package: str, extra: str, purpose: str) -> None:
-    """InputError unless a package of one of sarsim's extras is installed; ``purpose`` begins the message."""
+    """Raise InputError unless a package that an ``extra`` provides is installed; ``purpose`` begins the message."""
     if find_spec(package) is None:
         raise InputError(f"{purpose} needs the package {package}; run: pip install 'sarsim[{extra}]'")
 
 
 def one_line(error: BaseException) -> str:
-    """Type and message of an error, in one line."""
+    """Type and message of an error, on one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def require_positive(section: str, config: object, *fields: str) -> None:
-    """Raise InputError unless these fields of a ``section`` of the settings are all greater than 0."""
+    """Raise InputError unless the given ``fields`` of a ``section`` of the settings are all greater than 0."""
     _require(section, config, fields, gt, 0, "greater than 0")
 
 
 def require_at_least(minimum: float, section: str, config: object, *fields: str) -> None:
-    """Raise InputError unless these fields of a ``section`` of the settings are all at least ``minimum``."""
+    """Raise InputError unless the given ``fields`` of a ``section`` of the settings are all at least ``minimum``."""
     _require(section, config, fields, ge, minimum, f"at least {minimum:g}")
 
 

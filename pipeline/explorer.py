@@ -27,11 +27,12 @@ from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
 
 NEAR_TOUCHED = 0.15
-"""Distance to a hazard within which the robot may have touched it, m: the pose is no more accurate than that."""
+"""Maximum distance between a mapped hazard and the point at which the robot touched it, m, because poses are no more
+accurate."""
 
 
 class Explorer:
-    """Explores with a robot: :meth:`step` updates the maps and the plan, :meth:`drive` follows the plan.
+    """Explores with a robot: :meth:`step` updates the maps and the plan, and :meth:`drive` follows the plan.
 
     Attributes:
         mapper: holds all maps.
@@ -50,7 +51,7 @@ class Explorer:
     ):
         """Start at the robot's current position with the mapper's maps; the default strategy is the next best view.
 
-        ``navigator``: follows paths; by default one that commands velocities.
+        ``navigator``: follows paths; by default, a navigator that commands velocities.
         """
         self.mapper = mapper
         self.reobservation = Reobservation(
@@ -81,7 +82,7 @@ class Explorer:
         # Sense, localise and map (thesis 3.1 and 3.2).
         keyframe = self.pilot.look_around()
         self.reobservation.count(keyframe.frame)
-        # Decide where to look next, whether to go back because no path leads to where the robot came from, or to end.
+        # Choose a viewpoint, or drive back if no path leads to where the robot came from, or end the exploration.
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             back = self._way_back(context) if viewpoint is None else None
@@ -131,7 +132,7 @@ class Explorer:
     def apply_corrections(self, waits: bool = False) -> bool:
         """Correct the keyframe poses, the maps and everything anchored in them; True if the maps changed.
 
-        ``waits``: whether to leave the maps alone until a correction is due.
+        ``waits``: whether to leave the maps unchanged until a correction is due.
         """
         moves = self.mapper.apply_corrections(waits)
         self.pilot.correct()
@@ -140,9 +141,9 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         """The viewpoint to drive to (None if there is none), and the context of the decision.
 
-        If there is none, the search is repeated without room downhill on slopes, where the robot may lean or slide
-        against something. If no path leads to a goal, not even over unseen ground, it is repeated without the safety
-        margin.
+        If there is none, the search is repeated without room downhill on slopes, at the risk that the robot leans or
+        slides into an obstacle. If no path leads to a goal, not even over unseen ground, the search is repeated
+        without the safety margin.
         """
         viewpoint, context = self._choose(keyframe)
         if viewpoint is None and not self.is_held and context.traversability.ramp.any():
@@ -188,7 +189,7 @@ class Explorer:
     def drive(self, step: Step) -> bool:
         """Follow the plan of a step and turn to the viewpoint's heading; True if the robot arrived.
 
-        The robot stops in front of an obstacle that is not on the map, or where it slid off its path; the next step
+        The robot stops in front of an obstacle that is not on the map, or if it slides off its path; the next step
         then plans again.
         """
         viewpoint, plan = step.viewpoint, step.plan
@@ -207,12 +208,14 @@ class Explorer:
         heading = viewpoint.heading if viewpoint.turn else None
         way = stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, config.navigation.arcs)
 
-        # Follow them, slowly on ramps and near people, until what the robot set out to see is on the map.
+        # Follow them, slowly on ramps and near people, until the map shows the ground that the robot set out to
+        # see.
         ramps = [ramp.tree.data for ramp in mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in mapper.victims.confirmed]
         speed_limit = SpeedLimit(ground, ramps, people, config.navigation)
         planned = viewpoint.seconds - config.exploration.keyframe_time if viewpoint.seconds else None
-        # If the robot is already rolling towards this viewpoint, it must arrive, or the next step chooses it again.
+        # A robot that is already rolling towards this viewpoint must stop there, or the next step would choose it
+        # again.
         rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
         check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check)
         course = Course(way, heading, here, speed_limit, rolls, planned)
@@ -236,10 +239,11 @@ class Explorer:
 
 
 def touched_by(halt: Halt, ground: Traversability) -> Places:
-    """(N, 3) points, m, on what a robot probably touched with its leading end, according to the map of its drive.
+    """(N, 3) points, m, that a robot probably touched with its leading end, according to the map of its drive.
 
     Perhaps only one corner of the robot touched something, so the points next to mapped hazards are chosen, or the
-    whole end if there are none. Otherwise, a corner that touches a wall would close the passage.
+    whole end if there are none. If the whole end were always chosen, a corner that touches a wall would block the
+    passage.
     """
     points = halt.touched(ground.robot, ground.grid.cell)
     may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= NEAR_TOUCHED
@@ -255,10 +259,10 @@ def context_of(
     rewards: ViewpointRewards,
     is_bold: bool = False,
 ) -> Context:
-    """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
+    """The context in which the robot decides where to go at a keyframe; see :class:`PosePaths` for ``caution``.
 
     ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
-    margin. ``rewards``: rewards of viewpoints that confirm finds. ``is_bold``: whether paths may do without room
+    margin. ``rewards``: rewards for viewpoints that confirm finds. ``is_bold``: whether paths may do without room
     downhill.
     """
     ground = mapper.drivable.without_downhill_room if is_bold else mapper.drivable

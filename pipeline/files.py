@@ -25,7 +25,7 @@ from pipeline.errors import InputError
 
 MAX_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
 MAX_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
-STARTING = 60  # s, most that a new Python process takes to start on a busy machine
+STARTING = 60  # s, maximum time that a new Python process takes to start on a busy machine
 GOOD = "good"  # The answer of a separate process that has found no error
 
 
@@ -54,11 +54,11 @@ RUN_FILES = ("episode.rrd", "report.json")
 def check_folder(path: Path, marks: Collection[str] = ()) -> None:
     """Check that results may go into a folder: it is new or empty, or holds results that can be continued.
 
-    A new one must lie in a folder that is writable; it is not made yet.
+    A new folder must lie in a writable one; it is not created yet.
 
     Args:
         path: the folder.
-        marks: file names; results with one of these files can be continued. By default none can.
+        marks: file names; results with one of these files can be continued. By default, none can be continued.
 
     Raises:
         InputError: the folder holds an earlier run or other files, or the path is not a folder.
@@ -76,7 +76,7 @@ def check_folder(path: Path, marks: Collection[str] = ()) -> None:
 
 
 def _check_writable(path: Path, folder: Path) -> None:
-    """Raise InputError, which names ``path``, unless files can be made in an existing folder."""
+    """Raise InputError, with a message that names ``path``, unless files can be created in an existing folder."""
     try:
         TemporaryFile(dir=folder).close()
     except OSError as error:
@@ -84,7 +84,7 @@ def _check_writable(path: Path, folder: Path) -> None:
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
-    """Check and make a folder for results; call it late, so that earlier errors leave no empty folder.
+    """Check and create a folder for results; to be called late, so that earlier errors leave no empty folder.
 
     Raises:
         InputError: the check fails, or the folder is not writable.
@@ -138,7 +138,7 @@ def silenced() -> Iterator[None]:
 
 
 def check_regular(path: Path, max_bytes: float = np.inf) -> None:
-    """Raise InputError if a path is not a regular file (a folder, pipe or device), or exceeds ``max_bytes`` bytes."""
+    """Raise InputError if a path is a folder, pipe or device, not a regular file, or exceeds ``max_bytes`` bytes."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -170,7 +170,7 @@ def read_text(path: Path, max_bytes: float = MAX_TEXT) -> str:
 
 
 def check_hash(path: Path) -> None:
-    """Raise InputError if the ``.sha256`` file next to the weights, if any, holds another hash."""
+    """Raise InputError if the ``.sha256`` file next to the weights, if any, holds a different hash."""
     beside = path.with_name(f"{path.name}.sha256")
     if beside.exists():
         wanted = (read_text(beside).split() or [""])[0]
@@ -261,15 +261,16 @@ def load_results(path: Path, what: str, name: str, form: str, version: int) -> d
 def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory: int) -> str:
     """Call a function in a new Python process, so that a library that hangs or crashes does no harm.
 
-    The process is not forked, as a fork would inherit locks that threads of this process hold. It does not import the
-    main module, as processes of multiprocessing do, so it also works from a user's script without a main guard.
+    The process is not forked, as a fork would inherit locks that threads of this process hold. Unlike the processes
+    of multiprocessing, it does not import the main module, so this also works from a user's script without a main
+    guard.
 
     Args:
         function: returns its answer as text; it must be importable.
         args: its arguments, which must be picklable.
-        seconds: limit of processor time, s; the wall time may be ten times as long, as the process may have to wait,
-            and ``STARTING`` more.
-        memory: limit of memory beyond that of the process before the call, bytes.
+        seconds: limit of processor time, s. The wall time is limited to ten times as much plus ``STARTING``, because
+            the process may have to wait.
+        memory: limit of memory in addition to that used by the process before the call, bytes.
 
     Returns:
         The answer; empty if a limit was exceeded or the process crashed.
@@ -294,7 +295,7 @@ def _answer() -> None:
     function, args, seconds, memory = pickle.load(sys.stdin.buffer)
     answer = os.dup(1)
     os.dup2(2, 1)  # The output of libraries is not part of the answer
-    seconds += ceil(time.process_time())  # The time that the imports took does not count
+    seconds += ceil(time.process_time())  # Excludes the time that the imports took
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(OSError, ValueError):  # Without Linux's /proc, only the time is limited
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

@@ -67,8 +67,8 @@ class Intrinsics:
             points: (N, 3) m in ``camera_optical``.
 
         Returns:
-            (N, 2) int64 row and column, and whether the point lies in front of the camera and within the
-            image. The pixels of other points are meaningless.
+            (N, 2) int64 row and column of each point, and (N,) whether it lies in front of the camera and within the
+            image. The pixels of points for which this is False are meaningless.
         """
         depth = np.maximum(points[:, 2], 1e-6)
         column = np.floor(points[:, 0] / depth * self.fx + self.cx).astype(np.int64)
@@ -79,7 +79,7 @@ class Intrinsics:
 
 @lru_cache(maxsize=8)
 def _rays(k: Intrinsics) -> NDArray[np.float32]:
-    """The rays, computed once for equal cameras: a loaded map has an ``Intrinsics`` for each keyframe."""
+    """The rays, computed once for equal cameras, because a loaded map has an ``Intrinsics`` for each keyframe."""
     v, u = np.mgrid[0.5 : k.height, 0.5 : k.width]
     return np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).astype(np.float32)
 
@@ -88,7 +88,7 @@ def _rays(k: Intrinsics) -> NDArray[np.float32]:
 def _points_of(
     depth: Depth, x: NDArray[np.float32], y: NDArray[np.float32], R: NDArray[np.float32], t: NDArray[np.float32]
 ) -> Points:
-    """The returns of a depth image whose rays have (W,) x and (H,) y, rotated by (3, 3) and translated by (3,)."""
+    """Returns of a depth image whose rays have (W,) ``x`` and (H,) ``y``, rotated by ``R``, translated by ``t``."""
     is_return = (depth > 0) & (depth < np.inf)
     points, n = np.empty((np.count_nonzero(is_return), 3), np.float32), 0
     for v in range(len(y)):
@@ -115,16 +115,17 @@ class Frame:
     """One image pair of the RGB-D camera.
 
     Attributes:
-        time: s.
+        time: time at which the images were taken, s.
         rgb, depth: the images.
         intrinsics: intrinsics of both images, which are registered to each other.
         T_base_camera: pose of ``camera_optical`` in ``base_link``.
         T_odom_base: pose of ``base_link`` in ``odom`` from the robot's odometry.
         label: (H, W) uint8 true label of every pixel; None without a simulator.
         instance: (H, W) int32 id of the geom, a shape in the MJCF, at every pixel, -1 = none; an object, such as a
-            person, may consist of several. None without a simulator.
+            person, may consist of several geoms. None without a simulator.
         sensor: the camera that measured the depth.
-        thermal: (h, w) float32 °C, registered to the colour image, same field of view; None without a thermal camera.
+        thermal: (h, w) float32 temperatures, °C, registered to the colour image, with the same field of view; None
+            without a thermal camera.
     """
 
     time: float

@@ -20,7 +20,7 @@ Box = tuple[slice, slice]  # A rectangle of grid cells
 BLOCK = 64
 """Side of the blocks in which maps grow, cells or voxels: 3.2 m with 5 cm cells."""
 BORDER = 20
-"""Margin of the grid around the points, cells, so that what borders on them can be searched: 1 m with 5 cm cells."""
+"""Margin of the grid around the points, cells, so that their surroundings can be searched: 1 m with 5 cm cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Grid:
     """The position of a layer's cells; layers are indexed [i, j] along x and y.
 
     Every cell also has absolute indices, which stay the same when the grid grows: the cell (i, j) covers
-    [i·cell, (i + 1)·cell) m along x and [j·cell, (j + 1)·cell) m along y. Its element is [i, j] - ``low``.
+    [i·cell, (i + 1)·cell) m along x and [j·cell, (j + 1)·cell) m along y. Its element in a layer is [i, j] - ``low``.
 
     Attributes:
         low: (2,) int64 absolute indices of the element [0, 0].
@@ -42,7 +42,7 @@ class Grid:
 
     @classmethod
     def around(cls, boxes: Boxes, cell: float) -> Self:
-        """The grid of all cells of size ``cell``, m, that boxes (M, 2, 3), m, touch, plus one cell on each side."""
+        """The grid of all cells of side ``cell`` m that the boxes (M, 2, 3), m, touch, plus one cell on each side."""
         low, high = (
             np.floor(corner[:2] / cell).astype(np.int64) for corner in (boxes.min((0, 1)), boxes.max((0, 1)))
         )
@@ -82,7 +82,7 @@ class Grid:
         return mask
 
     def touched(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
-        """The cells touched by boxes (M, 2, 3), m, and a function that tells which other boxes touch these cells."""
+        """The cells touched by boxes (M, 2, 3), m, and a function that returns which other boxes touch them."""
         mask = np.zeros(self.shape, np.bool_)
         for (i, j), (k, m) in self.cell_of(boxes):
             mask[i : k + 1, j : m + 1] = True
@@ -96,7 +96,7 @@ class Grid:
         return mask, meets
 
     def distance_to(self, mask: MaskLayer) -> NDArray[np.float64]:
-        """(nx, ny) distance between centres of each cell and the nearest in the mask, m; infinite if it is empty."""
+        """(nx, ny) m, distance from each cell's centre to the nearest centre in the mask; inf for an empty mask."""
         if not mask.any():
             # For an empty mask, SciPy would measure from a point next to the first cell.
             return np.full(mask.shape, np.inf)
@@ -106,7 +106,7 @@ class Grid:
     def nearest(self, mask: MaskLayer, xy: ArrayLike, within: float) -> Place | None:
         """The point itself if its cell is in the mask, otherwise the centre of the nearest cell of the mask.
 
-        None if the mask has no cell ``within`` that distance, m.
+        None if the mask has no cell at most ``within`` m away.
         """
         xy = np.asarray(xy, np.float64)[:2]
         if self.at(mask, xy, outside=0):
@@ -161,7 +161,7 @@ class Layer:
         return np.dtype(self.dtype).itemsize * prod(self.per_cell) + (0 if self.in_place else np.int32().itemsize)
 
     def array(self, shape: tuple[int, int]) -> NDArray:
-        """(nx, ny, ...) an array of unknown cells."""
+        """(nx, ny, ...) array in which all cells are unknown."""
         return np.full((*shape, *self.per_cell), self.fill, self.dtype)
 
 
@@ -211,7 +211,7 @@ class GridMap:
         # Compare bits, so that NaN equals NaN.
         differs = _bits(old[where]) != _bits(values)
         for _ in self._kinds[name].per_cell:
-            # Several times faster than any() along a short last axis.
+            # This is several times faster than any() along a short last axis.
             differs = reduce(np.logical_or, np.moveaxis(differs, -1, 0))
         if not differs.any():
             return

@@ -22,7 +22,7 @@ def render(package: str, template: str, filters: Sequence[Callable[..., str]] = 
     Args:
         package: name of the package.
         template: name of the file.
-        filters: functions that templates may call by their names as filters, besides ``png`` and ``jpeg``.
+        filters: functions that templates may call by their names as filters, in addition to ``png`` and ``jpeg``.
         **content: variables of the template.
     """
     environment = Environment(
@@ -43,7 +43,7 @@ def write_html(path: Path, html: str) -> None:
 
 
 def png(rgba: NDArray[np.uint8]) -> str:
-    """A (H, W, 4) uint8 RGBA image as a data URI of a PNG."""
+    """An (H, W, 4) uint8 RGBA image as a data URI of a PNG."""
     content = BytesIO()
     Image.fromarray(rgba).save(content, "PNG", optimize=True)
     return _data_uri("png", content.getvalue())

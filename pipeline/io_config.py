@@ -1,7 +1,7 @@
-"""All parameters of reading recordings and writing results, a field for each package.
+"""All parameters for reading recordings and writing results, one field per package.
 
-They are not part of :class:`pipeline.config.PipelineConfig`, because the mapper imports that, and these packages
-import the mapper.
+They are not part of :class:`pipeline.config.PipelineConfig`, because the mapper imports that class, and the packages
+named here import the mapper.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pipeline.rescue_report.config import RescueReportConfig
 
 @dataclass(frozen=True)
 class IoConfig:
-    """The parameters of these packages; a run writes them to config.yaml, and ``--config`` changes any of them."""
+    """The parameters of input and output; a run writes them to config.yaml, and ``--config`` changes any of them."""
 
     datasets: DatasetsConfig = DatasetsConfig()
     rerun: RerunConfig = RerunConfig()

@@ -1,7 +1,7 @@
 """numba's cache of compiled kernels, which is emptied when a kernel has changed.
 
-numba compiles a kernel again if its own file has changed, but not if another kernel has that it calls. This looks
-only at kernels cached beside their source, as they are unless ``NUMBA_CACHE_DIR`` is set.
+numba compiles a kernel again if its own file has changed, but not if the file of a kernel that it calls has. Only
+kernels cached next to their source are considered, as all are unless ``NUMBA_CACHE_DIR`` is set.
 """
 
 import os
@@ -10,13 +10,13 @@ from contextlib import suppress
 from pathlib import Path
 
 PIPELINE = Path(__file__).parent
-"""Folder of this package, whose kernels other packages call."""
+"""The folder of this package, whose kernels are called by other packages."""
 
 
 def drop_outdated(packages: Iterable[Path]) -> None:
-    """Delete the compiled kernels in packages, given by their folders, if a ``*_kernels.py`` is newer than any.
+    """Delete the compiled kernels in the folders of packages if any ``*_kernels.py`` is newer than one of them.
 
-    Those that another user compiled, and this one cannot delete, stay.
+    Kernels that another user compiled and that this user cannot delete remain.
     """
     files = [file for package in packages for file in package.rglob("*") if file.suffix in (".py", ".nbi", ".nbc")]
     sources = [file for file in files if file.match("*_kernels.py") and file.is_file()]

@@ -1,4 +1,4 @@
-"""The keyframes: what each has observed, relative to its own pose, and the poses that all maps are built with.
+"""The keyframes: the observations of each, relative to its own pose, and the poses from which all maps are built.
 
 A map is a fold over the keyframes in order, so it can be rebuilt for any poses. A place on the map, such as that of a
 node, is anchored to a keyframe and evaluated at the keyframe's current pose.
@@ -43,19 +43,21 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A keyframe's observations, thinned, relative to its own pose: enough to rebuild every map for other poses.
+    """A keyframe's observations, thinned and relative to its own pose, from which every map can be rebuilt.
 
     Attributes:
         depth: (h, w) uint16 depth of every n-th pixel along the optical axis, in ``UNIT``; 0 = no return.
         intrinsics: intrinsics of this depth image.
         T_base_camera: pose of the camera in ``base_link``.
-        points: (N, 3) int16 returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map. Those
-            of an unlabelled frame are thinned to half a cell and one height bin of the elevation map.
-        hits: (N,) uint8 number of returns that each point is the mean of, at most 255.
-        above: (N,) uint8 what was seen in the space above each point, see :func:`find_overhangs`.
-        dropouts: (M, 3) int16 points where ground should have been seen, see :func:`find_depth_dropouts`.
-        dropout_hits: (M,) uint8 number of pixels that each dropout is the mean of, at most 255.
-        rays: (R, 3) int16 lowest points of the rays that passed over ground without returns.
+        points: (N, 3) int16 returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map. The
+            returns of an unlabelled frame are thinned to half a cell and one height bin of the elevation map.
+        hits: (N,) uint8 number of returns averaged in each point, at most 255.
+        above: (N,) uint8 state of the space above each point, see :func:`find_overhangs`.
+        dropouts: (M, 3) int16 points in ``base_link``, in ``UNIT``, where ground should have been seen but was not,
+            see :func:`find_depth_dropouts`.
+        dropout_hits: (M,) uint8 number of pixels averaged in each dropout, at most 255.
+        rays: (R, 3) int16 lowest points, in ``base_link``, in ``UNIT``, of the rays that passed over ground without
+            returns.
         shares: class shares of the points; None if the frame was not labelled.
     """
 
@@ -90,7 +92,7 @@ class Seen:
             stride: step between stored depths, pixels.
             voxel: voxel size of the semantic map, m, used to thin a labelled frame.
             config: settings of the elevation map, used to thin an unlabelled frame.
-            robot: the robot, which needs room around it to turn in place, and headroom.
+            robot: the robot, which determines the room needed to turn in place, and the headroom.
         """
         half = config.cell / 2
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
@@ -123,7 +125,7 @@ class Seen:
 
     @property
     def frame(self) -> Frame:
-        """A frame with the stored depth only: no colours, time or pose."""
+        """A frame with only the stored depth, without colours, time or pose."""
         no_colour = np.zeros((0, 0, 3), np.uint8)
         return Frame(0.0, no_colour, self._depth, self.intrinsics, self.T_base_camera, np.eye(4))
 
@@ -132,12 +134,12 @@ class Seen:
         return self.depth * np.float32(UNIT)
 
     def points_at(self, T_map_base: Pose) -> Points:
-        """The points for a given pose of the robot."""
+        """The points in ``map``, m, for a given pose of the robot."""
         return _placed(self.points, T_map_base)
 
     @property
     def box(self) -> Box:
-        """Bounding box of the points and dropouts, in ``base_link``."""
+        """Bounding box of the points and dropouts, m in ``base_link``."""
         return box_of(self.points * UNIT, self.dropouts * UNIT)
 
     def view(self, reach: float) -> NDArray[np.float64]:
@@ -145,17 +147,17 @@ class Seen:
         return transform_places(self.T_base_camera, self.intrinsics.frustum * reach)
 
     def put_depth(self, metric_map: MetricMap, T_map_base: Pose) -> None:
-        """Add the returns, and the space seen to be free, for a given pose of the robot."""
+        """Add the returns, and the space seen to be free, to the metric map for a given pose of the robot."""
         T_map_camera = T_map_base @ self.T_base_camera
         metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
 
     def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
-        """Add the labelled points, if any, for a given pose of the robot; ``number``: index of the keyframe."""
+        """Add any labelled points to the semantic map for a pose of the robot; ``number``: index of the keyframe."""
         if self.shares is not None:
             semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Add the returns, dropouts and rays, and the robot's footprint, for a given pose of the robot."""
+        """Add the returns, dropouts, rays and robot's footprint to the elevation map for a pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera, height = (T_map_base @ self.T_base_camera)[:3, 3], float(T_map_base[2, 3])
         elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above, height)
@@ -163,12 +165,12 @@ class Seen:
 
 
 def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:
-    """(N, 3) points in ``UNIT``."""
+    """(N, 3) points, converted from m to ``UNIT``."""
     return np.rint(points / UNIT).astype(np.int16)
 
 
 def _placed(points: NDArray[np.int16], T_map_base: Pose) -> Points:
-    """Stored points for a given pose."""
+    """Stored points in ``map``, m, for a given pose of the robot."""
     return moved(T_map_base * (UNIT, UNIT, UNIT, 1.0), points)
 
 
@@ -177,7 +179,7 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 
 def kept_cloud(points: Points, voxel: float | tuple[float, float, float]) -> tuple[VoxelCloud, NDArray[np.intp]]:
-    """Thin points in ``base_link`` to voxels of size ``voxel``, m; also the indices (K,) of the storable ones."""
+    """Points in ``base_link`` thinned to voxels of size ``voxel``, m, and the (K,) indices of the storable ones."""
     cloud = VoxelCloud.of(points, voxel)
     return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
 
@@ -186,9 +188,9 @@ class Moves(NamedTuple):
     """How far keyframes moved in a correction.
 
     Attributes:
-        distances: distances, m.
-        turns: angles, rad.
-        reach: range of view, m.
+        distances: distance that each keyframe moved, m.
+        turns: angle by which each keyframe turned, rad.
+        reach: range of the keyframes' view, m.
         noticeable: see :class:`pipeline.config.KeyframesConfig`.
     """
 
@@ -220,8 +222,9 @@ class Keyframes:
 
     Attributes:
         seen: the observation of each keyframe.
-        ground: all evidence about the ground in the order in which it was found, each with its keyframe's index.
-        poses: (K, 4, 4) ``T_map_base`` with which the keyframes are in the maps.
+        ground: all evidence about the ground in the order in which it was found, each item with the index of its
+            keyframe.
+        poses: (K, 4, 4) ``T_map_base`` of the keyframes, from which the maps are built.
         loaded: number of keyframes from an earlier episode.
     """
 
@@ -270,7 +273,7 @@ class Keyframes:
 
     @property
     def highest_camera(self) -> float:
-        """Greatest height of any keyframe's camera in ``map``, m; 0 without keyframes."""
+        """Maximum height of the keyframes' cameras in ``map``, m; 0 without keyframes."""
         heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.seen, strict=True)]
         return float(max(heights, default=0.0))
 
@@ -289,7 +292,7 @@ class Keyframes:
         return moves
 
     def moves_to(self, T_map_base: Poses) -> Moves:
-        """How far the keyframes would move to given poses; InputError as in :meth:`place`."""
+        """How far the keyframes would move if they had given poses; InputError as in :meth:`place`."""
         poses = np.asarray(T_map_base, np.float64)
         if poses.shape != self.poses.shape:
             raise InputError(
@@ -316,7 +319,7 @@ class Places:
     def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "Places":
         """Anchor places (N, 2 or 3) in ``map``, m, to a given keyframe, or each to the nearest one.
 
-        ``poses``: the poses of all keyframes, at least one. Places without a height get that of their keyframe.
+        ``poses``: the poses of all keyframes, at least one. Places without a height get the height of their keyframe.
         """
         places = np.asarray(places, np.float64)
         owner = np.full(len(places), keyframe, np.int64) if keyframe is not None else nearest(places, poses)

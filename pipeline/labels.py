@@ -8,7 +8,7 @@ from PIL import ImageColor
 
 
 class Label(IntEnum):
-    """Semantic classes; the thesis's four are 1 to 4. A geom carries its id as ``user`` data in the MJCF."""
+    """Semantic classes, of which 1 to 4 are the thesis's; in the MJCF, ``user`` data of a geom hold its class."""
 
     UNLABELLED = 0
     WALL = 1
@@ -30,16 +30,16 @@ PLAIN_NAMES = {
     Label.VICTIM: "person",
     Label.CLUTTER: "clutter",
 }
-"""The words for the classes in everything that people read; files have the names of the labels."""
+"""The names of the classes in text for people; files use the names of the labels."""
 
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes
 
 RAMP_TILT = radians(8)
-"""Tilt above which a surface is an inclined ramp, rad, for the robot as for the ground truth."""
+"""Tilt above which a surface is an inclined ramp, rad, both for the robot and in the ground truth."""
 
 _NAMES = ("gray", "crimson", "gold", "royalblue", "hotpink", "lightgray", "forestgreen", "sienna")
 COLOURS = np.array([ImageColor.getrgb(name) for name in _NAMES], np.uint8)
-"""(8, 3) uint8 RGB, indexed by label: CSS's colours."""
+"""(8, 3) uint8 RGB colours of CSS, indexed by label."""
 PERSON_COLOUR = _NAMES[Label.VICTIM]
-"""CSS's name of the colour in which people are drawn, wherever they are."""
+"""CSS name of the colour in which people are always drawn."""

@@ -1,4 +1,4 @@
-"""Text in images, in the typeface that Pillow carries with it, so that it looks the same on every machine."""
+"""Text in images, in the typeface that comes with Pillow, so that it looks the same on every machine."""
 
 import re
 import unicodedata
@@ -11,14 +11,15 @@ from PIL import Image, ImageDraw, ImageFont
 from pipeline.arrays import Rgb
 
 ON_LINE, IN_MIDDLE = "ls", "mm"
-"""The point of a text at its position: the left end of its baseline, or its centre (Pillow's text anchors)."""
+"""The point of a text that lies at the given position: the left end of its baseline, or its centre (Pillow's text
+anchors)."""
 LOOKALIKES = str.maketrans("×−–—‘’“”ıµ", "x---''\"\"iu")
-"""The typeface has ASCII and a few other characters."""
+"""Replacements for characters that the typeface lacks; it has ASCII and a few other characters."""
 
 
 @cache
 def font(size: float) -> Any:
-    """The typeface with a nominal height of ``size`` pixels; its capitals are 0.7 times as high."""
+    """The typeface with a nominal height of ``size`` pixels; its capitals are 0.7 times as tall."""
     return ImageFont.load_default(size)
 
 
@@ -39,7 +40,7 @@ def write(
     """Write a line of text into an image.
 
     Args:
-        image: the image, which is changed; what would be outside it is cut off.
+        image: the image, which is modified in place; text beyond its edges is cut off.
         at: column and row of the anchor.
         text: the text; each run of line breaks and other white space becomes one space, and characters that the
             typeface lacks become similar ones, or question marks.

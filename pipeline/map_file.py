@@ -36,8 +36,8 @@ FORMAT, VERSION = "sarsim keyframes", 8
 
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]
-"""Type and shape. A capital stands for a length that all rows share, a small letter, which may only come first, for a
-length that differs from row to row but not between the fields of a row."""
+"""Type and shape. A capital letter stands for a length that all rows share. A small letter, which may only come
+first, stands for a length that differs from row to row but not between the fields of a row."""
 POINTS: Field = ("f4", "n", 3)
 NOTHING = np.zeros(0)
 
@@ -102,7 +102,8 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "photo_shape": ("i8", 3),
     },
 }
-"""The rows of each kind. A field whose length varies is stored concatenated, with an array of its lengths."""
+"""The fields of the rows of each kind. A field whose length varies is stored concatenated, with an array of its
+lengths."""
 OF_KEYFRAMES = "keyframe", "missed", "tried_from"
 """The fields that hold indices of keyframes."""
 
@@ -113,7 +114,7 @@ def varies(field: Field) -> bool:
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
-    """Write all maps into a folder, each independently; InputError, at the end, if one could not be written."""
+    """Write all maps into a folder, each independently; raise InputError at the end if one could not be written."""
     run_all(
         lambda: save_keyframes(mapper, folder / KEYFRAMES),
         lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
@@ -159,7 +160,8 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
     """Restore the map of an earlier run into a new mapper; the restored keyframes keep their poses.
 
     Raises:
-        InputError: the file is missing, damaged, of another kind or version. The mapper must not be used afterwards.
+        InputError: the file is missing, damaged, or of another kind or version. The mapper must not be used after
+            this error.
     """
     with _opened(path) as rows:
         keyframes = rows["keyframe"]
@@ -218,7 +220,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
 def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
     columns: dict[str, list[Any]] = {}
-    sizes: dict[int | str, Any] = {}  # By letter: a length, or the lengths of all rows
+    sizes: dict[int | str, Any] = {}  # For each letter: a length, or the lengths of all rows
     for name, field in layout.items():
         dtype, *shape = field
         array = arrays.get(f"{kind}.{name}", NOTHING)
@@ -283,7 +285,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
         yield {
             **vars(seen),
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
-            "T_map_base": surfaces.poses[k],  # As estimated; the pose in the maps may differ unnoticeably
+            "T_map_base": surfaces.poses[k],  # The estimated pose; that in the maps may differ unnoticeably
             "up": surfaces.ups[k],
             "is_labelled": seen.shares is not None,
             **vars(shares),

@@ -43,9 +43,9 @@ class Keyframe:
     """A frame that has been added to the maps, as it was taken.
 
     Attributes:
-        frame: what the camera saw.
-        T_map_base: 4×4 estimated pose of the robot at that moment.
-        points: (N, 3) float32 the returns in ``map``, m; empty if the frame was not labelled.
+        frame: the frame of the camera.
+        T_map_base: 4×4 estimated pose of the robot at the time of the frame.
+        points: (N, 3) float32 returns in ``map``, m; empty if the frame was not labelled.
         labels: (N,) uint8 classes of the points.
         patches: planes among the points.
         detections: people detected in the colour image; empty if the frame was not labelled, because its image is
@@ -67,13 +67,13 @@ START_RADIUS = 0.2
 
 
 class MapObserver(Protocol):
-    """Watches a mapper."""
+    """Receives the events of a mapper."""
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Called when a keyframe has been added to the maps."""
 
     def on_detections(self, keyframe: int, frame: Frame, detections: list[Detection]) -> None:
-        """Called when the image of a keyframe has been searched for people, at the latest with the next keyframe."""
+        """Called when a keyframe's image has been searched for people, at the latest before the next keyframe."""
 
     def on_correction(self, moves: Moves) -> None:
         """Called when the maps have been rebuilt where keyframe poses were corrected."""
@@ -83,9 +83,9 @@ class Mapper:
     """Keeps all of the robot's maps.
 
     Attributes:
-        observers: notified of every keyframe and correction, in this order.
+        observers: notified of every keyframe and correction, in the order of this list.
         config: all parameters.
-        policy: how keyframes are spaced.
+        policy: decides when a keyframe is due, and whether it is labelled.
         keyframes: the observations and poses of all keyframes.
         knows_camera: whether the camera's pose on the robot is known, and hence the ground at the start.
         stopwatch: the time that each stage has taken.
@@ -162,12 +162,12 @@ class Mapper:
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
-        """4×4 pose of this episode's first keyframe; None before that."""
+        """4×4 pose of this episode's first keyframe; None before that keyframe."""
         keyframes = self.keyframes
         return keyframes.poses[keyframes.loaded] if len(keyframes) > keyframes.loaded else None
 
     def restore(self) -> None:
-        """Build every map from an earlier episode's keyframes, segments and victims, which the caller has put in."""
+        """Build every map from an earlier episode's keyframes, segments and victims, which the caller has added."""
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
         self._start_height = self.keyframes.start_height
         self._rebuild(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
@@ -190,14 +190,15 @@ class Mapper:
     def add_frame(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
 
-        An unlabelled frame is added to the metric map and the elevation map only. The people and objects that it
-        shows are added to the map with the next frame, people as candidates for another look.
+        An unlabelled frame is added to the metric map and the elevation map only. The people and objects in it are
+        added to the map with the next frame, people as candidates for another look.
 
         Args:
             localised: the result of :meth:`localise`.
             labelled: whether to label the keyframe; by default the policy decides.
-            set_down: whether the robot has just been set down there. Level ground is then assumed around and ahead of
-                it until that ground is seen or the robot leaves, and heights for classifiers are relative to it.
+            set_down: whether the robot has just been set down at this pose. Level ground is then assumed around and
+                ahead of it until that ground is seen or the robot leaves, and classifiers get heights relative to
+                this ground.
 
         Raises:
             InputError: the pose is so far from the others that the maps would take too much memory. The maps do not
@@ -213,16 +214,17 @@ class Mapper:
             self._set_down = T_map_base
             self._start_height = float(T_map_base[2, 3])
 
-        # The pose graph gets a keyframe, once it is sure that the elevation map has room for it.
+        # Add the keyframe to the pose graph only once the elevation map is sure to have room for it.
         self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
             self.localisation.add(localised)
 
-        # The networks that find people and objects have read the last keyframe, and start on this one.
+        # Collect the detections in the last keyframe, and start the networks that find people and objects on this
+        # one.
         self._add_detections()
         self._background.begin(frame, index, self.detector, self.readers)
 
-        # Label the points, and store what this keyframe has seen, relative to its pose.
+        # Label the points, and store the observations of this keyframe relative to its pose.
         points = frame.points(frame.T_base_camera)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
         probabilities = None
@@ -263,7 +265,7 @@ class Mapper:
     def add_if_new(
         self, localised: Localised, labelled: bool | None = None, set_down: bool = False
     ) -> Keyframe | None:
-        """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats one."""
+        """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats an earlier one."""
         if not localised.repeats:
             return self.add_frame(localised, labelled, set_down)
         self._T_odom_keyframe = localised.frame.T_odom_base
@@ -271,7 +273,7 @@ class Mapper:
         return None
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
-        """Class probabilities of points; classifiers get heights relative to where the robot was set down."""
+        """Class probabilities of points; the classifier gets heights relative to where the robot was set down."""
         height = np.array([0.0, 0.0, self._start_height])
         T = T_map_camera.copy()
         T[:3, 3] -= height
@@ -282,13 +284,13 @@ class Mapper:
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
     ) -> None:
-        """Add what a drive has shown to the elevation map; all coordinates are in ``map``, m.
+        """Add the evidence of a drive to the elevation map; all coordinates are in ``map``, m.
 
         Each point is attached to the nearest keyframe since the previous drive, and moves with it.
 
         Args:
-            track: (N, 3) successive x, y of ``base_link`` and headings, rad.
-            obstacles: (M, 3) points of the obstacles that blocked it.
+            track: (N, 3) successive x and y of ``base_link``, and headings, rad.
+            obstacles: (M, 3) points on the obstacles that blocked the robot.
             touched: points that the robot touched, (K, 3) for each contact.
         """
         first, self._newest_at_drive = self._newest_at_drive, len(self.keyframes) - 1
@@ -307,7 +309,7 @@ class Mapper:
         """Let the localisation correct its keyframes, and all maps with them; None if the maps are unchanged.
 
         People and objects in the last keyframe of a drive are added to the map too. ``waits``: whether to leave the
-        maps alone until a correction is due.
+        maps unchanged until a correction is due.
         """
         if not len(self.keyframes):
             return None
@@ -325,7 +327,7 @@ class Mapper:
         return moves
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Moves:
-        """Rebuild the maps where keyframes move, as if these had had their new (K, 4, 4) poses from the start.
+        """Rebuild the maps where keyframes move, as if all had had their new (K, 4, 4) poses from the start.
 
         Keyframes whose move is not noticeable stay. Everything anchored to a keyframe moves with it. The next
         :meth:`connect` fits the nodes of the topological map to the ground.
@@ -417,8 +419,8 @@ class Mapper:
         self.revise_labels()
 
     def revise_labels(self) -> None:
-        """Tell the semantic map what the other maps say about its labels, unless its classifier is certain."""
-        if getattr(self.classifier, "is_certain", False):  # A user's own classifier may lack it
+        """Revise the labels of the semantic map according to the other maps, unless its classifier is certain."""
+        if getattr(self.classifier, "is_certain", False):  # A user's own classifier may lack this attribute
             return
         keyframes = self.keyframes
         people = [victim.points for victim in self.victims.confirmed]
@@ -427,7 +429,7 @@ class Mapper:
         self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, people))
 
     def _add_detections(self) -> list[Detection]:
-        """Add the results of the background detection, if any, to the maps; the people detected in that frame."""
+        """Add the results of the background detection, if any, to the maps; return the people detected."""
         with self.stopwatch("reading"):
             read = self._background.end()
         if read is None:
@@ -443,7 +445,7 @@ class Mapper:
 
 
 Check = Callable[[Localised], Confirmed | None]
-"""Checks a pose: returns the newest frame whose pose is certain, or None if the pose remains in doubt."""
+"""Checks a pose: returns the newest frame, whose pose is then certain, or None if the pose remains in doubt."""
 
 
 def map_frame(
@@ -453,18 +455,18 @@ def map_frame(
     labelled: bool | None = None,
     may_repeat: bool = False,
 ) -> Keyframe | None:
-    """Sense, localise and map a frame (thesis 3.1 to 3.3): how every frame of a robot or a recording enters the maps.
+    """Sense, localise and map a frame (thesis 3.1 to 3.3), as for every frame of a robot or a recording.
 
     Args:
         mapper: holds all maps.
         sense: returns the newest frame.
-        check: checks the pose; it may turn the robot for further frames, and tells whether the robot was set down.
+        check: checks the pose; it may turn the robot for further frames, and reports whether the robot was set down.
             Without it, every pose is trusted, and only the first frame shows where the robot was set down.
         labelled: whether to label the keyframe; by default the policy decides.
-        may_repeat: whether to make a keyframe even if another one has seen the same from the same pose.
+        may_repeat: whether to make a keyframe even if the frame repeats an earlier keyframe.
 
     Returns:
-        The keyframe; None if the frame repeats another one, or if its pose is in doubt.
+        The keyframe; None if the frame repeats an earlier keyframe, or if its pose is in doubt.
 
     Raises:
         LostError: the pose is unknown.

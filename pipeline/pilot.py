@@ -1,7 +1,7 @@
 """The pilot: sends commands to the robot, senses, and takes keyframes while driving.
 
-It makes no decisions: the navigator chooses the commands, the pose check the views that it needs, and the mapper
-which frames are new.
+It makes no decisions: the navigator chooses the commands, the pose check chooses the views that it needs, and the
+mapper decides which frames are new.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,14 +31,18 @@ class Pilot:
     Attributes:
         robot: the robot to move.
         navigator: computes the commands that follow a path.
-        pose_check: checks whether the robot is where it believes it is.
+        pose_check: checks whether the robot is where it believes itself to be.
         faults: faults of the robot's sensors and wheels.
         driven: distance driven so far by odometry, m.
-        was_carried: whether the robot was carried, or set down at the start, since the stop before the newest one.
+        was_carried: whether the robot was carried between its last two stops, or set down at the start.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink], navigator: Navigator | None = None):
-        """``sinks``: notified of each motion; may grow. ``navigator``: by default one that commands velocities."""
+        """Control a robot, and add its keyframes to a mapper's maps.
+
+        ``sinks``: notified of each motion; sinks may be added later. ``navigator``: by default, a navigator that
+        commands velocities.
+        """
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
         self.robot = robot
         self.faults = Faults(navigation.faults)
@@ -54,7 +58,7 @@ class Pilot:
         self._T_odom_left: Pose | None = None  # Where the last drive ended; None if the robot was carried
 
     def look_around(self) -> Keyframe:
-        """Make a labelled keyframe where the robot stands; it turns for other views until its pose is confirmed.
+        """Make a labelled keyframe where the robot stands, turning for other views until its pose is confirmed.
 
         Raises:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
@@ -83,7 +87,7 @@ class Pilot:
         return Confirmed(localised, was_carried)
 
     def _confirmed(self, localised: Localised, last: Frame | None) -> Confirmed:
-        """Turn for other views until the pose is confirmed; after a halt, look again from where the robot came."""
+        """Turn for other views until the pose is confirmed; if that fails after a halt, drive back and look again."""
         for _ in range(self._mapper.config.navigation.recovery.drives_back):
             try:
                 return self.pose_check.confirm(localised, last, self._turn)
@@ -101,12 +105,12 @@ class Pilot:
     def correct(self) -> None:
         """Pass the newest estimate of the robot's pose to the navigator."""
         self.navigator.correct(self._mapper.T_map_odom)
-        dropped = getattr(self._mapper.localisation, "dropped", 0)  # A method of one's own may not count them
+        dropped = getattr(self._mapper.localisation, "dropped", 0)  # A user's own localisation may lack this count
         if dropped and self._last is not None:
             self.faults.note("registration", self._last.time, f"{dropped} registrations were invalid and left out")
 
     def follow(self, check: ObstacleCheck, course: Course, is_done: Callable[[], bool] = lambda: False) -> Outcome:
-        """Follow a course as :meth:`Navigator.follow` does, taking keyframes and watching for obstacles.
+        """Follow a course as :meth:`Navigator.follow` does, while taking keyframes and watching for obstacles.
 
         ``is_done``: called after each keyframe; the drive ends early if it returns True.
         """

@@ -1,8 +1,9 @@
-"""The interface of a plug-in: what it adds to a run, hook by hook, in the order in which a run calls them.
+"""The interface of a plug-in: its hooks, in the order in which a run calls them.
 
 A package registers a plug-in, a subclass of :class:`Plugin`, as an entry point in one of the groups
-``sarsim.reader``, ``sarsim.sensor``, ``sarsim.sink`` and ``sarsim.mission``. A run asks for it by name: ``--NAME``,
-or ``--mission NAME``. Only then is it imported. What sarsim ships beside its core comes in the same way.
+``sarsim.reader``, ``sarsim.sensor``, ``sarsim.sink`` and ``sarsim.mission``. A run requests a plug-in by its name,
+with ``--NAME`` or ``--mission NAME``, and imports it only then. The parts of sarsim outside its core are registered
+in the same way.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,13 +27,13 @@ class NoSettings:
 
 @dataclass(frozen=True, eq=False)
 class RunContext:
-    """What a plug-in's sinks may watch.
+    """The parts of a run that a plug-in's sinks may watch.
 
     Attributes:
         mapper: holds all maps.
-        recorder: writes the Rerun recording, if there is one; its ``stream`` takes entities of a plug-in's own.
+        recorder: writes the Rerun recording, if there is one; its ``stream`` accepts a plug-in's own entities.
         explorer: drives the robot; None if the run does not drive.
-        world: the simulated robot, which knows the truth; None outside a simulation.
+        world: the simulated robot, which knows the ground truth; None outside a simulation.
         plugins: all plug-ins of the run.
         folder: where sinks write their files; None if the run writes none.
     """
@@ -46,14 +47,14 @@ class RunContext:
 
 
 class Plugin:
-    """A plug-in of one run; a subclass overrides what it needs.
+    """A plug-in of one run; a subclass overrides the hooks that it needs.
 
     Attributes:
         Settings: a frozen dataclass of its settings, which a run writes under ``plugins.<name>`` of its config.yaml.
             Its fields are flags: a positional one follows ``--<name>``, others are ``--<name>-<field>``, and those
             marked ``tyro.conf.Fixed`` can only be set in a ``--config`` file. A path can only be a flag.
-        needs: names of the plug-ins that it asks for along with itself.
-        name: the name of its settings.
+        needs: names of other plug-ins that this one requires.
+        name: the name under which its settings are stored.
         settings: an instance of ``Settings``.
         command: the settings of the command, such as :class:`sarsim.settings.EpisodeConfig`.
     """
@@ -85,27 +86,27 @@ class Plugin:
         return ()
 
     def abandon(self) -> None:
-        """Remove what has been started, because the run is refused."""
+        """Undo whatever the plug-in has started, because the run is refused."""
 
     def begin(self, explorer: Explorer, time: float) -> None:
-        """Called at the robot's time, s, before its first step: give it a deadline, or a strategy."""
+        """Called before the robot's first step, at ``time`` s by its clock, for example to set a deadline."""
 
     def messages(self, mapper: Mapper, step: Step) -> Iterable[tuple[str, Any]]:
         """Topics and ROS messages to send after a step, to a bag or to a network."""
         return ()
 
     def measurements(self) -> Iterable[tuple[str, float, Any]]:
-        """Topics, times in s and ROS messages of its sensor's measurements since the last call.
+        """Topics, times in s, and ROS messages of the plug-in's measurements since the last call.
 
         Called after every control period, if there is a bag or a network to send them to.
         """
         return ()
 
     def scene(self, world: Any, folder: Path, index: int) -> AbstractContextManager[Callable[[Any], object]]:
-        """Write the plug-in's own files for scene ``index`` of a dataset, beside the scene's file.
+        """Write the plug-in's own files for scene ``index`` of a dataset, next to the scene's file.
 
         The context's value is called with the :class:`sarsim.robots.pose.Pose` of each frame once the robot stands
-        there. On leaving, the files are complete; after an error, none are left.
+        there. When the context is left, the files are complete; after an error, none remain.
 
         Args:
             world: the :class:`sarsim.dataset.render.World`.
@@ -115,4 +116,7 @@ class Plugin:
         return nullcontext(lambda pose: None)
 
     def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
-        """Write its files for a whole dataset; ``splits``: train, val or test of each complete scene, by number."""
+        """Write the plug-in's files for a dataset.
+
+        ``splits``: train, val or test of each complete scene, by number.
+        """

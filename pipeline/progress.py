@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of a run.
+    """What a run is doing, and how much of it is done.
 
     Attributes:
         text: what the robot is doing and how much is explored, or what is being written at the end.

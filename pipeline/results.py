@@ -23,7 +23,7 @@ class MapFiles(Sink):
     finishing = "writing the maps"
 
     def finish(self, result: Result) -> None:
-        """Write them, each by itself; InputError if one cannot be written."""
+        """Write each file independently; InputError if one cannot be written."""
         if result.steps:
             run_all(partial(save_maps, result.mapper, result.folder), partial(result.trajectory.save, result.folder))
 
@@ -34,11 +34,15 @@ class ReportFile(Sink):
     finishing = "writing report.json"
 
     def __init__(self, settings: Any, place: str, seed: int):
-        """``settings``: a dataclass; ``place``: name of the mapped place; ``seed``: seed of all random numbers."""
+        """Report on a run.
+
+        ``settings``: its settings, a dataclass; ``place``: name of the mapped place; ``seed``: seed of all random
+        numbers.
+        """
         self._settings, self._place, self._seed = settings, place, seed
 
     def finish(self, result: Result) -> None:
-        """Write the report; after a run without steps, only if the robot was lost. InputError if that fails."""
+        """Write the report; after a run without steps, only if the robot was lost. InputError if writing fails."""
         if not result.is_reported:
             return
         stopwatch = result.mapper.stopwatch
@@ -62,7 +66,10 @@ class ReportFile(Sink):
 
 
 def _plain(value: Any) -> Any:
-    """A setting for JSON. Absolute paths are reduced to the name, since the rest may reveal who ran it."""
+    """A setting as a value for JSON.
+
+    An absolute path is reduced to its last part, because the rest may reveal the user's name.
+    """
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     is_absolute = isinstance(value, str | Path) and Path(value).is_absolute()
@@ -76,7 +83,7 @@ def write_report(report: dict[str, Any], folder: Path) -> None:
 
 
 def _percentiles(seconds: list[float]) -> dict[str, float]:
-    """Median and 95th percentile, ms."""
+    """Median and 95th percentile of durations in s, converted to ms."""
     ms = 1e3 * np.array(seconds)
     return {"median": float(np.median(ms)), "p95": float(np.percentile(ms, 95))}
 
@@ -86,7 +93,8 @@ def result_sinks(
 ) -> list[Sink]:
     """The sinks of a run with a results folder, in the order in which they receive the result.
 
-    The report includes the figures of ``others``; the rescue report shows what the report holds.
+    report.json includes the figures of ``others``, and the page of the rescue report shows the content of
+    report.json.
     """
     return [
         MapFiles(),

@@ -1,4 +1,4 @@
-"""What the pipeline needs from a robot, whether simulated, recorded or real."""
+"""The interface between the pipeline and a robot, whether simulated, recorded or real."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -21,14 +21,15 @@ class Velocity:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the robot's sensors measure after a control period.
+    """The measurements of the robot's sensors after a control period.
 
     Attributes:
-        time: s.
+        time: time of the measurements, s.
         T_odom_base: pose of ``base_link`` in ``odom``.
-        gyro: (3,) rad/s in ``base_link``.
-        accelerometer: (3,) m/s² in ``base_link``, gravity included (+9.81 along z at rest on level ground).
-        wheel_speed: (2,) m/s of the left and right tyres, from the encoders.
+        gyro: (3,) rad/s, angular velocity in ``base_link``.
+        accelerometer: (3,) m/s², acceleration in ``base_link``, gravity included (+9.81 along z at rest on level
+            ground).
+        wheel_speed: (2,) m/s, speeds of the left and right tyres, from the encoders.
     """
 
     time: float
@@ -45,7 +46,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """The size and abilities of a robot, from which every clearance in the pipeline follows.
+    """The size and abilities of a robot, from which all clearances in the pipeline are derived.
 
     The robot provides it, so that the pipeline contains no number that belongs to a particular robot. The camera and
     its pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies at the centre of the footprint,
@@ -55,16 +56,16 @@ class RobotModel:
         length, width: size of the footprint, wheels included, m.
         body_height: height of the chassis without anything mounted on it, m.
         headroom: free height that the robot needs above the ground, its mast and a margin included, m.
-        max_step: highest step that the robot may drive over, m.
-        max_gap: widest gap that the robot can roll over, m.
-        max_tilt: greatest tilt of ground that the robot may drive on, rad.
+        max_step: maximum height of a step that the robot may drive over, m.
+        max_gap: maximum width of a gap that the robot can roll over, m.
+        max_tilt: maximum tilt of the ground that the robot may drive on, rad.
         tipping_tilt: tilt of the robot at which it stops and backs out, rad.
         speed, ramp_speed: driving speeds on level ground and on ramps, m/s.
-        turn_rate, ramp_turn_rate: fastest turns on level ground and on ramps, rad/s.
-        acceleration, turn_acceleration: limits of the drive, m/s² and rad/s².
-        ramp_slide: greatest displacement in a quarter turn on the steepest ramp, m.
-        slide_per_radian: downhill slide in a turn per radian turned, to be multiplied by the sine of the tilt, m.
-        min_turn_rate: slowest turn in place, rad/s; in slower turns the tyres stick.
+        turn_rate, ramp_turn_rate: maximum turn rates on level ground and on ramps, rad/s.
+        acceleration, turn_acceleration: maximum accelerations of the drive, m/s² and rad/s².
+        ramp_slide: maximum displacement in a quarter turn on the steepest ramp, m.
+        slide_per_radian: downhill slide per radian turned, m/rad, to be multiplied by the sine of the tilt.
+        min_turn_rate: minimum rate of a turn in place, rad/s; in slower turns, the tyres stick.
     """
 
     length: float
@@ -110,7 +111,7 @@ class Robot(Protocol):
     """Duration of one call of ``drive``, s."""
 
     def sense(self) -> Frame:
-        """Take a frame at the current position."""
+        """Take a frame at the robot's current position."""
         ...
 
     def drive(self, command: Velocity) -> Motion:

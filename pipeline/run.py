@@ -34,7 +34,7 @@ def explore(
     on_drive: Callable[[bool], object] = lambda reached: None,
     on_done: Callable[[], object] = lambda: None,
 ) -> None:
-    """Explore, or drive to goals, until nowhere is left to drive to (thesis, chapter 3).
+    """Explore, or drive to goals, until no viewpoint or goal is left to drive to (thesis, chapter 3).
 
     Args:
         explorer: the robot, its maps and its mission, which decides where to go.
@@ -72,7 +72,7 @@ class RunParts:
         folder: where the run writes its files.
         place: name of the place to be mapped.
         recorder: writes the Rerun recording.
-        rescue_report: writes the report of the people found.
+        rescue_report: writes the report on the people found.
         sinks: all sinks, in the order in which they receive the result.
         plugins: the plug-ins of the run.
     """
@@ -115,7 +115,7 @@ class Run:
     ) -> None:
         """Correct the maps one last time and let every sink write its results, even if another sink fails.
 
-        Ctrl-C is ignored meanwhile: it may have been what ended the run.
+        Ctrl-C is ignored meanwhile, because it may be what ended the run.
 
         Args:
             trajectory: the estimated trajectory.
@@ -185,9 +185,10 @@ class ExplorerRun(Run, ABC):
 
         Args:
             explorer: drives the robot.
-            parts: the parts of the run. If the mission has a time limit, it ends exploration instead of ``steps``.
+            parts: the parts of the run.
             trajectory: the estimated trajectory.
-            steps: maximum number of exploration steps; with 0 the robot drives to its goals at once.
+            steps: maximum number of exploration steps, ignored if the mission has a time limit; with 0, the robot
+                drives to its goals at once.
             goals: positions to drive to, each (2,) in ``map``, m.
             home: whether to drive back to the start at the end.
         """
@@ -272,7 +273,7 @@ class ExplorerRun(Run, ABC):
         return None
 
     def _may_step(self) -> bool:
-        """Whether the task may continue: exploration has a maximum number of steps, drives to goals have none."""
+        """Whether the task may continue; exploration has a maximum number of steps, but drives to goals have none."""
         mission = self.explorer.mission
         mission.may_explore = mission.deadline is not None or self.explorer.steps < self._steps
         return mission.may_explore or not mission.explores
@@ -355,6 +356,6 @@ class ExplorerRun(Run, ABC):
 
 
 def _given_up(view: Viewpoint) -> dict[str, Any]:
-    """An entry of ``exploration.left`` in report.json; without a path, it has no ``seconds``."""
+    """An entry of ``exploration.left`` in report.json; it has no ``seconds`` if no path leads to the viewpoint."""
     seconds = {"seconds": view.seconds} if view.is_reachable else {}
     return {"position": view.position.tolist(), "area_m2": view.gain, **seconds, "why": view.why}

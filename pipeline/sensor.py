@@ -1,4 +1,4 @@
-"""The measuring limits of a depth camera, from which all ranges, noise and angles in the pipeline follow."""
+"""The measuring limits of a depth camera, from which all ranges, noise and angles in the pipeline are derived."""
 
 from dataclasses import dataclass, replace
 from math import inf, radians, sqrt
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Depth = TypeVar("Depth", float, NDArray[np.floating])
-GRAZING = radians(8.5)  # Beyond 82° of incidence the simulated camera gives no return
-PRECISE = 0.02  # m; registration suffers from noisier returns, while the map only needs them in the right voxel
-SURE = 3.5  # m, up to where returns are registered with any camera: rooms often show little that is nearer
+GRAZING = radians(8.5)  # Beyond an angle of incidence of 82°, the simulated camera gives no return
+PRECISE = 0.02  # m, noise; noisier returns degrade registration, but the map only needs them in the right voxel
+SURE = 3.5  # m, depth up to which any camera's returns are registered, as rooms often show little that is nearer
 MARGIN = 5.0  # Standard deviations at the far end, where the limit cuts off half of the noise
 
 
@@ -19,8 +19,8 @@ class DepthNoise(NamedTuple):
 
     Attributes:
         least: standard deviation at the depth ``best``, m.
-        growth: increase with the square of the distance from that depth, 1/m.
-        best: depth of the least noise, m.
+        growth: increase with the square of the difference from the depth ``best``, 1/m.
+        best: depth with the least noise, m.
     """
 
     least: float
@@ -53,12 +53,12 @@ class SensorModel:
 
     @classmethod
     def measuring(cls, nearest: float, farthest: float, noise: DepthNoise) -> Self:
-        """A camera with a range, m, and a noise, from which the unreliable bands follow."""
+        """A camera with a given range, m, and noise, which determine the width of its unreliable bands."""
         camera = cls(nearest, farthest, GRAZING, margin=0.0, noise=noise)
         return replace(camera, margin=MARGIN * camera.sigma(farthest))
 
     def sigma(self, depth: Depth) -> Depth:
-        """Standard deviation at a depth, both m."""
+        """Standard deviation of the noise at a depth, both m."""
         return self.noise.least + self.noise.growth * (depth - self.noise.best) ** 2
 
     @property
@@ -70,10 +70,10 @@ class SensorModel:
         return self if self.farthest <= farthest else self.measuring(self.nearest, farthest, self.noise)
 
     def in_range(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(H, W) depth image, m, in which returns outside the range have become 0."""
+        """(H, W) depth image, m, in which returns outside the range are 0."""
         return np.where((depth >= self.nearest) & (depth <= self.farthest), depth, np.float32(0))
 
 
 XTION = SensorModel(nearest=0.8, farthest=3.5, grazing=GRAZING, margin=0.1)
-"""The simulated ASUS Xtion PRO LIVE: the range is the data sheet's. The margin is five standard deviations at the far
-end, rounded."""
+"""The simulated ASUS Xtion PRO LIVE, with the range from its data sheet. The margin is five standard deviations at
+the far end, rounded."""

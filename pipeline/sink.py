@@ -1,4 +1,4 @@
-"""What a run passes to its sinks: its steps, its events and its result."""
+"""The data that a run passes to its sinks: its steps, its events and its result."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,11 +23,11 @@ class Step:
 
     Attributes:
         number: number of the step, from 0.
-        keyframe: what was sensed, with its labels, planes and detections.
-        context: what the decision was based on.
-        viewpoint: where to go next; None if no viewpoint is left.
+        keyframe: the newest keyframe, with its labels, planes and detections.
+        context: the data on which the decision was based.
+        viewpoint: the next viewpoint; None if no viewpoint is left.
         plan: the path to the viewpoint.
-        frontiers: (N, 3) centres of the remaining frontiers.
+        frontiers: (N, 3) m, centres of the remaining frontiers in ``map``.
         left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
         explores: whether the task is to explore rather than to reach goals.
         ended: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
@@ -80,7 +80,7 @@ class Result:
 
     @property
     def is_reported(self) -> bool:
-        """Whether there is anything to report: a step, or why there is none."""
+        """Whether there is anything to report: at least one step, or the reason why there is none."""
         return self.steps > 0 or "lost" in self.figures
 
     def add(self, figures: Mapping[str, Any]) -> None:
@@ -106,7 +106,7 @@ class Sink:
         """Called when a keyframe has been added to the maps, in a step or during a drive."""
 
     def on_detections(self, keyframe: int, frame: Frame, detections: list[Detection]) -> None:
-        """Called when the image of a keyframe has been searched for people, at the latest with the next keyframe."""
+        """Called when a keyframe's image has been searched for people, at the latest before the next keyframe."""
 
     def on_correction(self, moves: Moves) -> None:
         """Called when the maps have been rebuilt where keyframe poses were corrected."""

@@ -25,22 +25,22 @@ def are_poses(T: ArrayLike) -> bool:
 def transform_points(T: Pose, points: NDArray) -> Points:
     """(N, 3) points, m, transformed by ``T``, in single precision.
 
-    Maps, which must be the same bit for bit when they are rebuilt from stored points, use the kernel
+    Maps, which must be bit-identical when they are rebuilt from stored points, use the kernel
     :func:`pipeline.geometry.moving_kernels.moved` instead.
     """
     R, t = T[:3, :3].astype(np.float32), T[:3, 3].astype(np.float32)
     x, y, z = points.astype(np.float32, copy=False).T
-    # Not a matrix product: for three columns, waking BLAS's threads takes longer than the product.
+    # This is not a matrix product, because for three columns, waking BLAS's threads takes longer than the product.
     return np.stack([R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + t[i] for i in range(3)], axis=1)
 
 
 def transform_places(T: NDArray[np.float64], places: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(..., 3) places, m, transformed by ``T``, of which only the first three rows count, in double precision."""
+    """(..., 3) places, m, transformed by ``T``, of which only the first three rows are used, in double precision."""
     return places @ T[:3, :3].T + T[:3, 3]
 
 
 def inverse(T: Pose) -> Pose:
-    """The inverse of a rigid transform."""
+    """Inverse of a rigid transform."""
     return from_rotation(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
@@ -52,7 +52,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> Pose:
 
 
 def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 4, 4) transforms with the nearest rotation matrices, as rounding scales products of many transforms."""
+    """(..., 4, 4) transforms with the nearest rotations, because rounding scales products of many transforms."""
     result = T.copy()
     u, _, v = np.linalg.svd(T[..., :3, :3])
     result[..., :3, :3] = u @ v
@@ -81,7 +81,7 @@ def tilt_of(T: Pose) -> tuple[float, float]:
 
 
 def level(up: Direction, forward: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Rotation3:
-    """Rotation with zero yaw of a body, from the direction ``up`` measured in its frame and its ``forward`` axis."""
+    """Rotation of a body with zero yaw, from the direction ``up`` measured in its frame and its ``forward`` axis."""
     left = np.cross(up, forward)
     left /= np.linalg.norm(left)
     return np.array([np.cross(left, up), left, up])

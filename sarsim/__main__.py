@@ -13,7 +13,7 @@ PREFIX = "sarsim-"
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim``."""
     commands = {
         script.name.removeprefix(PREFIX): script
         for script in distribution("sarsim").entry_points.select(group="console_scripts")
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _summary(script: EntryPoint) -> str:
-    """The summary of a command, from its docstring, without importing the command's dependencies."""
+    """The summary of a command, from its module's docstring, without importing the command's dependencies."""
     found = find_spec(script.module)
     text = ast.get_docstring(ast.parse(Path(found.origin).read_text())) if found and found.origin else None
     return (text or "").partition("\n")[0].partition(": ``")[0].rstrip(".")

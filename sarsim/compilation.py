@@ -1,8 +1,8 @@
 """Compilation of an episode's functions on two cores: a second process fills numba's cache in reverse order.
 
 numba compiles each function when it is first called, which takes a minute in total on a new machine. The
-second process works through ``kernels.json`` backwards, starting from what an episode needs last, until it reaches
-those that the first process has compiled.
+second process works through ``kernels.json`` backwards, starting with the function that an episode needs last, until
+it reaches the functions that the first process has compiled.
 """
 
 import functools
@@ -51,7 +51,7 @@ def listed() -> list[tuple[str, list[Argument]]]:
 
 
 def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
-    """Compile functions for their argument types into numba's cache; any that no longer compile are skipped."""
+    """Compile functions for their argument types into numba's cache; functions that do not compile are skipped."""
     for name, arguments in functions:
         # If the list is older than the code, nothing breaks: functions are compiled when first called.
         with suppress(Exception):

@@ -29,7 +29,7 @@ Perception = TypeVar("Perception", bound=PerceptionConfig)
 
 
 def reaching(perception: Perception, sensor: SensorModel) -> Perception:
-    """The settings with a metric map that reaches as far as the camera, unless a settings file says how far."""
+    """The settings, with the camera's maximum range as that of the metric map unless a settings file sets it."""
     metric_map = perception.pipeline.metric_map
     if metric_map.max_range != XTION.farthest or metric_map.max_range == sensor.farthest:
         return perception
@@ -50,7 +50,7 @@ def make_mapper(
 
     Args:
         perception: how to label points and find people, and the parameters of all pipeline packages.
-        robot: model of the robot, which decides what is traversable.
+        robot: model of the robot, which determines the traversable ground.
         seed: seed of all random numbers.
         localisation: localisation method; by default SLAM.
         earlier: folder of an earlier run whose map is continued; None to start with empty maps.
@@ -82,7 +82,9 @@ def compose(
     world: Any = None,
     continues: Collection[str] = (),
 ) -> RunParts:
-    """Make the parts of a run. Its folder for results is made last, so that a refused run leaves no folder behind.
+    """Make the parts of a run.
+
+    The folder for results is made after the user's sinks and the viewer, so that a refused run leaves none behind.
 
     Args:
         settings: settings of the command, for report.json; they name the user's sinks, which receive the result last.
@@ -94,8 +96,8 @@ def compose(
         recorder: makes the recorder of the Rerun recording from a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
         plugins: the plug-ins of the run.
-        explorer: drives the robot, if anything does.
-        world: the :class:`sarsim.simulated_robot.SimulatedRobot`, if there is one.
+        explorer: the explorer that drives the robot; None if there is none.
+        world: the :class:`sarsim.simulated_robot.SimulatedRobot`; None if the robot is not simulated.
         continues: names of files; the folder must contain one of them unless it is new or empty.
 
     Raises:

@@ -19,15 +19,15 @@ from sarsim.robots.skid_steer import SkidSteer
 from sarsim.robots.skid_steered import SkidSteered, per_side
 
 CONTROL_TIMESTEP = 0.02
-"""s, the period of the drive's firmware."""
+"""s, control period of the drive's firmware."""
 OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
-"""MJCF settings local to a file: a valid file means the same without them, and a merged model has one of each."""
+"""MJCF settings local to one file: they do not affect a valid model, and a merged model has only one of each."""
 MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
-"""Options that describe the robot's surroundings, not how its physics are solved."""
+"""Options that describe the robot's surroundings, not the solver."""
 
 
 class RescueEnvironment(dm_env.Environment):
-    """Driving through a rescue arena without a time limit; an action is (v m/s, ω rad/s), and there is no reward.
+    """A drive through a rescue arena without a time limit or reward; an action is (v, ω), m/s and rad/s.
 
     Attributes:
         robot: the robot in the arena.
@@ -36,11 +36,11 @@ class RescueEnvironment(dm_env.Environment):
     """
 
     def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
-        """``robot``: see :class:`SkidSteered`; it is placed at the arena's start.
+        """Place ``robot``, named as in :class:`SkidSteered`, at the arena's start.
 
         Raises:
-            InputError: the robot does not exist, its time step does not divide ``CONTROL_TIMESTEP``, or the two files
-                cannot be compiled as one model.
+            InputError: the robot does not exist, its time step does not divide ``CONTROL_TIMESTEP``, or the arena and
+                the robot cannot be compiled as one model.
         """
         self._T_world_start = arena.T_world_start
         self.robot = SkidSteered(robot)
@@ -75,7 +75,7 @@ class RescueEnvironment(dm_env.Environment):
         return dm_env.transition(reward=0.0, observation=self._observation())
 
     def drive(self, command: Velocity) -> None:
-        """Do the same as :meth:`step`, but without an observation."""
+        """Follow a command for ``CONTROL_TIMESTEP`` as :meth:`step` does, but without an observation."""
         physics = self.physics
         if physics.is_dirty:  # after a write through dm_control
             physics.forward()
@@ -107,7 +107,7 @@ class RescueEnvironment(dm_env.Environment):
         return mean
 
     def action_spec(self) -> specs.BoundedArray:
-        """The bounds of an action (v m/s, ω rad/s)."""
+        """The bounds of an action (v, ω), m/s and rad/s."""
         limits = np.array(self.robot.drive.limits)
         return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
 
@@ -133,10 +133,10 @@ def _set_free(arena: RescueArena, robot: SkidSteered) -> None:
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
     """Make two models compile as one: each keeps its own elements, in the arena's air and light.
 
-    The physics are solved with the robot's options, and MuJoCo's defaults for those that its file omits.
+    The physics are solved with the robot's options, and with MuJoCo's defaults for the options that its file omits.
     """
     for root in (arena, robot):
-        root.keyframe.remove()  # states of one file alone
+        root.keyframe.remove()  # states of the model in one file, not of the merged model
         for tag, names in OF_ITS_OWN.items():
             for name in names:
                 setattr(getattr(root, tag), name, None)
@@ -154,7 +154,7 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
 
 
 def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
-    """Clear an arena's options except ``MEDIUM``; yields a text for each whose value differs in the robot."""
+    """Clear an arena's options except ``MEDIUM``; yields a text for each option whose value the robot changes."""
     given, wanted = arena.get_attributes(), robot.get_attributes()
     for name in sorted(given.keys() - {*MEDIUM}):
         if name not in wanted or np.any(given[name] != wanted[name]):

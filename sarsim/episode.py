@@ -110,9 +110,9 @@ class Episode(ExplorerRun):
         return make_mapper(settings, model, config.seed, localisation, config.map, config.graph, plugins)
 
     def _recorded(self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack) -> tuple[Robot, list[Sink]]:
-        """The robot as plug-ins wrap it, listened to by a requested TUM sequence, and that sequence's sink.
+        """The robot as wrapped by the plug-ins and, if requested, the TUM recorder, and the recorder's sink.
 
-        The files that they have started are removed if the episode is ``refused``.
+        The files that the plug-ins and the recorder have started are removed if the episode is ``refused``.
         """
         config, robot = self.config, self.robot
         recorded: Robot = robot
@@ -136,7 +136,7 @@ class Episode(ExplorerRun):
 
     @property
     def explored(self) -> str:
-        """The true explored fraction so far, or the mapped area if there are no scores, as text for the progress."""
+        """The true explored fraction so far, or the mapped area if there are no scores, as text."""
         return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped
 
     def _explored_fraction(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Many independent jobs at once, in processes on this machine or as tasks on a Ray cluster."""
+"""Parallel execution of independent jobs, in processes on this machine or as tasks on a Ray cluster."""
 
 import logging
 import os
@@ -35,7 +35,7 @@ ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
 }
-"""Environment of a worker: workers share the cores best if each uses only one."""
+"""Environment variables of a worker, because workers share the cores best if each uses only one."""
 
 _log = logging.getLogger(__name__)
 
@@ -95,17 +95,17 @@ def make_engine(name: str = "local", workers: int | None = None) -> Engine[Any]:
 
 
 def _run_locally(count: int, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job]:
-    """Run jobs in processes, each with its own OpenGL context; one that dies is replaced and its job tried again."""
+    """Run jobs in processes, each with its own OpenGL context; a dead process is replaced and its job tried again."""
     todo = deque((job, 1) for job in jobs)
     workers: dict[Connection, SpawnProcess] = {}
     idle: list[Connection] = []
     running: dict[Connection, tuple[Job, int]] = {}
     try:
         while todo or running:
-            # Give every worker a job. One that has died meanwhile is noticed below.
+            # Give every worker a job. A worker that has died meanwhile is noticed below.
             while todo and len(running) < count:
                 if not idle:
-                    with _signals_blocked():  # Else an interrupt may come before the worker is noted
+                    with _signals_blocked():  # Otherwise an interrupt may come before the worker is registered
                         process, pipe = start_worker(_do_jobs, lock)
                         workers[pipe] = process
                         idle.append(pipe)
@@ -148,7 +148,7 @@ def _do_jobs(pipe: Connection, lock: FolderLock) -> None:
 
 
 def _done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
-    """Do a job in a worker. Exceptions other than InputError become RuntimeErrors, which can always be pickled."""
+    """Do a job in a worker; exceptions except InputError become RuntimeErrors, which can always be pickled."""
     try:
         return work(job, folder)
     except InputError:
@@ -168,11 +168,12 @@ def start_worker(
     ours, theirs = Pipe()
     process = get_context("spawn").Process(target=_work, args=(function, theirs, *args), daemon=True)
     before = {name: os.environ.get(name) for name in environment}
-    resource_tracker.ensure_running()  # Else multiprocessing starts it with the first process and unblocks Ctrl-C
+    # Otherwise multiprocessing would start the tracker with the first process and unblock Ctrl-C.
+    resource_tracker.ensure_running()
     with _signals_blocked():
         os.environ.update(environment)
         try:
-            process.start()  # It inherits the environment and the blocked signals
+            process.start()  # The process inherits the environment and the blocked signals
         finally:
             for name, value in before.items():
                 del os.environ[name]
@@ -192,7 +193,7 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _work(function: Callable[..., object], *args: Any) -> None:
-    """In a worker: call a function; SIGTERM ends it like an exception."""
+    """In a worker: call a function; SIGTERM ends the function as an exception would."""
     prepare_process()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGTERM, _clean_up_and_end)
@@ -210,7 +211,7 @@ def _clean_up_and_end(*_: object) -> None:
 
 
 def _end_with_parent() -> None:
-    """In a worker: end it when its parent has ended, since a killed parent cannot end it."""
+    """In a worker: end this process when its parent has ended, because a killed parent cannot end its workers."""
     required(parent_process()).join()
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(CLEANING)
@@ -218,7 +219,7 @@ def _end_with_parent() -> None:
 
 
 def _end(processes: Collection[SpawnProcess]) -> None:
-    """End workers: together they have ``CLEANING`` s to clean up, then they are killed."""
+    """End workers; those that have not cleaned up and ended after ``CLEANING`` s in total are killed."""
     deadline = time.monotonic() + CLEANING
     for process in processes:
         process.terminate()
@@ -255,7 +256,8 @@ def _run_on_ray(
 ) -> Outcomes[Job]:
     """Run jobs as tasks, which Ray restarts if their workers die; only this process writes into the folder.
 
-    Ray's pools use actors instead, and wait forever for an actor whose node is lost if no other node has room for it.
+    Ray's pools use actors instead of tasks, and would wait forever for an actor whose node is lost if no other node
+    has room for it.
     """
     task = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_do_remotely)
     todo = deque(jobs)

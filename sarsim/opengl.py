@@ -1,4 +1,4 @@
-"""OpenGL for MuJoCo's rendering: the platform, which MUJOCO_GL names, and what to do if it cannot start."""
+"""OpenGL for MuJoCo's rendering: the platform, which MUJOCO_GL names, and the remedies if it cannot start."""
 
 import os
 import warnings
@@ -14,7 +14,7 @@ _REMEDIES = {
     "osmesa": "run 'sudo apt-get install libosmesa6' or set MUJOCO_GL=egl",
     "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY to a running X server",
 }
-"""For each platform that MuJoCo supports on Linux, what to do if it cannot start."""
+"""The remedy for each platform that MuJoCo supports on Linux, if the platform cannot start."""
 _MISSING = {
     "egl": "EGL cannot render on this machine",
     "osmesa": "OSMesa cannot render on this machine",
@@ -26,7 +26,7 @@ _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def choose_platform() -> None:
-    """Choose EGL unless MUJOCO_GL names a platform. MuJoCo and dm_control read it when they are first imported."""
+    """Choose EGL unless MUJOCO_GL, which MuJoCo and dm_control read at their first import, names a platform."""
     os.environ["MUJOCO_GL"] = os.environ.get("MUJOCO_GL") or "egl"
 
 
@@ -42,7 +42,7 @@ def without_opengl() -> Iterator[None]:
 
 
 def offscreen_context(width: int, height: int) -> Any:
-    """An OpenGL context of the platform that MUJOCO_GL names, made current, even if MuJoCo was imported without it.
+    """A current OpenGL context of the platform that MUJOCO_GL names, even if MuJoCo was imported without OpenGL.
 
     Raises:
         InputError: the platform does not exist, or cannot start on this machine.
@@ -82,7 +82,7 @@ def check_display() -> None:
 
 
 def _reason(error: Exception, platform: str) -> str:
-    """The cause and the remedy in one line; the errors themselves only name OpenGL functions."""
+    """The cause and the remedy in one line, because the errors themselves only name OpenGL functions."""
     for variable in _VARIABLES:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"

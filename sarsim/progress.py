@@ -30,14 +30,14 @@ class PlainBars(Bars):
     """Progress as lines on stderr, one every :data:`LINE_EVERY` s and one at the end, for a file or service log."""
 
     def start(self) -> None:
-        """Draw nothing."""
+        """Draw nothing, and schedule the first line."""
         self._due = time.monotonic() + LINE_EVERY
 
     def stop(self) -> None:
         """Draw nothing."""
 
     def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
-        """Print the final progress of every task, unless an error ended them."""
+        """Print the final progress of every task, unless an error ended the block."""
         for task in self.tasks if error is None else []:
             self._print(task)
 
@@ -49,7 +49,7 @@ class PlainBars(Bars):
             self._print(self._tasks[task_id])
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
-        """Update a task by ``advance``."""
+        """Add ``advance`` to the completed amount of a task, and print its progress if a line is due."""
         self.update(task_id, advance=advance)
 
     def _print(self, task: Task) -> None:
@@ -69,7 +69,7 @@ class _Left(ProgressColumn):
 
 
 def left_of(task: Task) -> str:
-    """The remaining time as text; empty at the start, and for a task whose field ``is_timed`` is not true."""
+    """The remaining time of a task as text; empty at its start, or if its field ``is_timed`` is not true."""
     if not task.fields.get("is_timed") or not task.elapsed or not task.completed or not task.total:
         return ""
     seconds = round(task.elapsed * (task.total - task.completed) / task.completed)
@@ -87,7 +87,7 @@ def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
 
 @contextmanager
 def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Progress], None]]:
-    """Show a run during a ``with`` block; yields a function that receives its progress."""
+    """Show the progress of a run during a ``with`` block; yields a function that receives this progress."""
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), _Left()
     with _bars(columns, disable) as bars:
         bar = bars.add_task(description, total=None, is_timed=False)

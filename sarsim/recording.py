@@ -34,7 +34,7 @@ class EpisodeRecorder(Recorder):
 
         Args:
             robot: the robot in its arena.
-            path: the file, which is written as the recording grows and can be read at any time.
+            path: the file, which grows with the recording and can be read at any time.
             viewer: shows the recording while it grows.
             config: how much is logged.
 
@@ -65,7 +65,7 @@ class EpisodeRecorder(Recorder):
         self._log_joints()
 
     def on_motion(self, motion: Motion) -> None:
-        """Log the robot's pose after a control period, thinned to 5 poses a second."""
+        """Log the robot's pose after a control period, thinned to the rate of the settings, by default 5 a second."""
         self._true_track.add(self._T_world_base[:3, 3])
         if self.log_pose(motion.time, motion.T_odom_base):
             self._log_joints()

@@ -43,9 +43,9 @@ METHODS = {
 }
 """Names of the methods that sarsim ships, by the flags that take MODULE:CLASS or MODULE:FUNCTION too."""
 OwnClasses = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="MODULE:CLASS")]
-"""Classes of the user's own, by a flag that may be repeated."""
+"""Classes of the user's own, given by a flag that may be repeated."""
 Robot = Literal["pioneer3at", "jackal"] | str
-"""A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
+"""A robot that sarsim ships, or the path of an MJCF file with the same structure."""
 Odometry = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
@@ -54,24 +54,24 @@ CameraNumbers = Annotated[
     tuple[float | None, float | None, float | None, float | None, float | None, float | None] | None,
     tyro.conf.arg(metavar="X Y Z ROLL PITCH YAW", help_behavior_hint=""),
 ]
-"""The pose of a camera: m and degrees, None for what is as recorded; None if the flag is not given."""
+"""The pose of a camera, m and degrees; None in place of a number keeps the recorded one; None without the flag."""
 CameraSize = Annotated[tuple[int, int], tyro.conf.arg(metavar="W H")]
 """Width and height of a camera's images, pixels."""
 CAMERA_SIZE = (640, 480)
-"""The Xtion's images."""
+"""Width and height of the Xtion's images, pixels."""
 SIDES, LONGEST = (32, 4096), 4
-"""Smallest and largest sides of the camera's images, pixels, and how many times the other one a side may be."""
+"""Minimum and maximum side of the camera's images, pixels, and maximum ratio of the longer to the shorter side."""
 NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 """Weights of the default network."""
 NOT_PORTABLE = r"[^\w.-]+"
-"""What no name of a folder has, as a colon, which Windows and scp take for something else."""
+"""Characters kept out of the names of folders, such as the colon, which Windows and scp interpret differently."""
 EXPLORE = "explore"
-"""The mission without a clock, of which nothing is submitted."""
+"""The mission without a time limit and without files to submit."""
 DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
-Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
+Networks = Annotated[  # the hint keeps the path of the installation out of --help, whose lines the path would break
     tuple[Path, Path] | tuple[Path] | None,
     tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
 ]
@@ -91,7 +91,7 @@ def is_own_arena(name: str) -> bool:
 
 
 def is_shipped(name: str, group: str) -> bool:
-    """Whether an entry point is one of sarsim's own, which a file may choose."""
+    """Whether an entry point is one of sarsim's own, so that a settings file may choose it."""
     found = entry_points(group=group, name=name)
     return bool(found) and all(entry.dist is not None and entry.dist.name == "sarsim" for entry in found)
 
@@ -102,7 +102,7 @@ def _is_function(name: str) -> bool:
 
 
 def chooses_code(flag: str, value: object) -> bool:
-    """Whether the value of a flag in a file, one word or a list, names code of the user's own or of a stranger."""
+    """Whether a flag's value in a settings file, one word or a list, names code that sarsim does not ship."""
     if flag in ("sink", "reader", "detector-class"):
         return bool(value)
     if flag not in METHODS and flag != "detector":
@@ -116,7 +116,7 @@ def chooses_code(flag: str, value: object) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class SinkConfig:
-    """Settings of everything that leaves the files of a run.
+    """Settings of everything that writes the files of a run.
 
     Attributes:
         sink: your own class that observes the run.
@@ -222,7 +222,7 @@ class MissionConfig:
 
     @property
     def max_steps(self) -> float:
-        """Most steps of exploring: none where the robot drives to goals at once."""
+        """Maximum number of exploration steps; 0 if the robot drives to goals without exploring first."""
         if self.steps is not None:
             return self.steps
         return inf if self.explore or not self.goals else 0
@@ -247,7 +247,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … if it exists.
         victims: list of victims and starts in a published world.
-        victims_state: state if the names do not give it.
+        victims_state: state of victims whose names do not say whether they are alive.
         random: contents of a random arena.
     """
 
@@ -269,7 +269,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
     def __post_init__(self) -> None:
-        """Let the flag set the voxels of the metric map."""
+        """Raise InputError for settings out of range, and apply ``voxel_size`` to the metric map."""
         MissionConfig.__post_init__(self)
         SimulatorConfig.__post_init__(self)
         if self.voxel_size is not None:
@@ -278,12 +278,12 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     @property
     def world_victims(self) -> WorldVictims:
-        """Settings of the victims in a world by others."""
+        """Settings of the victims in a published world."""
         return WorldVictims(self.victims, self.victims_state)
 
     @property
     def folder(self) -> Path:
-        """Folder for the results; one that is free, unless ``out`` or ``resume`` names it."""
+        """Folder for the results; a new one unless ``out`` or ``resume`` names it."""
         if named := self.out or self.resume:
             return named
         name = self.arena if _is_function(self.arena) else Path(self.arena).stem
@@ -293,7 +293,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     @property
     def continues(self) -> tuple[str, ...]:
-        """Files that a folder for the results must contain if it is not empty: those of an episode to be resumed."""
+        """Names of files of which a non-empty folder for the results must contain one; given only with ``resume``."""
         return ("config.yaml",) if self.resume else ()
 
 
@@ -326,7 +326,7 @@ class TeleopConfig(SinkConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class MapRecording(SinkConfig, PerceptionConfig):
-    """A recording to map, and facts that it does not contain itself.
+    """A recording to map, and information that the recording does not contain.
 
     Attributes:
         path: TUM RGB-D folder, folder of numbered images, ROS bag (MCAP, SQLite, ROS 1), or dataset scene (.h5).
@@ -341,7 +341,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
         depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
             recording names, or else 0.5 to 5 m.
-        depth_noise: standard deviation of a depth of 1 m, m; it grows with the square of depth. By default that of
+        depth_noise: standard deviation of depth at 1 m, m; it grows with the square of depth. By default that of
             the camera that the recording names, or else a Kinect's.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.

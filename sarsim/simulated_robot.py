@@ -34,7 +34,7 @@ from sarsim.trial_drive import warn_of_symptoms
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5
-"""s, the time that the robot stands still before the episode starts."""
+"""s, time for which the robot stands still before the episode starts."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class TrueFrame:
     """A frame without noise, with its true pose.
 
     Attributes:
-        T_world_base: 4×4 true pose.
+        T_world_base: 4×4 true pose of the robot.
         image: noise-free image, clipped to the sensor's range.
     """
 
@@ -85,13 +85,13 @@ class SimulatedRobot:
     Attributes:
         arena: the arena that contains the robot.
         model: the robot's size and abilities.
-        sensor: range and noise of its camera; its frames' sensor ends where depth is no longer precise.
+        sensor: range and noise of the robot's camera; its frames name a sensor limited to the range of precise depth.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
-        object_of_geom: (ngeom + 1,) int32 the object of each geom by :func:`sarsim.sensors.camera.geom_objects`;
-            ``object_of_geom[frame.instance]`` is the image of objects.
+        object_of_geom: (ngeom + 1,) int32, id of the object of each geom by
+            :func:`sarsim.sensors.camera.geom_objects`; ``object_of_geom[frame.instance]`` is the image of objects.
         true_frame: the newest frame without noise; None before the first.
-        trajectory: one pose per control period.
+        trajectory: true and odometry pose after each control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
     """
 

@@ -44,11 +44,11 @@ V_STEP, OMEGA_STEP = 0.1, 0.25
 """Change of the command per key press, m/s and rad/s."""
 
 JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
-"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; then the type of an axis and its maximum."""
+"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; then the type and maximum value of an axis."""
 SIDEWAYS, LENGTHWAYS = 0, 1
-"""Axes of the left stick, positive to the right and towards the user."""
+"""Numbers of the left stick's axes, whose values are positive to the right and towards the user."""
 SLACK = 0.1
-"""Dead zone: a stick counts as released up to this fraction of its full deflection."""
+"""Dead zone: a stick is treated as released up to this fraction of its full deflection."""
 
 KEYS = """\
 up, down      drive faster forwards, faster backwards
@@ -145,9 +145,10 @@ class FreeDrive:
 def drive_by_keyboard(
     driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False, gamepad: Gamepad | None = None
 ) -> None:
-    """Open a window, and obey keys and gamepad in real time until it is closed or ``interrupted`` returns True.
+    """Open a window, and obey keys and gamepad in real time until the window closes or ``interrupted`` returns True.
 
-    An exception between two steps would leave the viewer's thread waiting for a lock that is never released.
+    ``interrupted`` is called between steps, because an exception there would leave the viewer's thread waiting for a
+    lock that is never released.
     """
     throttle, physics = Throttle(*driven.limits), driven.physics
     others = set(threading.enumerate())
@@ -164,7 +165,7 @@ def drive_by_keyboard(
             window.sync()
             time.sleep(max(0.0, due - time.monotonic()))
     for thread in set(threading.enumerate()) - others:
-        thread.join(ENDING)  # until it ends, the viewer reads the model and the data
+        thread.join(ENDING)  # until its thread ends, the viewer reads the model and the data
 
 
 class _Score(Sink):
@@ -191,7 +192,7 @@ class _Score(Sink):
 
 
 class MappedDrive(MappingRun):
-    """Maps what the robot sees while a person drives it, and writes the files of an episode.
+    """Maps the arena while a person drives the robot, and writes the files of an episode.
 
     Attributes:
         physics, base_body, control_period, limits: as in :class:`FreeDrive`.

@@ -1,4 +1,4 @@
-"""A short drive with a robot from a file of the user's own, to find out whether it is what its file says."""
+"""A short drive with a robot from the user's own file, to check whether the robot behaves as its file says."""
 
 import logging
 from collections.abc import Iterator
@@ -25,22 +25,22 @@ HALL = """<mujoco><size nuser_geom="1"/><statistic extent="5"/><visual><map znea
 </worldbody></mujoco>"""
 REST = 0.6  # s at rest before the drive
 MEASURED = 0.8  # s of each drive that are measured, after the robot has reached its speed
-SLOWEST = 3.0  # s within which it must reach it
+SLOWEST = 3.0  # s within which the robot must reach its speed
 SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
-FALLEN = 0.3  # m below the ground at which a robot has fallen through it
-OFF_GROUND = 0.02  # m by which ``base_link`` may be off the ground
+FALLEN = 0.3  # m, depth of ``base_link`` below the ground from which the robot has fallen through it
+OFF_GROUND = 0.02  # m, maximum distance of ``base_link`` from the ground, and maximum motion, at rest
 AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
-UPRIGHT = np.radians(5)  # Largest tilt at rest
-TURNED = 10.0  # Largest angle between the axes of an inertial sensor and of base_link, degrees
-DOWN, ROLLED = np.radians(60), np.radians(20)  # Steepest view of a camera, and largest roll of its image
+UPRIGHT = np.radians(5)  # Maximum tilt at rest, rad
+TURNED = 10.0  # Maximum angle between the axes of an inertial sensor and of base_link, degrees
+DOWN, ROLLED = np.radians(60), np.radians(20)  # Maximum pitch of a camera, up or down, and roll of its image, rad
 NARROWEST, WIDEST = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
-HIDDEN = 0.25  # Largest fraction of the image that the robot itself may cover
-ALIKE = 0.05  # m by which shapes may be larger than the numbers for planning
+HIDDEN = 0.25  # Maximum fraction of the image that the robot itself may cover
+ALIKE = 0.05  # m by which the shapes that collide may exceed the dimensions used for planning
 _log = logging.getLogger(__name__)
 
 
 def warn_of_symptoms(robot: str) -> None:
-    """Log a line for each symptom of a robot that sarsim does not ship."""
+    """Log a warning for each symptom of a robot that sarsim does not ship; see :func:`symptoms`."""
     if robot not in ROBOTS:
         file = robot_file(robot)
         for line in _symptoms(robot, file.stat().st_mtime_ns):
@@ -49,14 +49,14 @@ def warn_of_symptoms(robot: str) -> None:
 
 @lru_cache(maxsize=16)
 def _symptoms(robot: str, changed: int) -> tuple[str, ...]:
-    """The symptoms of a robot whose file was ``changed`` at a time, ns."""
+    """The symptoms of a robot; ``changed``, ns, the time of the last change to its file, is part of the cache key."""
     return tuple(symptoms(robot))
 
 
 def symptoms(robot: str) -> list[str]:
-    """The ways in which a robot's first seconds contradict its file, one line each; empty if there are none.
+    """The symptoms of a robot: contradictions between its behaviour and its file, one line each.
 
-    It stands, drives ahead, turns left and takes an image on a level floor in front of a wall.
+    The robot stands, takes an image, drives ahead and turns left on a level floor in front of a wall.
 
     Raises:
         InputError: the robot does not exist, or its file is invalid.
@@ -74,7 +74,7 @@ def symptoms(robot: str) -> list[str]:
 
 
 class _Trial:
-    """The parts of the drive; each returns or yields its symptoms."""
+    """The parts of the trial; each yields the symptoms that it finds."""
 
     def __init__(self, world: RescueEnvironment):
         self._world, self._robot, self._physics = world, world.robot, world.physics
@@ -83,7 +83,7 @@ class _Trial:
         self._geoms = np.flatnonzero(self._model.body_rootid[self._model.geom_bodyid] == root)
 
     def shapes(self) -> Iterator[str]:
-        """Contradictions in the model's motors and shapes before it moves."""
+        """Symptoms in the model's motors, inertial sensors and shapes, before the robot moves."""
         model, known = self._model, self._robot.model
         for actuator in self._physics.bind(self._robot.actuators).element_id:
             is_servo = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
@@ -115,7 +115,7 @@ class _Trial:
                 yield f"{name} is {most:g} m, but the shapes that collide need {size:.2f} m"
 
     def _bounds(self, geoms: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(3,) lowest and highest coordinates of geoms, m."""
+        """(3,) lowest and (3,) highest coordinates of the geoms' bounding boxes in the world, m."""
         mujoco.mj_forward(self._model, self._data)
         R = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
         boxes = self._model.geom_aabb[geoms]
@@ -167,7 +167,7 @@ class _Trial:
             yield f"the robot covers {own:.0%} of its camera's image; move the camera out of its shapes"
 
     def drives(self) -> Iterator[str]:
-        """How the robot follows a drive ahead and a turn to the left."""
+        """Symptoms of a robot that is commanded to drive ahead and to turn left."""
         drive, known = self._robot.drive, self._robot.model
         v = min(SPEED, drive.top_speed, known.speed)
         omega = min(TURN_RATE, drive.top_turn_rate, known.turn_rate)
@@ -186,7 +186,7 @@ class _Trial:
             yield f"the robot turns {left:.2f} times as far as commanded; check effective_track, motors and tyres"
 
     def _measure(self, command: Velocity, reached: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Poses at both ends of a drive at a constant speed, which is reached after ``reached`` s."""
+        """4×4 poses ``MEASURED`` s apart in a drive at the commanded speed, which is reached after ``reached`` s."""
         self._drive(command, min(reached, SLOWEST) + 0.2)
         before = self._pose
         self._drive(command, MEASURED)

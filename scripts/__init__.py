@@ -1,1 +1,1 @@
-"""The commands of a checkout; sarsim's own commands are modules of sarsim, which the files here call."""
+"""The commands of a checkout; some of these scripts only call commands that are modules of sarsim."""

@@ -1,4 +1,4 @@
-"""Measure the simulator and the pipeline against other software: ``benchmark.py SUBJECT [--json FILE]``."""
+"""Benchmark the simulator and the pipeline against other software: ``benchmark.py SUBJECT [--json FILE]``."""
 
 import importlib.metadata
 import json

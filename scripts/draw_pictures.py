@@ -1,4 +1,4 @@
-"""Draw the pictures of README and the documents: ``draw_pictures.py [PICTURE ...]``."""
+"""Draw the pictures of the README and the documentation: ``draw_pictures.py [PICTURE ...]``."""
 
 import sys
 from importlib import import_module
@@ -44,10 +44,10 @@ OF_THE_CODE = (
 
 
 def draw_pictures(pictures: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
-    """Draw pictures of README and the documents anew.
+    """Redraw pictures of the README and the documentation.
 
     Args:
-        pictures: names of modules in scripts/pictures. By default all that show the run that make results measured.
+        pictures: names of modules in scripts/pictures. By default all that show the run measured by make results.
     """
     known = (*OF_A_FOLDER, *OF_THE_CODE)
     if unknown := set(pictures) - set(known):

@@ -16,7 +16,7 @@ except ModuleNotFoundError as error:
 
 
 def list_kernels() -> None:
-    """Run the default episode with an empty cache, and write what numba compiles into sarsim/kernels.json."""
+    """Run the default episode with an empty cache, and list the functions that numba compiles in kernels.json."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads this when it is imported
         lines = [json.dumps(one) for one in compiled(Path(folder, "episode"))]
@@ -25,7 +25,7 @@ def list_kernels() -> None:
 
 
 def compiled(out: Path) -> list[tuple[str, list[Any]]]:
-    """What numba compiles in the default episode, as :func:`sarsim.compilation.listed` returns it."""
+    """The functions that numba compiles in the default episode, as :func:`sarsim.compilation.listed` returns them."""
     from numba.core import event
 
     from sarsim.episode import Episode

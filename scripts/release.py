@@ -1,4 +1,4 @@
-"""Check that a tag can be released, and print its notes: ``release.py v0.1.0``. It needs no installed package."""
+"""Check that a tag can be released, and print its notes; needs no installed package: ``release.py v0.1.0``."""
 
 import re
 import tomllib
@@ -11,7 +11,7 @@ RESULTS = "<!-- results: written by make results -->"
 """Marks the beginning of README's results."""
 NOT_MEASURED = "not measured yet"
 MEASURED = re.compile(rf"\bon {DATE} at commit ([0-9a-f]{{7,40}}\+?)(?=[ .])")
-"""Where README's results say at which commit they were measured."""
+"""Matches the commit at which a part of README's results was measured."""
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def main() -> None:
 
 
 def checked(tag: str, version: str, changelog: str, citation: str, readme: str) -> tuple[str, list[str]]:
-    """The notes of a version, and what is wrong with its tag, its date, its citation and README's results."""
+    """The notes of a version, and the errors in its tag, its date, its citation and README's results."""
     wrong = []
     if tag != f"v{version}":
         wrong.append(f"tag {tag}: pyproject.toml has version {version}, so the tag must be v{version}")

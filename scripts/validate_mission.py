@@ -1,4 +1,4 @@
-"""Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
+"""Report the errors for which a judge would reject a mission's files: ``validate_mission.py DIR``."""
 
 try:
     from sarsim.plugins.league.validate_mission import main

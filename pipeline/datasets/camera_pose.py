@@ -1,4 +1,4 @@
-"""The pose of a recording's camera above the floor, from its first frames, for recordings that do not provide it."""
+"""Estimate the camera's pose above the floor from the first frames of a recording that does not provide it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,23 +17,23 @@ from pipeline.localisation.registration import front_normals
 from pipeline.localisation.vertical import T_level_camera, vertical
 from pipeline.transforms import inverse
 
-MAX_FRAMES, MAX_VIEWS = 30, 8  # Number of first frames that are looked at, and of those that count
-APART, TURNED = 0.1, 0.1  # A frame counts if the camera has moved by m or rad since the last that counted
-STEEPEST = np.cos(np.radians(45))  # Smallest cosine between the vertical and the image's upward direction
-ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Level and upright surfaces are within 4° of that
-CANDIDATES = 200  # Number of level surfaces' points that are tried
-OTHER = np.cos(np.radians(6))  # Directions that are this far apart are not one vertical
-DISAGREE = 0.7  # Support of another direction, as a fraction of the best, with which it may be the vertical
+MAX_FRAMES, MAX_VIEWS = 30, 8  # Maximum numbers of frames and of views, once one shows the vertical
+APART, TURNED = 0.1, 0.1  # m and rad; a frame is used if the camera has moved this far since the last one used
+STEEPEST = np.cos(np.radians(45))  # Minimum cosine between the vertical and the image's upward direction
+ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Tolerance of 4° for level and upright surfaces
+CANDIDATES = 200  # Maximum number of normals of nearly level surfaces that are tried as the vertical
+OTHER = np.cos(np.radians(6))  # Cosine of the angle beyond which two directions are different candidates
+DISAGREE = 0.7  # Minimum support, as a fraction of the best, of another direction that may be the vertical
 LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
-MIN_LEVEL = 0.25  # Support of the floor, as a fraction of that of the largest level surface
+MIN_LEVEL = 0.25  # Minimum number of points in the floor's layer, as a fraction of that in the largest layer
 
 
 class Mounted(NamedTuple):
-    """An estimate.
+    """An estimated pose of a camera above the floor.
 
     Attributes:
         T: pose of ``camera_optical`` above the floor, see :func:`~pipeline.localisation.vertical.T_level_camera`.
-        other: the same for another surface that may be the floor; None if there is no doubt.
+        other: pose above another surface that may be the floor; None if there is no such surface.
     """
 
     T: Pose
@@ -41,7 +41,7 @@ class Mounted(NamedTuple):
 
 
 class _Surfaces(NamedTuple):
-    """Points (N, 3) m and normals (N, 3) of the surfaces in view, in the first frame's camera."""
+    """Points (N, 3) m and normals (N, 3) of the surfaces in view, in ``camera_optical`` of the first frame."""
 
     points: NDArray[np.float64]
     normals: Directions
@@ -50,14 +50,14 @@ class _Surfaces(NamedTuple):
 def T_above_floor(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
 ) -> Mounted | None:
-    """The pose of the first frame's camera above the largest level surface; None if none shows the vertical.
+    """The pose of the first frame's camera above the floor; None if no frame shows the vertical.
 
-    A direction is supported by the surfaces that are level or upright if it is the vertical. In front of a ramp, the
-    walls therefore decide between the ramp and the floor, or surfaces seen later do.
+    The support of a direction is the number of points on surfaces that are level or upright if the direction is the
+    vertical. In front of a ramp, the walls or surfaces seen later therefore decide between the ramp and the floor.
 
     Args:
-        frames: a recording's frames, the first of which shows something.
-        pose: the pose of a frame's camera in any frame, the same for all; None if unknown.
+        frames: frames of a recording, of which the first has depth returns.
+        pose: returns the pose of a frame's camera in a coordinate frame that all frames share; None if unknown.
         config: parameters of the localisation.
     """
     seen, candidates = _seen(frames, pose, config)
@@ -80,7 +80,7 @@ def T_above_floor(
 def _seen(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
 ) -> tuple[_Surfaces | None, list[Direction]]:
-    """The surfaces in the first frames, and the verticals of those that show one, in the first frame's camera."""
+    """The surfaces in the first frames, and the verticals that these frames show, in the first frame's camera."""
     first: Pose | None = None
     last: Pose | None = None
     points, normals, ups = list[NDArray[np.float64]](), list[Directions](), list[Direction]()
@@ -117,7 +117,7 @@ def _support(normals: Directions, up: Direction) -> int:
 
 
 def _refined(normals: Directions, up: Direction) -> Direction:
-    """The vertical to which the surfaces that support ``up`` are closest to level or upright."""
+    """The vertical relative to which the surfaces that support ``up`` are closest to level or upright."""
     along = normals @ up
     level, upright = normals[along > ALONG], normals[np.abs(along) < ACROSS]
     _, directions = np.linalg.eigh(upright.T @ upright - level.T @ level)
@@ -125,7 +125,7 @@ def _refined(normals: Directions, up: Direction) -> Direction:
 
 
 def _floor(seen: _Surfaces, up: Direction) -> float:
-    """Coordinate along ``up``, m, of the lowest large level surface; of the lowest points if none is level."""
+    """Coordinate along ``up``, m, of the lowest large level surface, or of the lowest points if none are level."""
     heights: Values = seen.points @ up
     level = np.sort(heights[seen.normals @ up > ALONG])
     if not len(level):

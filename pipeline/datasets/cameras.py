@@ -1,4 +1,4 @@
-"""A depth and a colour camera on ROS topics: which camera_info belongs to which, and depth registered to colour."""
+"""Find the camera_info of depth and colour images on ROS topics, and register the depth to the colour images."""
 
 import re
 from collections.abc import Mapping
@@ -20,8 +20,8 @@ IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 EXTRINSIC = re.compile(r"(?P<stream>(?P<device>/device_\d+)/sensor_\d+/\w+)/tf/(?P<reference>\d+)")
 EXTRINSIC_TYPE = "geometry_msgs/msg/Transform"
-TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # Last part of a topic's name
-SAME_PLACE = 1e-3  # Largest difference between the poses of two cameras that count as one, m and rad
+TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # image_transport's suffixes of topic names
+SAME_PLACE = 1e-3  # Maximum difference between the poses of two frames that coincide, m and rad
 
 
 class ImageSource(NamedTuple):
@@ -39,7 +39,7 @@ class ImageSource(NamedTuple):
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether a topic's name says that its images are rectified, as ``image_rect`` and ``image_rect_color`` do."""
+    """Whether a topic's name, such as ``image_rect`` or ``image_rect_color``, indicates rectified images."""
     return "rect" in _raw(topic)[-1].lower()
 
 
@@ -50,14 +50,16 @@ def _raw(topic: str) -> list[str]:
 
 
 def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
-    """The topic of an image topic's camera_info: the nearest by name that is not nearer to other images.
+    """The camera_info topic whose name shares the most leading parts with the name of an image topic.
+
+    A camera_info topic that shares more parts with another image topic is not considered.
 
     Args:
         topic: topic of the images.
         kinds: the types of all topics, by name.
 
     Returns:
-        The topic; None if there is none, or several are equally near.
+        The topic; None if there is none, or if several share equally many parts.
     """
     images = [name for name, kind in kinds.items() if kind in IMAGE_TYPES]
     near = {
@@ -94,11 +96,11 @@ def _shared(info: str, image: str) -> int:
 
 
 class RgbdCamera:
-    """Makes pairs of images that are registered to each other, as from one pinhole camera.
+    """Converts depth and colour images to registered pairs, as if one pinhole camera had taken both.
 
     Attributes:
         frame: name of the frame of both images.
-        note: anything unexpected about the images, in one line; empty if there is nothing.
+        note: one line about unexpected properties of the images; empty if there are none.
     """
 
     def __init__(
@@ -109,12 +111,12 @@ class RgbdCamera:
         links: FrameTree,
         calibration: Calibration | None = None,
     ):
-        """Find out how depth is to be registered to colour.
+        """Determine how depth must be registered to colour.
 
         Args:
             path: the recording or a topic, for error messages.
             depth: source of the depth images.
-            colour: source of the colour images; None without any.
+            colour: source of the colour images; None if there are none.
             links: the transforms between the frames of the cameras.
             calibration: calibration of both cameras, without distortion, that replaces their camera_info.
 
@@ -157,7 +159,7 @@ class RgbdCamera:
         return (self._depth if self._T_colour_depth is None else self._colour).intrinsics
 
     def images(self, depth: Depth, colour: Rgb | None) -> tuple[Depth, Rgb]:
-        """Both images as taken by one pinhole camera; without a colour image, colour is black.
+        """Both images as if taken by one pinhole camera; the colour image is black if none is given.
 
         Raises:
             InputError: the images do not have the expected sizes.
@@ -184,14 +186,15 @@ def _name(frame: str, camera: Pinhole) -> str:
 
 
 def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera: Pose) -> Depth:
-    """A depth image as another camera would see its surfaces; 0 where it sees none of them.
+    """A depth image reprojected into the view of another camera, m; 0 where no surface is projected.
 
-    A pixel covers the target's pixels whose centres lie in its projection; of several surfaces, the nearest counts.
+    Each pixel covers the target's pixels whose centres lie in its projection; of several surfaces, the nearest is
+    kept.
 
     Args:
         depth: the depth image to register.
-        k, target: intrinsics of its camera, and of the other camera.
-        T_target_camera: pose of its camera in the frame of the other camera.
+        k, target: intrinsics of the depth camera, and of the other camera.
+        T_target_camera: pose of the depth camera in the frame of the other camera.
     """
     returns = np.isfinite(depth) & (depth > 0)
     row, column = np.nonzero(returns)
@@ -209,10 +212,11 @@ def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera:
 def _covered(
     row: np.ndarray, column: np.ndarray, z: np.ndarray, k: Intrinsics, target: Intrinsics, T: Pose
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The target's pixels that pixels of depth ``z``, m, cover.
+    """The pixels of the target image that are covered by the projections of pixels with depth ``z``, m.
 
     Returns:
-        (2, N) first column and row, (2, N) one past the last, clipped to the image, and (N,) depth in the target, m.
+        (2, N) first column and row, (2, N) column and row after the last, both clipped to the image, and (N,) m,
+        depth in the target camera.
     """
     corners = []
     for right, down in product((0.0, 1.0), repeat=2):

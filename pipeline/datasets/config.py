@@ -8,9 +8,9 @@ class DatasetsConfig:
     """How recordings are read.
 
     Attributes:
-        at_rest: time at the start during which an accelerometer measures the vertical, s.
-        buffered: number of depth images that are buffered: they may come out of order, and colour images may lag.
-        depth_units: units of depth images per metre, by default.
+        at_rest: time at the start over which accelerometer readings are averaged to find the vertical, s.
+        buffered: number of depth images to buffer, because they may arrive out of order and colour images may lag.
+        depth_units: default number of units of a depth image per metre.
     """
 
     at_rest: float = 0.5

@@ -1,4 +1,4 @@
-"""Depth cameras that are common in recordings, and which of them a recording names."""
+"""Range and noise of common depth cameras, which are recognised by the names in a recording."""
 
 import re
 from collections.abc import Iterable
@@ -10,17 +10,17 @@ from pipeline.frame import Frame
 from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
 
 FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
-MAX_NOISE = 0.1  # m, largest standard deviation at 1 m; ten times that of the noisiest camera below
+MAX_NOISE = 0.1  # m, maximum standard deviation of depth at 1 m; six times that of the noisiest camera below
 SUBPIXEL = 0.08  # pixels, noise of a RealSense's disparity on a textured surface (Intel's guide to tuning the D400)
 
 
 class KnownCamera(NamedTuple):
-    """A camera that recordings name.
+    """A depth camera that is identified by names in a recording.
 
     Attributes:
-        name: its name.
-        pattern: matches the names of files, topics and frames by which it is known.
-        sensor: its range and noise.
+        name: name of the camera with its article, as in a sentence.
+        pattern: matches the names of files, topics and frames that identify the camera.
+        sensor: range and noise of the camera.
     """
 
     name: str
@@ -29,11 +29,11 @@ class KnownCamera(NamedTuple):
 
 
 def stereo(focal_length: float, baseline: float, subpixel: float = SUBPIXEL) -> DepthNoise:
-    """The noise of a stereo camera: ``depth² · subpixel / (focal length · baseline)``.
+    """The noise of a stereo camera, of standard deviation ``depth² · subpixel / (focal length · baseline)``.
 
     Args:
         focal_length, subpixel: focal length, and standard deviation of the disparity, pixels.
-        baseline: distance between its two cameras, m.
+        baseline: distance between the two cameras, m.
     """
     return DepthNoise(0.0, subpixel / (focal_length * baseline))
 
@@ -42,7 +42,7 @@ def _camera(name: str, pattern: str, nearest: float, farthest: float, noise: Dep
     return KnownCamera(name, re.compile(pattern, re.IGNORECASE), SensorModel.measuring(nearest, farthest, noise))
 
 
-# Ranges of stereo cameras end where the noise reaches 5 cm, half a voxel; their focal lengths are those of 848 × 480.
+# Ranges of stereo cameras end where the noise reaches 5 cm, half a voxel; focal lengths are for 848 × 480 pixels.
 KNOWN = (
     # Range: Microsoft. Noise, for surfaces seen head-on: Fankhauser et al., ICAR 2015.
     _camera("a Kinect v2", r"kinect[-_]?(2|v2|one)|\bk4w2\b", 0.5, 4.5, DepthNoise(0.00129, 0.0003, 0.83)),
@@ -57,21 +57,21 @@ KNOWN = (
         "a Kinect or Xtion", r"kinect|xtion|primesense|openni|astra|freiburg[123]", *(0.5, 5.0, STRUCTURED_LIGHT)
     ),
 )
-"""The cameras, of which the first that a name fits is taken; a RealSense of unknown model counts as a D435."""
+"""Known cameras; the first whose pattern matches a name is used, and an unspecified RealSense is taken for a D435."""
 UNNAMED = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
-"""Taken if a recording does not name its camera."""
+"""Sensor model that is used if a recording does not name its camera."""
 
 
 def camera_named(names: Iterable[str]) -> tuple[KnownCamera, str] | None:
-    """The first known camera that one of the names fits, and that name; None if none does."""
+    """The first known camera whose pattern matches one of the names, and that name; None if there is no match."""
     words = list(names)
     return next(((camera, word) for camera in KNOWN for word in words if camera.pattern.search(word)), None)
 
 
 def measured_by(sensor: SensorModel, frame: Frame) -> Frame:
-    """A frame with its camera's sensor model, without returns outside the range.
+    """A frame with the sensor model of its camera, and without returns outside the camera's range.
 
-    The maps take the whole range; the frame's own sensor ends where depth is no longer precise enough to register.
+    The maps use the whole range; the frame's sensor model ends where depth is too imprecise for registration.
     """
     return replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor.precise)
 
@@ -82,16 +82,16 @@ def with_flags(
     depth_noise: float | None = None,
     names: tuple[str, str] = ("--depth-range", "--depth-noise"),
 ) -> SensorModel:
-    """A camera with the range and the noise that a user gives.
+    """A sensor model with the range and the noise that a user gives.
 
     Args:
-        sensor: the camera; it provides what is not given.
+        sensor: sensor model that provides the values that are not given.
         depth_range: nearest and farthest depth, m.
         depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
-        names: the user's names of both, for error messages.
+        names: names of the two flags, for error messages.
 
     Raises:
-        InputError: no camera can measure like that.
+        InputError: a value is out of bounds, or the range is too short for the noise.
     """
     if depth_range is None and depth_noise is None:
         return sensor

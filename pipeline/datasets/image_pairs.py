@@ -1,4 +1,4 @@
-"""Which colour image belongs to which depth image of a folder, and when they were taken."""
+"""Pair the depth and colour images of a folder, and determine the times at which they were taken."""
 
 import re
 from collections.abc import Callable
@@ -18,19 +18,19 @@ IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 DEPTH, COLOUR = ("depth",), ("rgb", "color")  # Names of lists and of folders
 NUMBER = re.compile(
     r"(?<![\d.])\d+\.\d+(?!\.?\d)|\d+"
-)  # In names: a decimal, but not a part of 1.2.3, or a whole number
+)  # In file names: a decimal that is not part of 1.2.3, or a whole number
 ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
 TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
-MAX_STEP = 2.0  # Longest median interval between images for which times without a date can be in s
-MAX_STEP_OF_DATES = 3600.0  # and with a date, s: numbers with a longer one are not dates
+MAX_STEP = 2.0  # s, maximum plausible median interval between images whose times have no date
+MAX_STEP_OF_DATES = 3600.0  # s, maximum median interval between dates; numbers farther apart are not dates
 UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
-"""Units of time, by their number in a second."""
+"""Names of units of time, by the number of units in a second."""
 Key = tuple[float, ...]
 Note = Callable[[str], None]
 
 
 class Pair(NamedTuple):
-    """A depth image with the time at which it was taken, s, and its colour image; None if it has none."""
+    """A depth image with the time at which it was taken, s, and its colour image, or None if it has none."""
 
     time: float
     depth: Path
@@ -38,7 +38,7 @@ class Pair(NamedTuple):
 
 
 class _Images(NamedTuple):
-    """Images of one kind, and their times, s; None if they have no times."""
+    """Files of the images of one kind, and their times, s, or None if they have no times."""
 
     files: list[Path]
     times: Values | None
@@ -57,8 +57,7 @@ def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -
         note: receives a line for each assumption.
 
     Raises:
-        InputError: there are no images, a list is malformed, or nothing says when the images were taken, or in which
-            order.
+        InputError: there are no images, a list is malformed, or the times or the order of the images are unknown.
     """
     pairs = _associated(path, fps, note)
     if pairs is None:
@@ -68,7 +67,7 @@ def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -
 
 
 def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values:
-    """The times of a list in s: dates by their size, others in the unit that gives plausible intervals."""
+    """The times in a list, converted to s; the unit follows from the size of dates, or else from the intervals."""
     dates, step = _dates(times), float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
     if dates is not None:
         return dates
@@ -92,7 +91,7 @@ def _dates(times: Values) -> Values | None:
 
 
 def holds_images(path: Path) -> bool:
-    """Whether a folder has depth images, or a list or a file of associations of them."""
+    """Whether a folder has depth images, a list of depth images, or a file of associations."""
     listed = any((path / f"{name}.txt").exists() or _files(path / name) for name in DEPTH)
     return listed or bool(_association_rows(path))
 
@@ -166,7 +165,7 @@ def _is_number(word: str) -> bool:
 
 
 def _images(path: Path, names: tuple[str, ...], fps: float | None, note: Note) -> _Images:
-    """The images of one kind, from a list or, without a list, a folder that has one of the names."""
+    """The images of one kind, from a list or else a folder that has one of the names."""
     for name in names:
         if (path / f"{name}.txt").exists():
             return _from_list(path / f"{name}.txt", fps, note)
@@ -178,7 +177,7 @@ def _images(path: Path, names: tuple[str, ...], fps: float | None, note: Note) -
 
 
 def _from_list(file: Path, fps: float | None, note: Note) -> _Images:
-    """The images in a list of times and files; without times if several images all have the same time."""
+    """The images in a list of times and files; without times if there are several images, all with the same time."""
     times, files = [], []
     for number, line in _lines(file):
         row = ROW.fullmatch(line)
@@ -193,16 +192,16 @@ def _from_list(file: Path, fps: float | None, note: Note) -> _Images:
 
 
 def _listed(folder: Path, rest: str) -> Path:
-    """The image that the rest of a line names: it may contain blanks, and comments or columns may follow it."""
+    """The image that the rest of a line names; the name may contain blanks and precede comments or more columns."""
     names = rest, rest.strip("\"'"), rest.partition(" #")[0].strip(), re.split(r"[\s,]", rest)[0]
     return next((folder / name for name in names if (folder / name).is_file()), folder / rest)
 
 
 def _from_names(files: list[Path]) -> _Images:
-    """Images sorted by the numbers in their names, which are taken for times if they are dates.
+    """Images sorted by the numbers in their names, which are used as times if they are dates.
 
     Raises:
-        InputError: the names differ in more than their numbers, so that these may not be in the order of time.
+        InputError: the names differ in more than their numbers, so that the order of the images is unknown.
     """
     files = sorted(files, key=lambda file: (_numbers(file), file.name))
     texts = {NUMBER.sub("0", file.stem.lower()): file.name for file in reversed(files)}
@@ -221,7 +220,7 @@ def _numbers(file: Path) -> Key:
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
-    """For each name, the numbers that differ between names, or else the last; None if these are not unique."""
+    """For each name, the numbers that differ between names, or else the last number; None if they are not unique."""
     numbers = [_numbers(file) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None

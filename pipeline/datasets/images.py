@@ -1,4 +1,4 @@
-"""Decodes the image messages of camera drivers."""
+"""Decode the image messages of camera drivers."""
 
 import struct
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.frame import decoded
 
 MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
-DEPTHS = (*MILLIMETRES, "32FC1")  # The last is in m
+DEPTHS = (*MILLIMETRES, "32FC1")  # Encodings of depth, of which the last is in m
 TO_RGB = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
@@ -30,9 +30,12 @@ TO_RGB = {
     "bayer_bggr8": (1, cv2.COLOR_BayerRG2RGB),
     "bayer_gbrg8": (1, cv2.COLOR_BayerGR2RGB),
 }
-"""By encoding: channels, and OpenCV's code to convert them to RGB, which names Bayer patterns from pixel (1, 1)."""
+"""By encoding: number of channels, and OpenCV's code that converts them to RGB.
+
+OpenCV names Bayer patterns from pixel (1, 1).
+"""
 DEEP = {"rgb16": "rgb8", "bgr16": "bgr8", "rgba16": "rgba8", "bgra16": "bgra8"}
-"""Encodings of 16 bits, and those of their upper 8 bits."""
+"""Encodings with 16 bits per channel, and the encodings of the upper 8 bits."""
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
@@ -41,8 +44,8 @@ LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
 MIN_CLIPPED, CLIP_GAP = (
     0.01,
     0.1,
-)  # Fraction of an image with the depth written for no return; gap below it, as a fraction
-LARGEST = float(np.finfo(np.float16).max)  # From here on, a depth in m stands for "no return" (65504 in AirSim)
+)  # Minimum fraction of pixels with the depth that stands for no return; minimum relative gap below this depth
+LARGEST = float(np.finfo(np.float16).max)  # m; depths of at least this value stand for "no return" (65504 in AirSim)
 
 
 def is_depth(message: Message) -> bool:
@@ -59,7 +62,7 @@ def is_depth(message: Message) -> bool:
 
 
 def depth_of(message: Message) -> Depth:
-    """The content of a depth image; InputError if its encoding is not one of depth, or it is broken."""
+    """The depth in a depth image, m; InputError if the image is broken or has an encoding that is not for depth."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -72,8 +75,8 @@ def depth_of(message: Message) -> Depth:
 def metres(pixels: NDArray, units: float = 1.0) -> Depth:
     """Depth, m, of an image, given its number of units per metre.
 
-    Depths that are not positive or not finite mean no return, as do those that drivers write in their place: the
-    largest value of an integer type, and numbers from the largest of half precision on.
+    Depths that are not positive or not finite mean no return, as do the values that drivers write instead: the
+    maximum of an integer type, and values from the maximum of half precision upwards.
     """
     nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else LARGEST
     is_return = (pixels > 0) & (pixels < nothing)
@@ -81,7 +84,7 @@ def metres(pixels: NDArray, units: float = 1.0) -> Depth:
 
 
 def clip_of(depths: Sequence[Depth]) -> float | None:
-    """The depth, m, that a recorder writes where it has no return, such as the far end of its range; None without.
+    """The depth, m, that a recorder writes for no return, such as the far end of its range; None if there is none.
 
     It is the largest depth in most of the images, a whole number of decimetres, frequent, and far from all others.
     """
@@ -94,7 +97,7 @@ def clip_of(depths: Sequence[Depth]) -> float | None:
 
 
 def colour_of(message: Message) -> Rgb:
-    """The content of a colour image; InputError if its encoding is unknown, or it is broken."""
+    """The pixels of a colour image; InputError if the encoding is unknown or the image is broken."""
     if hasattr(message, "format"):
         try:
             return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
@@ -115,7 +118,7 @@ def colour_of(message: Message) -> Rgb:
 
 
 def label_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another one, or it is broken."""
+    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if it has another encoding or is broken."""
     if message.encoding not in ("8UC1", "mono8"):
         raise InputError(f"label images in {message.encoding!r} are not supported; use 8UC1 or mono8")
     return _pixels(message, np.dtype(np.uint8), 1).copy()
@@ -139,10 +142,10 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
 
 
 def _compressed_depth(message: Message) -> Depth:
-    """The content of a losslessly compressed depth image.
+    """The depth in a losslessly compressed depth image, m.
 
-    It is an image file in mm or m, or a header of compressed_depth_image_transport followed by an image file in mm or
-    of inverse depth, scaled with the header's two parameters.
+    The message holds an image file in mm or m, or a header of compressed_depth_image_transport followed by an image
+    file of depth in mm or of inverse depth, scaled with the header's two parameters.
     """
     data, a, b, is_inverse = message.data, 0.0, 0.0, False
     if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:

@@ -13,7 +13,7 @@ TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is an olde
 FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
 BASES = BASE, FOOTPRINT
 """Names of a robot's own frame (REP 105 and 120), the preferred one first."""
-STILL = 1e-3  # Maximum change of a transform's elements that counts as rounding, not as motion
+STILL = 1e-3  # Maximum change of a transform's elements that is attributed to rounding, not to motion
 
 
 class CameraMount(NamedTuple):
@@ -22,7 +22,7 @@ class CameraMount(NamedTuple):
     Attributes:
         T_base_camera: pose of the camera in ``base_link``; None if no chain of transforms connects them.
         T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry is received.
-        note: what was assumed, expected and found, in one line; empty if everything was as expected.
+        note: one line about assumptions and unexpected frames; empty if everything was as expected.
     """
 
     T_base_camera: Pose | None
@@ -31,11 +31,12 @@ class CameraMount(NamedTuple):
 
 
 def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
-    """The topics of a robot's transforms, recognised by their type, because robots may have them in namespaces.
+    """The topics of a robot's transforms, recognised by their type, because their names may have a namespace.
 
     Args:
         kinds: the types of all topics, by name.
-        beside: other topics of the robot; of several namespaces with transforms, those that contain these count.
+        beside: other topics of the robot; of several namespaces with transforms, those that contain these topics are
+            used.
     """
     spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
     own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
@@ -47,8 +48,8 @@ def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
 class FrameTree:
     """Transforms between frames, which are identified by name.
 
-    A frame may be sent with several parents, as where a robot's transforms and those of a motion capture system share
-    a topic. The parent that leads to the robot then counts, or else the newest.
+    A frame may have several parents, for example if a robot's transforms and those of a motion capture system share a
+    topic. The parent that leads to the robot is then used, or else the newest one.
 
     Attributes:
         base: name of the robot's frame according to its odometry messages; empty if they give none.
@@ -78,11 +79,11 @@ class FrameTree:
         parents[parent] = T_parent_child
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
-        """The times, s, and poses in ``odom`` of its child that carries a camera."""
+        """The times, s, and the poses in ``odom`` of the child of ``odom`` that carries a camera."""
         return self._odometry.get(self._driven(camera), [])
 
     def _driven(self, camera: str) -> str:
-        """The child of ``odom`` that carries the camera, or else its only child; empty if there is none."""
+        """The child of ``odom`` that carries the camera, or else the only child; empty if there is none."""
         above = [name for name, _ in self._above(self.named(camera)) if name in self._odometry]
         return next(iter(above or (self._odometry if len(self._odometry) == 1 else ())), "")
 
@@ -92,7 +93,7 @@ class FrameTree:
         return bool(self._moving)
 
     def knows(self, frame: str) -> bool:
-        """Whether there is a frame with a name, or with one that differs only by a namespace."""
+        """Whether a frame is known by a given name, or by one that differs only by a namespace."""
         return self.named(frame) in self._known()
 
     def mount(self, camera: str) -> CameraMount:
@@ -120,13 +121,13 @@ class FrameTree:
         return None if T is None else inverse(self._ground(base)) @ T
 
     def _ground(self, base: str) -> Pose:
-        """Pose of ``base_footprint`` in the robot's frame if it does not move there; otherwise the identity."""
+        """Pose of ``base_footprint`` in the robot's frame if it is fixed to the robot; otherwise the identity."""
         feet = [name for name in self._known() if _matches(name, FOOTPRINT)]
         rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
         return rigid[0] if len(rigid) == 1 else np.eye(4)
 
     def _rigid(self, frame: str, other: str) -> Pose | None:
-        """Pose of another frame in a frame if one is a rigidly attached ancestor of the other; otherwise None."""
+        """Pose of ``other`` in ``frame`` if one is a rigidly attached ancestor of the other; otherwise None."""
         ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
         for way, top in zip(ways, (other, frame), strict=True):
             if top in way and not self._moving & set(way[: way.index(top)]):
@@ -155,7 +156,7 @@ class FrameTree:
         return (robots or parents)[0]
 
     def _leads_to_robot(self, frame: str, child: str) -> bool:
-        """Whether a frame or one of its ancestors is the robot's own, on a path that does not pass its ``child``."""
+        """Whether a frame or one of its ancestors is the robot's own, on a path that does not contain ``child``."""
         passed, ahead = {child}, {frame}
         while ahead:
             if any(self._is_robots(name) for name in ahead):
@@ -180,7 +181,7 @@ class FrameTree:
         return self.named(frame) in self._links
 
     def between(self, frame: str, other: str) -> Pose | None:
-        """Pose of another frame in a frame; None without a common ancestor in which the frame does not move."""
+        """Pose of ``other`` in ``frame``; None without a common ancestor in which ``frame`` does not move."""
         frame, other = frame.strip("/"), other.strip("/")
         above: dict[str, Pose] = {}
         for name, T in self._above(frame):

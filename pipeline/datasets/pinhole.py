@@ -1,4 +1,4 @@
-"""Rectifies the images of a camera with distortion to those of a pinhole camera."""
+"""Rectify the images of a camera with lens distortion to those of a pinhole camera."""
 
 from pathlib import Path
 from typing import Literal
@@ -30,7 +30,7 @@ class Pinhole:
         Args:
             path: the bag, for error messages.
             info: camera_info of the images.
-            calibration: calibration without distortion that overrides it.
+            calibration: calibration without distortion that overrides ``info``.
             is_rectified: whether the images are already rectified, so that P of ``info`` applies to them, not K.
 
         Raises:
@@ -70,13 +70,16 @@ class Pinhole:
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Known from ``info`` or after the first image; cx, cy are shifted, as ROS has pixel centres at integers."""
+        """Intrinsics of the rectified images, known from ``info`` or after the first image.
+
+        cx and cy are shifted by half a pixel, because ROS has pixel centres at integers.
+        """
         height, width = required(self._size)
         fx, fy, cx, cy = self._values
         return Intrinsics(width, height, fx, fy, cx + 0.5, cy + 0.5)
 
     def rectified(self, kind: Literal["depth", "colour"], image: NDArray) -> NDArray:
-        """A rectified image, (H, W) or (H, W, 3); InputError if its size differs from that expected."""
+        """A rectified image, (H, W) or (H, W, 3); InputError if it does not have the expected size."""
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
@@ -89,7 +92,7 @@ class Pinhole:
         return cv2.remap(image, *self._maps, cv2.INTER_NEAREST if kind == "depth" else cv2.INTER_LINEAR)
 
     def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
-        """(H, W) columns and rows of the pixels in the distorted image; InputError if the distortion is invalid."""
+        """(H, W) columns and (H, W) rows in the distorted image, pixels; InputError if the distortion is invalid."""
         K, d = required(self._distortion)
         try:
             return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)

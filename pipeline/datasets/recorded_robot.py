@@ -1,4 +1,4 @@
-"""A robot that reports what it senses and does, so that a drive can be recorded."""
+"""A robot that reports its frames and motions, so that a drive can be recorded."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,17 +11,17 @@ from pipeline.frame import Frame
 from pipeline.robot import Motion, Robot, Velocity
 
 CurrentPose = Callable[[], Pose | None]
-"""Returns a pose; None while it is not known."""
-TICK = 1e-6  # Added between the times of frames taken at the same time, s: bags identify them by time
+"""A function that returns a pose, or None while the pose is not known."""
+TICK = 1e-6  # s, added between the times of frames taken at the same time, because bags identify frames by time
 
 
 class OdometrySample(NamedTuple):
     """Pose and velocity of a robot.
 
     Attributes:
-        time: s.
+        time: time of the sample, s.
         T_odom_base: pose from the odometry.
-        twist: velocity.
+        twist: velocity in ``base_link``.
         T_map_odom: pose of ``odom`` in ``map``; None if it is not known.
         T_world_base: true pose; None if it is not known.
     """
@@ -42,7 +42,7 @@ class Joints(NamedTuple):
 
 
 class Listener(Protocol):
-    """Receives what a robot senses and does."""
+    """Receives the sensor data and motions of a robot."""
 
     def frame(self, frame: Frame) -> None:
         """Receive a frame of the camera."""
@@ -58,7 +58,7 @@ class Listener(Protocol):
 
 
 class RecordedRobot:
-    """A :class:`pipeline.robot.Robot` that wraps another robot, and reports what that robot senses and does."""
+    """A :class:`pipeline.robot.Robot` that wraps another robot, and reports that robot's sensor data and motions."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class RecordedRobot:
 
         Args:
             robot: the robot that senses and drives.
-            topics: receives what the robot senses and does.
+            topics: receives the robot's sensor data and motions.
             T_map_odom: returns the current pose of ``odom`` in ``map``.
             T_world_base: returns the robot's current true pose.
             joints: returns the current state of the wheels; None if it is not known.

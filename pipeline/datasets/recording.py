@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 
 class CameraPose(NamedTuple):
-    """Pose of a camera on a robot: m and degrees in ``base_link``; with angles of 0 it is level and looks forward."""
+    """Pose of a camera in ``base_link``, m and degrees; with angles of 0, the camera is level and looks forward."""
 
     x: float
     y: float
@@ -34,7 +34,7 @@ class CameraPose(NamedTuple):
 
     @classmethod
     def of(cls, T_base_camera: Pose) -> Self:
-        """The six numbers of a pose of ``camera_optical``."""
+        """The position and angles of a pose of ``camera_optical``."""
         R = Rotation.from_matrix(T_base_camera[:3, :3] @ LINK_OPTICAL.T)
         yaw, pitch, roll = R.as_euler("ZYX", degrees=True).tolist()
         x, y, z = T_base_camera[:3, 3].tolist()
@@ -56,7 +56,7 @@ class Recording:
     """Frames of an RGB-D camera, and other data recorded with them.
 
     Attributes:
-        path: its file or folder.
+        path: file or folder of the recording.
         frames: returns an iterator over the frames in chronological order. Their ``T_odom_base`` is the identity, and
             so is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken;
             the frames before that are good.
@@ -85,13 +85,13 @@ class Recording:
     notes: list[str] = field(default_factory=list)
 
     def note(self, line: str) -> None:
-        """Tell the user once about an assumption."""
+        """Store an assumption and warn the user of it, once."""
         if line not in self.notes:
             self.notes.append(line)
             _log.warning("%s: %s", self.path, line)
 
     def take_sensor(self, names: Iterable[str]) -> None:
-        """Take range and noise from the known camera that one of the names fits, if one does, and say so."""
+        """Use the range and noise of the known camera that one of the names identifies, if any, and note this."""
         found = camera_named(names)
         if found is None:
             return

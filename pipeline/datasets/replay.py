@@ -29,11 +29,11 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
 
 
-NEAREST, FARTHEST = 0.35, 15.0  # Usual medians of an image's depth, m
-OFF_CENTRE = 0.12  # Greatest usual distance of a principal point from the middle, as a fraction of the image
-WIDEST = 20.0  # Greatest size of an image in focal lengths; a field of view of 169°
-CLIP_FRAMES = 10  # Number of first frames that show whether a depth stands for no return
-SAME_AXES = np.radians(1.0)  # Angle up to which two poses of the camera on the robot do not contradict each other
+NEAREST, FARTHEST = 0.35, 15.0  # m, usual range of the median depth of an image
+OFF_CENTRE = 0.12  # Maximum usual distance of a principal point from the middle, as a fraction of the image
+WIDEST = 20.0  # Maximum size of an image in focal lengths, which is a field of view of 169°
+CLIP_FRAMES = 10  # Number of first frames in which a depth that stands for no return is sought
+SAME_AXES = np.radians(1.0)  # Maximum angle between two poses of the camera on the robot that agree
 POSELESS = "frames without a known pose"
 
 
@@ -68,7 +68,7 @@ class Replay:
     """Adds a recording's frames to the maps in order."""
 
     def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
-        """``T_base_camera`` overrides the recording's; if neither is known, it is estimated from the floor.
+        """``T_base_camera`` overrides the recorded camera pose; without either, the pose is estimated from the floor.
 
         Raises:
             InputError: the recording does not have these poses.
@@ -114,7 +114,7 @@ class Replay:
             yield Replayed(frame, self._take(frame), truth)
 
     def _frames(self) -> Iterator[Frame]:
-        """The recording's frames, in which depths outside the range, or that stand for no return, have become 0."""
+        """The recording's frames, with depths that are out of range or stand for no return set to 0."""
         frames, first, broken = self.recording.frames(), list[Frame](), None
         try:
             first.extend(islice(frames, CLIP_FRAMES))
@@ -160,7 +160,7 @@ class Replay:
         return True
 
     def _check_camera(self, frame: Frame) -> None:
-        """Say what is implausible about a frame's depth and intrinsics; InputError if nothing can be made of them."""
+        """Note implausible depth and intrinsics of a frame; InputError if they are unusable."""
         k, depth = frame.intrinsics, float(np.median(frame.depth[frame.returns]))
         usual = "of metres (floats) or mm (whole numbers); give the units per metre with --depth-scale"
         said = f"the median depth is {depth:.3g} m; depth images must be {usual}"
@@ -183,7 +183,7 @@ class Replay:
         Args:
             given: poses of ``base_link``, in any frame.
             up: the vertical in ``base_link`` at ``time``, s.
-            T_map_base: pose at that time in a ``map`` that starts there.
+            T_map_base: pose at that time in a ``map`` whose origin is there.
         """
         T = required(given.at(time, self._numbers.trajectory))
         if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
@@ -194,7 +194,7 @@ class Replay:
         """Pose of the first frame's camera above the floor, from the accelerometer or else the surfaces in view.
 
         Raises:
-            InputError: neither shows which way is up.
+            InputError: neither determines the vertical.
         """
         if self.recording.up is not None:
             return T_lowest_camera(first, self.recording.up)
@@ -211,14 +211,14 @@ class Replay:
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
 
     def _camera_poses(self) -> Callable[[Frame], Pose | None]:
-        """A function that returns the pose of a frame's camera: the given one, or else by registration."""
+        """A function that returns the pose of a frame's camera, as given or else from registration."""
         given = self._given
         if given is None or not given.of_camera:
             return DepthOdometry(np.eye(4), config=self._numbers).pose
         return lambda frame: given.at(frame.time, self._numbers.trajectory)
 
     def _up_by_accelerometer(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
-        """The vertical in ``base_link`` by the accelerometer; None without one, or if its axes are in doubt."""
+        """The vertical in ``base_link`` from the accelerometer; None if it is missing or its axes are in doubt."""
         up = self.recording.up
         if up is None or not self.recording.has_camera_pose:
             return None if up is None else T_base_camera[:3, :3] @ up
@@ -230,7 +230,7 @@ class Replay:
         return None
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
-        """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""
+        """The vertical in ``base_link``: from the accelerometer, else from the surfaces in view, else the z axis."""
         felt = self._up_by_accelerometer(frame, T_base_camera)
         if felt is not None:
             return felt
@@ -238,7 +238,7 @@ class Replay:
         return np.array([0.0, 0.0, 1.0]) if up is None else up
 
     def _take(self, frame: Frame) -> Keyframe | None:
-        """Make a keyframe of the frame if it is due; None if not."""
+        """Make a keyframe of the frame if one is due, and return it; otherwise None."""
         self._track.append(frame.T_odom_base)
         labelled = self._is_labelled(frame)
         if labelled is None:

@@ -1,4 +1,4 @@
-"""Read a ROS bag: of ROS 2, as MCAP or SQLite, or of ROS 1."""
+"""Read ROS 2 bags, stored as MCAP or SQLite, and ROS 1 bags."""
 
 import heapq
 import re
@@ -35,8 +35,8 @@ from pipeline.sensor import XTION
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
-DEVICE_TYPE = "diagnostic_msgs/msg/KeyValue"  # Of what RealSense's viewer records of a camera, such as its name
-INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In the names of topics with infrared images
+DEVICE_TYPE = "diagnostic_msgs/msg/KeyValue"  # Camera properties recorded by RealSense's viewer, such as the name
+INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # Found in the names of topics with infrared images
 
 
 def read_ros_bag(
@@ -46,7 +46,7 @@ def read_ros_bag(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """The images, odometry, transforms and accelerometer of a bag; of sarsim's bags also keyframes and ground truth.
+    """The images, odometry, transforms and accelerations in a bag; in sarsim's bags, also keyframes and ground truth.
 
     Args:
         path: the bag's folder or file.
@@ -89,7 +89,7 @@ def read_ros_bag(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
-    """A reader of a bag, whose errors of many types become InputError."""
+    """A reader of a bag; all errors of the reader are raised as InputError."""
     alone = sorted(file for file in path.iterdir() if file.suffix in BAG_ENDINGS) if path.is_dir() else []
     # The reader would take a folder whose name ends in .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not describes_bag(path / "metadata.yaml"))
@@ -117,7 +117,7 @@ class Topics:
         depth: topic of the depth images.
         colour, odometry, imu: topics of these data; None if there is none.
         transforms: topics of the robot's transforms.
-        notes: what is chosen or ignored although a user may want something else, one line each.
+        notes: choices among topics that a user may want to change, one line each.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
@@ -137,7 +137,7 @@ class Topics:
         self.transforms = self._transforms()
 
     def _images(self) -> tuple[str, str | None]:
-        """The topics of depth and colour; the encodings say what is depth."""
+        """The topics of the depth and colour images, which are distinguished by their encodings."""
         images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
         depths = [name for name in images if is_depth(self.first[name])]
         if not depths:
@@ -157,12 +157,12 @@ class Topics:
         return required(depth), colour
 
     def _usable(self, names: list[str], is_usual: Callable[[str], bool] = lambda name: True) -> list[str]:
-        """The named topics, or else the raw rather than compressed ones, and of these the usual ones if any."""
+        """The named topics, or else the raw topics, not the compressed ones; of these, the usual ones if any."""
         raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
         return [n for n in names if n in self._named] or [n for n in raw if is_usual(n)] or raw
 
     def _preferred(self, names: list[str], others: list[str], is_called: Callable[[str], bool]) -> list[str]:
-        """Of several topics that with the same camera_info as images of the other kind, or else that with a name."""
+        """The only topic with the camera_info of images of the other kind, or with a usual name; otherwise all."""
         cameras = {camera for name in others if (camera := self._camera(name))}
         same = [name for name in names if self._camera(name) in cameras]
         called = [name for name in (same or names) if is_called(name)]
@@ -172,7 +172,7 @@ class Topics:
         return found
 
     def _camera(self, topic: str) -> tuple[float, ...] | None:
-        """The size and matrix in the camera_info of an image topic; None without one."""
+        """The image size and camera matrix in the camera_info of an image topic; None if it has no camera_info."""
         name = info_topic(topic, self.kinds)
         if name is None:
             return None
@@ -210,7 +210,11 @@ class Topics:
         return [name for name, found in self.kinds.items() if found == kind]
 
     def _one(self, what: str, names: list[str]) -> str | None:
-        """The topic to use: the named one, or the raw one rather than compressed ones; None if there is none."""
+        """The topic to use, which is the named one or else the raw one; None if there is none.
+
+        Raises:
+            InputError: several topics are possible.
+        """
         found = self._usable(names)
         if len(found) > 1:
             listed = ", ".join(found)
@@ -308,7 +312,7 @@ class _Beside:
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
-        """The vertical, by accelerometer in the first ``at_rest`` s, in the robot's frame or else in the camera's."""
+        """The vertical from accelerations in the first ``at_rest`` s, in the robot's frame or else the camera's."""
         felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + at_rest]).reshape(-1, 3)
         links, imu = self.links, self._imu_frame
         in_base = links.mount(camera).T_base_camera is not None

@@ -20,9 +20,9 @@ from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 from pipeline.sensor import XTION
 
-POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In the names of files of poses
+POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In names of files of poses
 READ = "groundtruth.txt", "odometry.txt"
-MIN_STEP = 5e-4  # Shortest median interval between poses, s
+MIN_STEP = 5e-4  # s, minimum plausible median interval between poses
 
 
 def read_tum_folder(
@@ -85,7 +85,7 @@ def read_tum_folder(
 
 
 def _note_missing(recording: Recording, pairs: Sequence[Pair]) -> None:
-    """Name the first listed image that does not exist; InputError if no pair of images exists."""
+    """Note how many listed images are missing; InputError if no pair of images exists."""
     listed = [file for pair in pairs for file in (pair.depth, pair.colour) if file is not None]
     missing = [file for file in listed if not file.exists()]
     if not missing:
@@ -97,7 +97,7 @@ def _note_missing(recording: Recording, pairs: Sequence[Pair]) -> None:
 
 
 def _comments(path: Path) -> list[str]:
-    """The comments in a list of images, if it exists: those of the TUM benchmark name the sequence."""
+    """The comments in a list of images, if it exists; in the TUM benchmark, they name the sequence."""
     lines = read_text(path).splitlines() if path.exists() else []
     return [line.strip("# ") for line in lines if line.startswith("#")]
 
@@ -120,7 +120,7 @@ def _trajectory(
 
 
 def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
-    """The unit, per s, in which times at plausible intervals best cover a ``span``, s; 1 if none covers any of it."""
+    """The units per s with which times at plausible intervals best cover a ``span``, s; 1 if no unit does."""
     step = float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
 
     def fit(unit: float) -> float:

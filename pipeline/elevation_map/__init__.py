@@ -1,1 +1,1 @@
-"""Elevation map: how high the ground is, and where the robot may drive on it."""
+"""Elevation map: the height of the ground, and where the robot may drive on it."""

@@ -1,4 +1,4 @@
-"""Whether ground leads up to a surface, which alone distinguishes a deck to drive onto from a table."""
+"""Whether ground leads up to a surface, which is the only difference between a drivable deck and a table."""
 
 from math import ceil
 
@@ -16,15 +16,17 @@ def is_inaccessible(
 ) -> Mask:
     """Which of the points (N, 3), m, that look like ramps and decks cannot carry the robot.
 
-    A point is one of these if it is farther than half the robot's width from every square of that side on the points'
-    surface, as on the feet of a chair; or if it is higher than the headroom above the nearest ground that the robot
-    can reach and belongs to no surface that comes down to this ground, as every ramp does, however steep.
+    This is so if a point is farther than half the robot's width from every square with this side length on the
+    points' surface, as on the feet of a chair. It is also so if a point is higher than the headroom above the nearest
+    ground that the robot can reach and belongs to no surface that comes down to this ground, as every ramp does,
+    however steep.
 
     Args:
         ground: traversability of the ground.
         places: positions where the robot has been, (K, 3).
         points: points labelled as ramps and decks.
-        from_below: which points belong to decks seen from below; what leads up to them may not have been in view.
+        from_below: which points belong to decks seen from below; the ground that leads up to them may not have been
+            in view.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
@@ -38,9 +40,10 @@ def is_inaccessible(
 
 
 def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, joint: float) -> Mask:
-    """Whether points (N, 3), m, belong to a surface of points in ``counts`` that comes down to almost no ``height``.
+    """(N,) which points (N, 3), m, in the mask ``counts`` form a surface that comes down to almost no ``height``.
 
-    ``joint``: side of the voxels that form one surface if adjacent, and maximum ``height`` of its foot, m.
+    ``joint``: side of the voxels that form one surface if adjacent, and maximum ``height`` of the surface's lowest
+    point, m.
     """
     part_of = np.zeros(len(points), np.intp)
     part_of[counts] = parts(points[counts] - points.min(axis=0), joint)
@@ -48,9 +51,9 @@ def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, join
 
 
 def height_above_accessible(ground: Traversability, places: Places, points: NDArray[np.floating]) -> Values:
-    """Height of points (N, 3) above the nearest ground that no hazard separates from where the robot has been, m.
+    """(N,) m, height of points (N, 3) above the nearest ground that the robot can reach without crossing a hazard.
 
-    The camera does not see the ground under the robot, so ground at the same height counts wherever it is.
+    The camera does not see the ground under the robot, so all ground at the same height is included.
 
     ``places``: positions where the robot has been, (K, 3).
     """

@@ -10,16 +10,17 @@ class PathCosts:
     """The costs of driving, in seconds, that do not follow from the robot's own data.
 
     Attributes:
-        comfort: free space around the footprint that lets the robot drive at full speed, m. More makes no difference,
-            so clearances are computed up to this distance.
+        comfort: free space around the footprint that lets the robot drive at full speed, m. More free space makes no
+            difference, so clearances are computed only up to this distance.
         narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
-        ramp_pace: fraction of its ramp speed and turn rate that the robot reaches: it slips and realigns itself.
+        ramp_pace: fraction of its ramp speed and turn rate that the robot reaches, because it slips and realigns
+            itself.
         turn_pace: fraction of its maximum turn rate that the robot reaches on average, including acceleration and
             braking.
         stray: maximum deviation of the robot from its path, m.
-        backing: cost of driving backwards relative to forwards: the camera then looks away from the direction of
-            travel.
+        backing: cost of driving backwards relative to driving forwards, because the camera then looks away from the
+            direction of travel.
         risk: cost added per second of driving in which the robot is certain to hit an obstacle, s.
         stop: cost of a bend in the path, for braking and accelerating again, s.
     """
@@ -48,9 +49,9 @@ class TraversabilityConfig:
         ramp_margin: distance to a ramp within which the robot drives as on the ramp, because its wheels may already
             be on it, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
-        tall: a hazard higher than this above the ground around it hides what is behind it, m.
-        keep_off: distance from people within which ground counts as a hazard, m; the hand of a person who lies on the
-            floor is lower than a step.
+        tall: height above the surrounding ground above which a hazard hides the ground behind it, m.
+        keep_off: distance from people within which ground is treated as a hazard, m, because the hand of a person who
+            lies on the floor is lower than a step.
         costs: costs of driving.
     """
 
@@ -68,7 +69,7 @@ class TraversabilityConfig:
 
 @dataclass(frozen=True)
 class ElevationConfig:
-    """How the height of the ground is determined.
+    """Settings for determining the height of the ground.
 
     Attributes:
         cell: side of a cell, m.
@@ -78,7 +79,7 @@ class ElevationConfig:
         levels: number of bins of a column.
         fewest: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.
         start_ahead: length of the strip in front of the robot that it assumes to be level at the start, m.
-        traversability: where the robot may drive.
+        traversability: settings for where the robot may drive.
     """
 
     cell: float = 0.05

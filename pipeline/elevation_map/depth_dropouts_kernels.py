@@ -10,8 +10,8 @@ def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row
 
     A gap is a run of ``fewest`` to ``widest`` pixels, in every ``row_step``-th row, that have no return or a nearer
     one, between two returns whose depths differ by at most a fraction ``same_surface``. ``depth`` is (H, W) m, 0
-    without a return, and ``focal`` the vertical focal length, pixels. Surfaces seen at less than ``least_grazing``,
-    rad, are ignored, because they may give no returns themselves.
+    where there is no return, and ``focal`` is the vertical focal length, pixels. Surfaces seen at less than
+    ``least_grazing``, rad, are ignored, because they may give no returns themselves.
     """
     height, width = depth.shape
     rows = 2 * row_step  # because the next searched row may be as noisy as the pixel's own

@@ -16,7 +16,7 @@ _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 class Columns(NamedTuple):
-    """The bins of a column, and how its ground is found.
+    """Parameters of the columns, and of the search for the ground in them.
 
     Attributes:
         bin: height of each bin, m.
@@ -35,9 +35,10 @@ class Bins(NamedTuple):
     """The bins of the cells' columns; cells without returns have none.
 
     Attributes:
-        row: (nx, ny) int32, row of the cell's column.
-        lowest: (M,) float64 m in ``map``, lower edge of the column's lowest bin; NaN while it has no returns.
-        height: (M, levels) float32 m, mean of the returns in each bin.
+        row: (nx, ny) int32, row of each cell's column in the other arrays; ``NO_COLUMN`` without one.
+        lowest: (M,) float64 m, height in ``map`` of the lower edge of each column's lowest bin; NaN while the column
+            has no returns.
+        height: (M, levels) float32 m, mean height of the returns in each bin.
         hits: (M, levels) uint16, number of returns in each bin.
     """
 
@@ -51,9 +52,9 @@ class Bins(NamedTuple):
 def accumulate(points, counts, origin, cell, within, columns, bins, number, lowest, returns):
     """Add points (N, 3), m, to the bins; return their cells, (K, 2) int64, and the new number of columns.
 
-    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), initially 0, counts the returns by cell.
-    ``number`` is the old number of columns; there is room for N more. Columns without returns begin at ``lowest``, m.
-    As in the other functions that take ``within`` (nx, ny), only cells in this mask change.
+    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), initially 0, counts the returns in each
+    cell. ``number`` is the old number of columns; there is room for N more. Columns without returns begin at
+    ``lowest``, m. As in the other functions that take ``within`` (nx, ny), only cells in this mask change.
     """
     (nx, ny), nz = returns.shape, bins.height.shape[1]
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -96,9 +97,9 @@ def lower_to_lowest(points, chosen, origin, cell, within, lowest):
 def column_height(bins, i, j, columns):
     """Height in m of the lowest surface with enough headroom in the column of a cell; NaN if nothing was measured.
 
-    Filled bins with less than the headroom between them are one body. The height is the mean of a body thinner than
+    Filled bins with less than the headroom between them form one body. The height is the mean of a body thinner than
     half a bin, such as a sloping or noisy floor, and the top of a thicker one, such as an obstacle. A bin with few
-    hits next to a bin with many is noise of the latter.
+    hits next to a bin with many hits is noise of the latter.
     """
     if bins.row[i, j] == NO_COLUMN:
         return np.nan
@@ -123,9 +124,9 @@ def column_height(bins, i, j, columns):
 
 @njit(cache=True, nogil=True)
 def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts):
-    """(K, 2) int64, the cells of those points (N, 3), m, within two bins of the ground or where it is unknown.
+    """(K, 2) int64, the cells of points (N, 3), m, that are within two bins of the ground or where it is unknown.
 
-    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), initially 0, counts them by cell.
+    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), initially 0, counts them in each cell.
     """
     nx, ny = dropouts.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -147,10 +148,10 @@ def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, 
     """Mark the cells in which a keyframe has dropouts, and clear those that it shows from another direction.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
-    none. ``dropouts`` and ``returns`` (nx, ny) count those of a keyframe from ``camera`` (3,), m, in ``cells``
-    (K, 2). At least ``fewest`` dropouts mark a cell; at least ``fewest`` returns without any dropout clear it. A
-    panel without returns is seen within ``grazing``, rad, of its plane; from a direction that differs by more than
-    twice this angle, it would give returns.
+    none. ``dropouts`` and ``returns`` (nx, ny) are the numbers of dropouts and returns in ``cells`` (K, 2) of a
+    keyframe taken from ``camera`` (3,), m. At least ``fewest`` dropouts mark a cell; at least ``fewest`` returns
+    without any dropout clear it. A panel without returns is seen within ``grazing``, rad, of its plane; from a
+    direction that differs by more than twice this angle, it would give returns.
     """
     for i, j in cells:
         if dropouts[i, j] < fewest and returns[i, j] < fewest:
@@ -166,11 +167,12 @@ def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, 
 
 @njit(cache=True, nogil=True)
 def lowest_rays(points, counts, camera, cell, ray_height, fewest):
-    """(R, 3) float32 m, the lowest point over each place on the rays from ``camera`` (3,) to ``points`` (N, 3).
+    """(R, 3) float32 m, lowest point in each cell of a fine grid on rays from ``camera`` (3,) to ``points`` (N, 3).
 
-    Places are the cells of a grid so fine that each cell of ``cell`` m contains the centre of one, except those in
-    which the keyframe has ``fewest`` returns or more, given ``counts`` (N,) returns per point. A ray is followed back
-    from a cell before its return, so that noise does not matter, up to ``ray_height`` m above the return.
+    The grid is so fine that each cell of ``cell`` m contains the centre of one of its cells. Cells in which the
+    keyframe has ``fewest`` returns or more are left out; ``counts`` (N,) is the number of returns per point. A ray is
+    followed back from a cell before its return, so that noise does not matter, up to ``ray_height`` m above the
+    return.
     """
     step = cell / np.sqrt(2.0)
     x0, y0, x1, y1 = camera[0], camera[1], camera[0], camera[1]
@@ -214,7 +216,7 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 @njit(cache=True, nogil=True)
 def sweep(cells, poses, disc, within, been, swept):
-    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny); mark the discs (D, 2) around in ``swept``."""
+    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been``; mark the ``disc`` (D, 2) around each in ``swept``."""
     for k in range(len(cells)):
         i, j = cells[k]
         if within[i, j]:
@@ -268,9 +270,9 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
     """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that differ by at most ``level`` m.
 
     Gaps run along the axes and diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
-    counts. A cell is filled only if a ray passed over it, at ``ceiling`` (nx, ny), m, at most ``ray_height`` m above
-    the ground: elsewhere, there may be a thin wall that was seen from neither side. Nothing is filled across a
-    ``dropout`` (nx, ny) cell.
+    determines the height. A cell is filled only if a ray passed over it, at ``ceiling`` (nx, ny), m, at most
+    ``ray_height`` m above the ground, because elsewhere there may be a thin wall that was seen from neither side.
+    Nothing is filled across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -290,13 +292,13 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
 
 @njit(cache=True, nogil=True)
 def fill_pockets(elevation, dropout, most, level):
-    """(nx, ny) m, ``elevation`` with the pockets of unknown cells filled that are too small for a wheel or a wall.
+    """(nx, ny) m, ``elevation`` in which pockets of unknown cells too small for a wheel or a wall are filled.
 
     A pocket is at most ``most`` cells long and wide, and the known cells all around it differ by at most ``level`` m.
-    It gets their mean height. Pockets that contain or touch a ``dropout`` (nx, ny) cell are left.
+    It is filled at their mean height. Pockets that contain or touch a ``dropout`` (nx, ny) cell are not filled.
 
-    Frames that end on all sides of a pocket leave it unseen, and no ray passes over it. A wall that is seen end-on
-    leaves a gap as long as the wall, which no known ground surrounds.
+    Where frames end on all sides of a pocket, it remains unseen, and no ray passes over it. A wall that is seen
+    end-on leaves a gap as long as the wall, which no known ground surrounds.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -311,7 +313,7 @@ def fill_pockets(elevation, dropout, most, level):
 
 @njit(cache=True, nogil=True)
 def _ring_of_pocket(elevation, dropout, i, j, most):
-    """Lowest, highest and mean height around the pocket with cell (i, j); infinite if it is not a pocket."""
+    """Lowest, highest and mean height, m, around the pocket with cell (i, j); -inf, inf, NaN without a pocket."""
     nx, ny = elevation.shape
     i0, i1, j0, j1 = i, i, j, j
     while True:
@@ -364,9 +366,10 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 
 @njit(cache=True)
 def rise_beside(elevation, i, j, a, b, most):
-    """How far the ground rises both before cell (i, j) and behind its neighbour (a, b), in the same direction, m.
+    """Rise of the ground, m, that continues both before cell (i, j) and behind its neighbour (a, b).
 
-    The lesser of the two rises, with its sign, and at most ``most`` m; 0 if either is unknown or they differ in sign.
+    This is the smaller of the two rises, with its sign, and at most ``most`` m; 0 if either is unknown or their signs
+    differ.
     """
     nx, ny = elevation.shape
     c, d, e, f = 2 * i - a, 2 * j - b, 2 * a - i, 2 * b - j
@@ -380,9 +383,10 @@ def rise_beside(elevation, i, j, a, b, most):
 
 @njit(cache=True)
 def gradients(elevation, cell, radius, surface_slope, surface_rise):
-    """(nx, ny, 2) slope of the least-squares plane through each cell's circular neighbourhood; 0 where unknown.
+    """(nx, ny, 2) slopes along x and y of the least-squares plane through each cell's neighbourhood; 0 where unknown.
 
-    Neighbours that differ by more than ``surface_slope`` m per m plus ``surface_rise`` m belong to another surface.
+    The neighbourhood is a disc of ``radius`` cells. Neighbours that differ in height by more than ``surface_slope`` m
+    per m plus ``surface_rise`` m belong to another surface.
     """
     nx, ny = elevation.shape
     result = np.zeros((nx, ny, 2), np.float32)

@@ -23,13 +23,13 @@ from pipeline.sensor import XTION
 NOISE = 0.1
 """Fraction of a bin's returns that may stray into an adjacent bin."""
 RAY_HEIGHT = 0.3
-"""A ray that passes at most this high above the ground of a cell shows that it contains no wall, m."""
+"""Maximum height above a cell's ground at which a passing ray shows that the cell contains no wall, m."""
 NOTHING = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
 _DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
 _SCRATCH = {
     "returned": Layer(np.float32, np.nan, in_place=True),
-    # Counts of the keyframe that is being added; 0 otherwise.
+    # Numbers of returns and dropouts of the keyframe that is being added; 0 otherwise.
     "returns": Layer(np.int32, in_place=True),
     "dropouts": Layer(np.int32, in_place=True),
 }
@@ -53,7 +53,8 @@ class ElevationMap:
     """A grid map of the ground that grows where points are added.
 
     Attributes:
-        robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
+        robot: the robot, whose ``max_gap`` is the widest gap that is filled, and whose ``headroom`` is the free
+            height above the ground.
         config: settings of the map.
         layers: all layers; changes of ``measured``, ``elevation``, ``dropout`` and ``driven`` are tracked.
     """
@@ -95,7 +96,7 @@ class ElevationMap:
 
     @property
     def driven(self) -> NDArray[np.uint16]:
-        """(nx, ny) bits of the headings that the robot has had with its centre in a cell, and of its turns there.
+        """(nx, ny) bits of the headings that the robot has had with its centre in each cell, and of its turns there.
 
         Bit h belongs to entry h of :attr:`pose_kernels.Terrain.clearance`. Obstacles found later clear bits.
         """
@@ -163,16 +164,16 @@ class ElevationMap:
         above: NDArray[np.uint8] | None = None,
         height: float = 0.0,
     ) -> None:
-        """Add what a keyframe shows.
+        """Add the evidence of a keyframe.
 
         Args:
-            points: its returns.
+            points: its returns in ``map``.
             hits: (N,) number of returns averaged in each point; 1 if not given.
             dropouts: points where ground should have been seen but was not.
             dropout_hits: (M,) number of pixels averaged in each dropout; 1 if not given.
             rays: points on rays that passed over ground without returns, see :func:`elevation_kernels.lowest_rays`.
             camera: position of the camera; without it, dropouts are neither marked nor cleared.
-            above: (N,) what was seen in the space above each point, see :func:`find_overhangs`.
+            above: (N,) state of the space above each point, see :func:`find_overhangs`.
             height: height of the robot in ``map``, m, to which the range of heights mapped in new cells is relative.
         """
         if not len(points):
@@ -204,7 +205,7 @@ class ElevationMap:
         Only cells within the boxes change, at any height.
 
         Yields:
-            A function that tells which of other boxes overlap these cells.
+            A function that returns which of other boxes overlap these cells.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
         within, meets = self.grid.touched(boxes)
@@ -270,9 +271,9 @@ class ElevationMap:
         layers.write("elevation", filled[inside(here, around)], here)
 
     def _is_under_something(self, box: Box) -> MaskLayer:
-        """The cells of a box where something hides part of the headroom, which no keyframe has seen through.
+        """The cells of a box where a surface hides part of the headroom, and no keyframe has seen all of it.
 
-        Where the robot has been, it had headroom.
+        Cells where the robot has been are excluded, because it had headroom there.
         """
         layers, noise = self.layers, self.config.bin
         ground, roofed, seen_open, swept = (layers[name][box] for name in ("returned", "roofed", "open", "swept"))
@@ -280,5 +281,5 @@ class ElevationMap:
 
 
 def _counts(points: Points, hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
-    """(N,) number of pixels whose mean each of the points (N, 3) is."""
+    """(N,) number of pixels averaged in each of the points (N, 3)."""
     return np.ones(len(points), np.uint8) if hits is None else hits

@@ -25,7 +25,8 @@ WIDEST_GAP = 60
 ROW_STEP = 2
 """Spacing of the rows that are searched for gaps, rows."""
 NEARER = 0.05
-"""Minimum difference in depth between a surface and the space that it hides, m: the surface itself is in the map."""
+"""Minimum difference in depth between a surface and the space that it hides, m, because the surface itself is in the
+map."""
 DEVIATIONS = 3.0
 """Additional margin, in standard deviations of the sensor's noise."""
 REACH = 2.0
@@ -33,25 +34,27 @@ REACH = 2.0
 FEWEST_PIXELS = 2
 """Minimum number of pixels, one above the other, that show an overhang; fewer are noise at an edge."""
 TURNING_ROOM = 0.1
-"""Room that the robot is assumed to have around it where it was set down, to turn in place, m."""
+"""Free space assumed around the robot where it was set down, so that it can turn in place, m."""
 BESIDE = 0.05
 """Distance to both sides over which an overhang must continue, with ground below, m.
 
-This rules out upright edges, which also hide what is behind them.
+This rules out upright edges, which also hide the space behind them.
 """
 BEFORE_STEP = 0.01
-"""Spacing of points between the camera and the nearest ground that a panel hides, as a fraction of this distance."""
+"""Spacing of points between the camera and the nearest ground that a panel hides, as a fraction of the distance
+between them."""
 SILL = 0.08
-"""Minimum height of the wall below a hole through which ground is seen, m: less may be a slope before a table."""
+"""Minimum height of the wall below a hole through which ground is seen, m; a lower one may be a slope in front of a
+table."""
 
 
 def turning_radius(robot: RobotModel) -> float:
-    """Radius around the robot's centre, m, within which it is assumed to have room to turn in place."""
+    """Radius, m, around the robot's centre within which space is assumed to be free for a turn in place."""
     return robot.corner_radius + TURNING_ROOM
 
 
 def box_of(*clouds: NDArray[np.floating]) -> Box:
-    """The bounding box of clouds (N, 3), m in ``base_link``, and the robot's centre."""
+    """The bounding box, m in ``base_link``, of clouds (N, 3), m, and the robot's centre."""
     points = np.concatenate([np.zeros((1, 3)), *clouds])
     return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
 
@@ -61,11 +64,11 @@ class GroundEvidence(Protocol):
 
     @property
     def box(self) -> Box:
-        """The bounding box of everything that it changes, in ``base_link``."""
+        """The bounding box of everything that the evidence changes, m in ``base_link``."""
         ...
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Add it to a map for a given pose of the keyframe."""
+        """Add the evidence to a map for a given pose of the keyframe."""
         ...
 
 
@@ -74,7 +77,7 @@ class Assumed:
     """Ground around the start that is assumed to be level, because the camera sees none within 1 m.
 
     Attributes:
-        points: points in ``base_link``, at least one in each cell.
+        points: points on the ground in ``base_link``, at least one in each cell.
     """
 
     points: Points
@@ -83,7 +86,7 @@ class Assumed:
     def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "Assumed":
         """The ground that the robot needs to turn in place where it was set down.
 
-        The camera cannot see a wall that is nearer than its nearest return, so no more ground is assumed.
+        The camera cannot see a wall that is nearer than its nearest return, so no more ground than this is assumed.
         """
         radius = turning_radius(robot)
         points = _lattice(-radius, radius, radius, config.cell)
@@ -94,7 +97,7 @@ class Assumed:
         """The ground ahead of a robot, in the directions in which the camera's nearest return is level ground.
 
         Towards the edge of a deck or a wall, the camera has no such return within ``start_ahead``. Directions outside
-        its view are treated like the edge of the view. ``points``: its returns in ``base_link``.
+        its view are treated like the edge of the view. ``points``: the camera's returns in ``base_link``.
         """
         widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
         ahead = config.start_ahead
@@ -113,11 +116,11 @@ class Assumed:
 
     @property
     def box(self) -> Box:
-        """The bounding box of its points, in ``base_link``."""
+        """The bounding box of the points, m in ``base_link``."""
         return box_of(self.points)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Assume the ground for a given pose of the keyframe."""
+        """Assume the ground in a map for a given pose of the keyframe."""
         elevation_map.assume_ground(moved(T_map_base, self.points))
 
 
@@ -130,7 +133,7 @@ def _lattice(x0: float, x1: float, y: float, cell: float) -> Points:
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """The evidence of a drive near a keyframe, in its ``base_link``.
+    """The evidence of a drive near a keyframe, in the keyframe's ``base_link``.
 
     Attributes:
         track: successive positions of the robot's centre.
@@ -146,13 +149,13 @@ class Driven:
 
     @property
     def box(self) -> Box:
-        """The bounding box of its points, in ``base_link``."""
+        """The bounding box of the points, m in ``base_link``."""
         return box_of(self.track, self.obstacles, self.touched)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Add track, obstacles and contacts for a given pose of the keyframe.
+        """Add the track, obstacles and contacts to a map for a given pose of the keyframe.
 
-        The robot can stand where it has been, until an obstacle is found there.
+        The robot can stand where it has been until an obstacle is found there.
         """
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
         elevation_map.update(obstacles, height=float(T_map_base[2, 3]))
@@ -169,8 +172,9 @@ def find_depth_dropouts(
 
     A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
     close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides. If the
-    stripe goes on to where the camera sees no ground any more, the panel may begin anywhere between there and
-    ``near``, m from the robot's centre. These points are as high as the camera: they do not rule out known ground.
+    stripe extends to where the camera sees no ground, the panel may begin anywhere between there and a distance of
+    ``near`` m from the robot's centre. The points in between are as high as the camera, so that they do not rule out
+    known ground.
     """
     dropouts = np.zeros_like(depth)
     limits = FEWEST_OF_GAP, WIDEST_GAP, ROW_STEP
@@ -202,8 +206,8 @@ def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.
     only the floor below it. Its edge does give returns, which hide part of the space straight above that floor.
 
     Returns:
-        (N,) states of ``overhangs_kernels``: ``ROOFED`` if a nearer surface hides part of it, ``OPEN`` if the frame
-        sees through all of it, or ``UNSURE``.
+        (N,) states of ``overhangs_kernels``: ``ROOFED`` if a nearer surface hides part of the space, ``OPEN`` if the
+        frame sees through all of it, or ``UNSURE``.
     """
     k = frame.intrinsics
     sensor = frame.sensor

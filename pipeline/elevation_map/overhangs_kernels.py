@@ -10,7 +10,7 @@ UNSURE, OPEN, ROOFED = np.uint8(0), np.uint8(1), np.uint8(2)
 
 
 class Limits(NamedTuple):
-    """What counts as an overhang.
+    """Limits that define an overhang.
 
     Attributes:
         headroom: height above a return up to which overhangs matter, m.
@@ -34,11 +34,11 @@ def overhangs(points, noise, depth, pinhole, up, limits):
 
     Args:
         points: (N, 3) returns, m in ``camera_optical``.
-        noise: (N,) margin for the noise of depths like theirs, m.
-        depth: (H, W) m, not positive without a return.
-        pinhole: (4,) fx, fy, cx, cy.
+        noise: (N,) margin for the noise of the returns' depths, m.
+        depth: (H, W) m, depth image; not positive where there is no return.
+        pinhole: (4,) intrinsics fx, fy, cx, cy, pixels.
         up: (3,) unit vector that points up, in ``camera_optical``.
-        limits: what counts as an overhang.
+        limits: the limits that define an overhang.
     """
     result = np.full(len(points), UNSURE, np.uint8)
     for n in range(len(points)):
@@ -51,8 +51,9 @@ def overhangs(points, noise, depth, pinhole, up, limits):
 def _space_above(point, noise, depth, pinhole, up, limits):
     """Follow the vertical line above a return through the image, pixel by pixel.
 
-    A ray that meets the level of the return only beyond the sensor's range is expected to give none. An edge too
-    close to the sensor gives none either, so this counts only for returns so far away that it cannot overhang them.
+    A ray that meets the level of the return only beyond the sensor's range is expected to give no return. An edge too
+    close to the sensor gives none either, so such a ray is evidence of free space only above returns that are too far
+    away for the edge to overhang them.
     """
     fx, fy, cx, cy = pinhole
     step, below, hidden, result = point[2] / fy, point @ up, 0, OPEN
@@ -79,7 +80,7 @@ def _space_above(point, noise, depth, pinhole, up, limits):
 
 @njit(cache=True)
 def _hides(d, z, noise, limits):
-    """Whether a return at depth ``d``, m, hides what lies at depth ``z``, not too far behind it."""
+    """Whether a return at depth ``d``, m, hides the space at depth ``z``, m, not too far behind it."""
     return z - limits.reach <= d < z - noise - limits.nearer
 
 
@@ -87,7 +88,7 @@ def _hides(d, z, noise, limits):
 def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
     """Whether the surface that hides the space above a return extends to both sides of it without hiding the ground.
 
-    Next to the upright edge of a wall or post, a tilted camera sees the ground, and the wall above it.
+    Next to the upright edge of a wall or post, a tilted camera sees the ground, and above it the wall.
     """
     fx, fy, cx, cy = pinhole
     u, v = pixel
@@ -105,16 +106,16 @@ def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
 
 @njit(cache=True)
 def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
-    """Whether the surface that hides the space above a return goes on below it, as a wall does around a hole.
+    """Whether the surface that hides the space above a return continues below it, as a wall does around a hole.
 
-    Follows the image from the return away from the ``pixel`` that hides it. Where it is as near as there, seen from
-    above, a wall goes straight down, but ground does not.
+    The image is followed from the return, away from the ``pixel`` that hides the space. Where the level distance is
+    the same as at this pixel, a wall continues straight down, but ground does not.
     """
     fx, fy, cx, cy = pinhole
     u, v = fx * point[0] / point[2] + cx, fy * point[1] / point[2] + cy
     du, dv = u - pixel[0], v - pixel[1]
     length = np.hypot(du, dv)
-    if length < 1:  # A camera that looks straight down sees no wall below a hole
+    if length < 1:  # A camera that points straight down sees no wall below a hole
         return False
     _, edge = _height_and_distance(pixel[0], pixel[1], depth[pixel[1], pixel[0]], pinhole, up)
     margin, top = noise + limits.nearer, -np.inf
@@ -134,7 +135,7 @@ def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
 
 @njit(cache=True, inline="always")
 def _height_and_distance(u, v, d, pinhole, up):
-    """Height of the return with depth ``d`` at a pixel above the camera, and its level distance from it, m."""
+    """Height above the camera, m, and level distance from it, m, of the return with depth ``d``, m, at a pixel."""
     fx, fy, cx, cy = pinhole
     x, y = d * (u - cx) / fx, d * (v - cy) / fy
     height = x * up[0] + y * up[1] + d * up[2]

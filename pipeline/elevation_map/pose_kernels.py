@@ -13,11 +13,13 @@ from pipeline.geometry.cells_kernels import cell_at
 
 _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
 VECTORS = np.concatenate([_HALF, -_HALF])
-"""(16, 2) displacement by a move along each heading, cells; the headings are those of a lattice, 18 to 27° apart."""
+"""(16, 2) displacement by a move along each heading, cells; the headings are directions of a lattice, 18 to 27°
+apart."""
 HEADINGS, STANDING = len(VECTORS), len(_HALF)
-"""Number of headings, and of those with different footprints: opposite headings have the same."""
+"""Number of headings, and number of headings with different footprints, because opposite headings have the same
+footprint."""
 ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
-"""(16,) rad, the headings."""
+"""(16,) rad, the headings as angles."""
 UNKNOWN, HAZARD = 1, 2
 """Kinds of obstacles; 0 means none."""
 BUCKETS = 8192
@@ -31,15 +33,16 @@ class Terrain(NamedTuple):
         origin: corner of cell [0, 0].
         cell: side of a cell, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
-        sweep: distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm.
+        sweep: distance by which a turn to the next heading may come closer to an obstacle than the footprint at a
+            pose may, cm.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
-        clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
-            headings, and from the area that it sweeps in a turn from each of these headings to the next. On and near
-            a ramp, also as far downhill as the body leans, and in a turn slides.
-        least: int8 minimum clearance that is allowed, cm.
+        clearance: (nx, ny, 16) int8 cm, distance to the nearest obstacle, negative inside: from the footprint at each
+            of eight headings, and from the area that it sweeps in a turn from each of these headings to the next. On
+            and near a ramp, it also covers the room as far downhill as the body leans and, in a turn, slides.
+        least: int8 minimum allowed clearance, cm.
         ramp: where the wheels may be on a ramp.
-        uphill: (nx, ny, 2) gradient of that ramp; 0 where there is none.
+        uphill: (nx, ny, 2) gradient of that ramp, m per m; 0 where there is none.
     """
 
     origin: Place
@@ -63,8 +66,10 @@ class Costs(NamedTuple):
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
         spread: additional deviation in a turn, m per unit of slope.
-        slide: how far the robot slides downhill in a turn, m per unit of slope: as far as in a quarter turn.
-        lean: how far the body leans downhill, m per unit of slope: the height at which it is widest.
+        slide: distance by which the robot slides downhill in a turn, m per unit of slope; that of a quarter turn is
+            used.
+        lean: distance by which the body leans downhill, m per unit of slope, which is the height at which it is
+            widest.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
         comfort, backing, risk, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
@@ -92,17 +97,18 @@ class Costs(NamedTuple):
 
 @njit(cache=True)
 def distance_to_footprint(x, y, cos, sin, half_length, half_width):
-    """Signed distance from points (x, y) to the footprint centred on (0, 0) with the heading (cos, sin)."""
+    """Signed distance, m, from points (x, y), m, to the footprint centred on (0, 0) with the heading (cos, sin)."""
     a, b = np.abs(x * cos + y * sin) - half_length, np.abs(y * cos - x * sin) - half_width
     return np.sqrt(np.maximum(a, 0.0) ** 2 + np.maximum(b, 0.0) ** 2) + np.minimum(np.maximum(a, b), 0.0)
 
 
 @cache
 def footprint_distances(half_length, half_width, cell, comfort):
-    """Cells around the robot, nearest first, and the distance of the centre of each from the footprint.
+    """Cells around the robot, nearest first, and the distance of each cell's centre from the footprint.
 
     Returns:
-        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their minimum.
+        (N, 2) int64 offsets of the cells, (N, 16) int8 distances, cm, by heading and turn as in :class:`Terrain`, and
+        (N,) their minima, cm.
     """
     reach = int((np.hypot(half_length, half_width) + comfort) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
@@ -120,7 +126,7 @@ def footprint_distances(half_length, half_width, cell, comfort):
 def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, leniency):
     """(nx, ny, 16) int8 cm, see :class:`Terrain`, for obstacles (nx, ny); everything beyond the grid is unknown.
 
-    ``footprint`` is what :func:`footprint_distances` returns for ``comfort``, m. Unknown ground counts as
+    ``footprint`` is the result of :func:`footprint_distances` for ``comfort``, m. Unknown ground is treated as
     ``leniency`` m farther away. Only cells in the half-open ranges ``rows`` and ``columns`` with an obstacle within
     ``near`` m are computed; the others get ``comfort``.
     """
@@ -149,9 +155,9 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, l
 
 @njit(cache=True)
 def allow_for_slopes(clearance, uphill, lean, slide):
-    """Clearances (nx, ny, 16), cm, with room downhill too for a body that leans, and in a turn slides there.
+    """Clearances (nx, ny, 16), cm, that include room downhill, where the body leans and, in a turn, slides.
 
-    On a gradient ``uphill`` (nx, ny, 2), it leans by ``lean`` and slides by ``slide`` cells per unit of slope.
+    On a gradient ``uphill`` (nx, ny, 2), the body leans by ``lean`` and slides by ``slide`` cells per unit of slope.
     """
     nx, ny = clearance.shape[:2]
     result = clearance.copy()
@@ -172,7 +178,7 @@ def allow_for_slopes(clearance, uphill, lean, slide):
 def bits_of(cells, yaws):
     """(K,) uint16 bits, numbered as the entries of a clearance, of the headings nearest to ``yaws`` (K,), rad.
 
-    A pose in the same one of the ``cells`` (K, 2) as the pose before it, but with the next heading to either side,
+    A pose in the same cell, of ``cells`` (K, 2), as the pose before it, but with the next heading to either side,
     sets the bit of this turn too.
     """
     bits, last = np.zeros(len(cells), np.uint16), -1
@@ -196,8 +202,8 @@ def bits_of(cells, yaws):
 def allow_driven(clearance, level, driven, least, deepest):
     """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses given by the bits ``driven`` (nx, ny).
 
-    It stays where ``level`` (nx, ny, 16), the clearance of the footprint itself, is below ``deepest``, cm: drift of
-    the map does not move an obstacle so far into the footprint.
+    It is not raised where ``level`` (nx, ny, 16), the clearance of the footprint itself, is below ``deepest``, cm,
+    because drift of the map does not move an obstacle so far into the footprint.
     """
     nx, ny, poses = clearance.shape
     for i in range(nx):
@@ -233,14 +239,14 @@ def danger(clearance, spread):
 
 @njit(cache=True)
 def level_speed(room, speed, comfort, narrow_speed):
-    """Speed on level ground with ``room`` m (scalar or array) around the footprint, m/s: the less, the slower."""
+    """Speed on level ground, m/s, which is lower with less ``room``, m (scalar or array), around the footprint."""
     narrow_speed = min(speed, narrow_speed)
     return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / comfort, 1.0)
 
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
-    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
+    """Cost per metre of a drive along (cos, sin), s, with ``clearance`` m around the robot, on a slope ``uphill``."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
@@ -264,7 +270,7 @@ def ticks(seconds, tick):
 
 @njit(cache=True)
 def room_at(x, y, cos, sin, terrain, costs):
-    """m from the footprint of a robot at (x, y), m, with the heading (cos, sin) to the nearest obstacle."""
+    """Distance, m, from the footprint of a robot at (x, y) with the heading (cos, sin) to the nearest obstacle."""
     nx, ny = terrain.least.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
@@ -287,7 +293,7 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 @njit(cache=True)
 def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
-    """:func:`room_at` a pose on a slope ``uphill`` (2,), also ``downhill`` m per unit of slope farther down."""
+    """The smaller :func:`room_at` a pose on a slope ``uphill`` and ``downhill`` m per unit of slope farther down."""
     room = room_at(x, y, cos, sin, terrain, costs)
     if uphill[0] != 0 or uphill[1] != 0:
         below = room_at(x - downhill * uphill[0], y - downhill * uphill[1], cos, sin, terrain, costs)
@@ -297,9 +303,9 @@ def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
 
 @njit(cache=True)
 def rooms(poses, terrain, costs):
-    """(N,) m around the robot at poses (N, 3), x and y in m, heading in rad; negative where it cannot stand.
+    """(N,) m, room around the robot at poses (N, 3) of x and y, m, and heading, rad; negative where it cannot stand.
 
-    On a slope, the room as far downhill as the robot leans counts as well.
+    On a slope, this includes the room as far downhill as the robot leans.
     """
     nx, ny = terrain.least.shape
     result = np.empty(len(poses))
@@ -319,7 +325,7 @@ def rooms(poses, terrain, costs):
 def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
 
-    ``backward`` only changes the cost.
+    ``backward`` affects only the cost.
     """
     nx, ny = terrain.least.shape
     dx, dy = bx - ax, by - ay
@@ -345,7 +351,7 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
 
 @njit(cache=True)
 def lines_seconds(starts, ends, terrain, costs):
-    """(N,) :func:`line_seconds` forwards between points (N, 2), m."""
+    """(N,) s, costs of straight forward drives between points (N, 2), m; see :func:`line_seconds`."""
     result = np.empty(len(starts))
     for n in range(len(starts)):
         result[n] = line_seconds(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], False, terrain, costs)

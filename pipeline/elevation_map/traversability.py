@@ -24,24 +24,27 @@ SLOPE_REACH = 3
 """Radius of the neighbourhood over which the slope of a cell is fitted, cells: about half the distance between a
 robot's axles, over which a small step tilts it."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
-"""m per m, and m. A neighbour whose height differs by more than both together belongs to another surface, such as a
-wall or the floor under a deck, and is left out of the fit."""
+"""m per m, and m. A neighbour whose height differs by more than this slope times its distance plus this rise belongs
+to another surface, such as a wall or the floor under a deck, and is left out of the fit."""
 WIDEST = 0.5
-"""Height at which a body is widest, as a fraction of its height: tyres bulge there, and the top plate is narrower."""
+"""Height at which a body is widest, as a fraction of its height, because tyres bulge there, and the top plate is
+narrower."""
 SWEEP = 1
-"""Distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm."""
+"""Distance by which a turn to the next heading may come closer to an obstacle than the footprint at a pose may,
+cm."""
 MIN_DRIVEN = -0.03
 """Minimum clearance where the robot's centre has been, m.
 
-It is also assumed to exist there, so that noise in later keyframes does not trap the robot.
+This clearance is also assumed to exist there, so that noise in later keyframes does not trap the robot.
 """
 DEEPEST_DRIVEN = 0.5
-"""Fraction of half the robot's width.
+"""Maximum depth of an obstacle in the footprint that drift of the map can explain, as a fraction of half the robot's
+width.
 
-An obstacle farther inside the footprint counts even where the robot has been: drift of the map cannot explain it.
+An obstacle farther inside the footprint blocks the robot even where it has been.
 """
 WALL_GAP = 5
-"""Side of a window, cells; for rays, an unknown cell is as high as the highest hazard in its window."""
+"""Side of a window, cells; for rays, an unknown cell is as high as the highest hazard in the window around it."""
 TICK = 0.01
 """Resolution of costs in the search, s."""
 
@@ -56,13 +59,13 @@ class Traversability:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: steps and slopes that the robot cannot drive over.
         to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
-        level: clearance if nothing leaned or slid downhill, see :attr:`without_downhill_room`.
+        level: clearance without room downhill on slopes, see :attr:`without_downhill_room`.
         obstacle, to_obstacle, clearance, least, ramp, uphill: see :class:`pose_kernels.Terrain`; distances are at
-            most :func:`reach_of` the robot, and a place where a thin panel may stand is a hazard.
+            most :func:`reach_of` the robot, and a cell where a thin panel may stand is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
-        turnable: where the robot can turn all the way round on level ground.
-        tall: hazards that hide what is behind them, unlike decks and ramps.
-        kept_off: ground next to people, which the robot keeps away from; it counts as a hazard.
+        turnable: where the robot can turn through a full circle on level ground.
+        tall: hazards that hide the ground behind them, unlike decks and ramps.
+        kept_off: ground next to people, from which the robot keeps away; it is treated as a hazard.
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
@@ -98,7 +101,7 @@ class Traversability:
 
     @cached_property
     def without_margin(self) -> "Traversability":
-        """The same ground if the footprint need only avoid the centres of cells with obstacles, not the whole cells.
+        """The same ground if the footprint only has to avoid the centres of cells with obstacles, not whole cells.
 
         The centre is where the obstacle is expected. A passage two cells wider than the robot is then passable,
         wherever it lies on the grid.
@@ -110,15 +113,15 @@ class Traversability:
 
     @cached_property
     def without_downhill_room(self) -> "Traversability":
-        """The ground if nothing leaned or slid downhill: the robot takes the risk where there is no other way."""
+        """The same ground without room downhill on slopes, a risk that is taken only if no other path exists."""
         free = pose_kernels.free_poses(self.level, self.least, SWEEP)
         return replace(self, clearance=self.level, free=free, is_bold=True)
 
     def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
         """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
 
-        A hand on the floor is too low to count as a step, and a robot that finds a person beside it must be able to
-        leave.
+        A hand on the floor is too low to be recognised as a step, and a robot that finds a person next to it must be
+        able to leave.
 
         Args:
             people: (N, 2 or 3) points on people, m.
@@ -192,7 +195,7 @@ class Traversability:
 
     @property
     def terrain(self) -> pose_kernels.Terrain:
-        """The ground as the search over poses needs it."""
+        """The ground in the form required by the search over poses."""
         layers = self.obstacle, self.to_obstacle, self.clearance, self.least, self.ramp, self.uphill
         return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, SWEEP, *layers)
 
@@ -269,14 +272,14 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
 
 
 def slide_of(robot: RobotModel) -> float:
-    """How far a robot slides downhill in a quarter turn, m per unit of slope."""
+    """Distance by which a robot slides downhill in a quarter turn, m per unit of slope."""
     return float(robot.ramp_slide / np.tan(robot.max_tilt))
 
 
 def min_clearance(cell: float) -> int:
     """Minimum clearance of the footprint from hazards, whole cm: half the diagonal of a cell of ``cell`` m.
 
-    The positions of hazards are known no more exactly than that.
+    The positions of hazards are not known more accurately than this.
     """
     return round(100 * np.hypot(cell, cell) / 2)
 
@@ -299,7 +302,7 @@ def assess(
     """Assess every cell of a grid, beyond which everything is unknown.
 
     The footprint keeps :func:`min_clearance` from hazards and from depth dropouts, where a thin panel may stand,
-    and a little less from unknown ground, which may be a wall that is only seen at grazing angles.
+    and slightly less from unknown ground, which may be a wall that is only seen at grazing angles.
 
     Args:
         grid: the grid of the layers.
@@ -374,7 +377,7 @@ def _clearances(
     config: TraversabilityConfig,
     within: Box,
 ) -> NDArray[np.int8]:
-    """Clearances as on level ground, within a box of cells and as far outside as a robot in it may slide."""
+    """Clearances as on level ground, in a box of cells and as far outside it as a robot in the box may slide."""
     farthest = ceil(_farthest_downhill(robot) / cell)
     sides = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
     rows, columns = (
@@ -388,12 +391,12 @@ def _clearances(
 
 
 def _on_slopes(level: NDArray[np.int8], uphill: Layer, robot: RobotModel, cell: float) -> NDArray[np.int8]:
-    """Clearances from those as on level ground."""
+    """Clearances with room downhill on slopes, computed from ``level``, those as on level ground."""
     return pose_kernels.allow_for_slopes(level, uphill, WIDEST * robot.body_height / cell, slide_of(robot) / cell)
 
 
 def _farthest_downhill(robot: RobotModel) -> float:
-    """How far downhill a robot may lean and slide, m."""
+    """Maximum distance by which a robot may lean and slide downhill, m."""
     return float(WIDEST * robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
 
 
@@ -411,7 +414,7 @@ def _ramps(
     slope: Layer, gradient: Layer, hazard: MaskLayer, cell: float, config: TraversabilityConfig
 ) -> tuple[MaskLayer, Layer]:
     """The cells on or near a ramp, and the gradient of the nearest one."""
-    # Opening drops single noisy cells.
+    # Opening removes single noisy cells.
     core = ndimage.binary_opening((slope > np.tan(RAMP_TILT)) & ~hazard, np.ones((3, 3)))
     if not core.any():
         return core, np.zeros_like(gradient)
@@ -428,7 +431,7 @@ class TraversabilityLayer:
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
-        """The same result as ``assess_map`` of the map; earlier results do not change."""
+        """The same result as that of ``assess_map`` for the map; earlier results do not change."""
         source, last = elevation_map.layers, self._last
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         self._revision = source.revision

@@ -1,1 +1,1 @@
-"""Exploration: what the robot does next, by the next best view or a baseline, with goals and a clock."""
+"""Exploration: the choice of the next viewpoint, by the next best view or a baseline, with goals and a clock."""

@@ -12,9 +12,9 @@ from pipeline.transforms import wrap_angle
 class NearestFrontier(NextBestView):
     """Drives to the cheapest position from which unseen ground should be visible (Yamauchi 1997).
 
-    The heading there is the one with the greatest gain. What counts as unseen, what a keyframe should show and when a
-    cell is given up are as in :class:`NextBestView`, but gain per second and the time of the final turn are ignored.
-    As in Yamauchi's method, frontiers smaller than the robot come last.
+    The heading there is the one with the greatest gain. Unseen ground, the ground that a keyframe should show and
+    given-up cells are defined as in :class:`NextBestView`, but gain per second and the time of the final turn are
+    ignored. As in Yamauchi's method, frontiers smaller than the robot are visited last.
     """
 
     takes_rewards = False
@@ -37,7 +37,7 @@ class RandomWalk(Strategy):
         self._most_seconds, self._steps_left = stride / robot.speed, steps
 
     def observe(self, context: Context) -> None:
-        """Draw the random numbers that choose the next viewpoint."""
+        """Draw the random numbers that determine the next viewpoint."""
         self._steps_left -= 1
         self._draw = self._rng.random(2)
 
@@ -50,4 +50,4 @@ class RandomWalk(Strategy):
         return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Do nothing: there is nothing to remember."""
+        """Do nothing, because there is nothing to remember."""

@@ -1,4 +1,4 @@
-"""Parameters of exploration and missions: what views are expected to show, and when they are worth a drive."""
+"""Parameters of exploration and missions: the ground that views are expected to show, and their worth."""
 
 from dataclasses import dataclass
 
@@ -16,14 +16,16 @@ class VisibilityConfig:
         rays: number of directions, all around a position, in which rays are cast.
         stride: side of the square blocks that each contribute one cell for viewpoints, cells.
         short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
-        close_by: distance by which the robot may come nearer than planned to ground that it looks at because that
-            blocks a path, m.
-        nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
+        close_by: distance by which the robot may come nearer than planned to ground that it looks at because this
+            ground may block a path, m.
+        nist_slope: slope of a NIST ramp, m per m; ground missed by a keyframe is assumed to fall at least this
+            steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
         least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
             walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
-        new_view: a cell is not expected to be seen from closer than this to the keyframe that last missed it, m.
+        new_view: minimum distance from the keyframe that last missed a cell at which the cell is expected to be seen,
+            m.
     """
 
     rays: int = 180
@@ -52,11 +54,11 @@ class UnseenWaysConfig:
             because the time and memory of the search grow with the area.
         ahead: length of the path through unseen ground that a view should show, m.
         second_look: cost of a second view if the first shows none of this ground, s.
-        detour: maximum detour for a view, s; longer ones are considered only if no view is within it.
+        detour: maximum detour for a view, s; longer detours are considered only if no view is within this limit.
         least_share: minimum fraction of this ground that a view must show.
         alternatives: maximum number of paths through different unseen ground that are compared.
-        tries: number of keyframes that miss unseen ground, after which it no longer counts as free.
-        drives: number of drives to views of unseen ground, wherever they ended, with the same effect.
+        tries: number of keyframes that miss unseen ground after which it is treated as blocked.
+        drives: number of drives to views of unseen ground, wherever they ended, after which it is treated as blocked.
     """
 
     margin: float = 3.0
@@ -79,7 +81,7 @@ class ExplorationConfig:
     """When a viewpoint is worth a drive, and when a drive has ended.
 
     Exploration ends when ``more_time`` would show less than ``more_ground``. With equal factors, this would be the
-    marginal value theorem of foraging (Charnov 1976), which says when to leave a patch; here, the robot just stops.
+    marginal value theorem of foraging (Charnov 1976), which says when to leave a patch; here, the robot simply stops.
 
     Attributes:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
@@ -88,14 +90,16 @@ class ExplorationConfig:
         most_left: maximum fraction of the seen ground that may be given up as not worth the drive.
         least_piece: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
-        arrived: distance within which a viewpoint or goal counts as reached, m.
+        arrived: distance within which a viewpoint or goal is considered reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
-        widest_bar: greatest width of unseen ground that is looked at because it blocks a path, m.
-        looks: number of looks at what blocks the path to seen ground, after which the robot treats it as blocked.
-        progress: decrease in the time to a goal above which a drive counts as progress, s: the cost of a bend.
-        shown: fraction of the expected ground that must be seen for a viewpoint to count as done, even on the way.
-        visibility: what a view is expected to show.
-        unseen_ways: paths to goals through unseen ground.
+        widest_bar: maximum width of unseen ground that is looked at because it may block a path, m.
+        looks: number of looks at a cell that may block the path to seen ground after which the cell is treated as
+            blocked.
+        progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
+            a bend.
+        shown: fraction of the expected ground that must be seen, even during the drive, for a viewpoint to be done.
+        visibility: settings for the ground that a view is expected to show.
+        unseen_ways: settings for paths to goals through unseen ground.
     """
 
     keyframe_time: float = 2.0

@@ -17,7 +17,7 @@ class TimeIsUpError(Exception):
 
 
 class PlacedFind(Protocol):
-    """What a mission must know about a find."""
+    """The properties of a find that a mission needs."""
 
     @property
     def kind(self) -> str:
@@ -26,17 +26,17 @@ class PlacedFind(Protocol):
 
     @property
     def position(self) -> Place:
-        """Position of the find, (3,)."""
+        """(3,) m, position of the find in ``map``."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Retreat:
-    """Where a mission ends.
+    """The position at which a mission must end.
 
     Attributes:
         task: ``home``, at the robot's start, or ``park``, near living victims.
-        position: (2,) m in ``map``.
+        position: (2,) m, position in ``map``.
     """
 
     task: Literal["home", "park"]
@@ -44,12 +44,12 @@ class Retreat:
 
 
 class Deadline:
-    """Compares the time left with the time to drive to where the mission must end.
+    """Compares the remaining time with the time of the drive to the position where the mission must end.
 
     Attributes:
         begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
-        retreat: where the robot must be at ``end``; None if it may be anywhere.
+        retreat: position where the robot must be at ``end``; None if it may be anywhere.
         has_called: whether the last viewpoint was refused because the robot has to turn back.
     """
 
@@ -76,7 +76,7 @@ class Deadline:
         self.retreat: Retreat | None = None
         self.has_called = False
         self.begin, self._finds, self._wants_home = begin, finds, home
-        # The robot may stop this far short of a position, because it then counts as reached.
+        # The robot may stop this far short of a position, because the position is then considered reached.
         self._near = None if beside is None else beside - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
@@ -133,7 +133,7 @@ def _finite(seconds: float, otherwise: float) -> float:
 
 
 def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
-    """The position with the most victims (N, 2) within ``near`` m, of several the cheapest to reach; else None."""
+    """The position, cheapest to reach, with the most victims (N, 2) within ``near`` m; None if there are none."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid

@@ -11,8 +11,8 @@ from pipeline.exploration.viewpoint import Context
 def unseen(context: Context) -> MaskLayer:
     """The cells that were not seen and may be traversable.
 
-    Unknown ground closer to a hazard than half the robot's width counts only if paths need no margin, because only
-    then can it be under a wheel.
+    Unknown ground closer to a hazard than half the robot's width is included only if paths need no margin, because
+    only then can it be under a wheel.
     """
     traversability = context.traversability
     nearest = 0.0 if traversability.is_tight else traversability.robot.half_width
@@ -23,12 +23,12 @@ def near_ground(context: Context, cells: MaskLayer, beyond: float = 0.0) -> Mask
     """The cells from which the robot's corners may touch any of the given cells, and those ``beyond`` m farther."""
     reach = context.traversability.robot.corner_radius + beyond
     side = 2 * round(reach / context.traversability.grid.cell) + 1
-    # Many times faster than SciPy's filter.
+    # This is many times faster than SciPy's filter.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 
 
 def find_frontiers(context: Context) -> Places:
-    """One point near the centre of each connected piece of reachable ground that borders on unseen ground."""
+    """(N, 3) m, a point near the centre of each connected piece of reachable ground that borders on unseen ground."""
     traversability, target = context.traversability, unseen(context)
     pieces, _ = ndimage.label(near_ground(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
     centres = []

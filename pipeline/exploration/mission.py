@@ -1,4 +1,4 @@
-"""What to do next: an ordered list of strategies that share one context (explore, drive to goals, drive home)."""
+"""Missions: an ordered list of strategies that share one context (explore, drive to goals, drive home)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from pipeline.planning.pose_paths import PosePaths
 
 
 class RobotState(Protocol):
-    """What a mission needs to know about the robot."""
+    """The state of the robot that a mission needs."""
 
     @property
     def T_map_start(self) -> Pose | None:
@@ -42,11 +42,11 @@ class Mission:
         goals: the goals of the current task; None while the task is to explore.
         may_explore: whether exploration may continue.
         deadline: the running clock; None if the mission has none.
-        inspection: the strategy for when nothing is left to explore; None for none.
+        inspection: the strategy used when nothing is left to explore; None for none.
     """
 
     def __init__(self, exploration: Strategy, *, config: ExplorationConfig = ExplorationConfig()):
-        """``exploration``: the strategy to begin with."""
+        """Begin with the strategy ``exploration``."""
         self.exploration, self._config = exploration, config
         self.goals: Goals | None = None
         self.may_explore = True
@@ -61,7 +61,8 @@ class Mission:
     def strategies(self) -> Iterator[Strategy]:
         """The strategies in order of precedence.
 
-        With goals: the goals, then exploration if it may open a path to them. Without: exploration, then inspection.
+        If there are goals, they come first, followed by exploration if it may open a path to them. Otherwise,
+        exploration comes first, followed by inspection.
         """
         if self.goals is not None:
             yield self.goals
@@ -96,14 +97,14 @@ class Mission:
         return self.goals is not None and self.goals.is_tight
 
     def tighten(self) -> bool:
-        """Plan paths to the current goals without a margin; False if this is already so, or would not help."""
+        """Plan paths to the current goals without a margin; False if they already are, or if no goal is left."""
         if self.goals is None or not self.goals.left or self.goals.is_tight:
             return False
         self.goals.is_tight = True
         return True
 
     def choose(self, context: Context) -> Viewpoint | None:
-        """The first viewpoint that a strategy returns, for which the robot then sets out.
+        """The first viewpoint that a strategy returns; the robot then sets out for it.
 
         None if the task is done, or if the clock does not allow the drive.
         """
@@ -121,12 +122,12 @@ class Mission:
         self._sender = None
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the drive to the last viewpoint has already shown what the robot set out for."""
-        has_answer = hasattr(self._sender, "is_shown")  # A user's own strategy may lack it
+        """Whether the drive to the last viewpoint has already shown the ground that the robot set out to see."""
+        has_answer = hasattr(self._sender, "is_shown")  # A user's own strategy may lack this method
         return has_answer and required(self._sender).is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
-        """Whether the clock allows the drive, which then begins. It is ignored on the retreat."""
+        """Whether the clock, which is ignored on the retreat, allows the drive; if so, its start is recorded."""
         if self.deadline is None:
             return True
         if not self._is_on_retreat and not self.deadline.allows(viewpoint.position, context):
@@ -136,18 +137,19 @@ class Mission:
 
     def left(self, context: Context) -> list[Viewpoint]:
         """Viewpoints that would show more unseen ground but are not worth the drive."""
-        has_answer = hasattr(self.exploration, "leftovers")  # A user's own strategy may lack it
+        has_answer = hasattr(self.exploration, "leftovers")  # A user's own strategy may lack this method
         return self.exploration.leftovers(context) if has_answer else []
 
     def tasks(
         self, goals: Sequence[ArrayLike], home: bool, robot: RobotState, explores: bool = True
     ) -> Iterator[str]:
-        """Begin one task after another: explore if ``explores``, drive to ``goals``, drive ``home``.
+        """Begin one task after another: explore if ``explores``, drive to ``goals``, and drive home if ``home``.
 
-        Goals are (2,) m in ``map``. If :attr:`deadline` has a retreat, the last drive leads there instead of home.
+        Goals are (2,) positions in ``map``, m. If :attr:`deadline` has a retreat, the last drive leads there instead
+        of home.
 
         Yields:
-            The name of each task as it begins; the caller then makes steps until one has no plan.
+            The name of each task as it begins; the caller then makes steps until a step has no plan.
         """
         if explores:
             yield "exploring"
@@ -178,7 +180,7 @@ class Mission:
             self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
-        """Figures of each task after exploration, and why goals were not reached."""
+        """Figures of each task after exploration, and the reasons why goals were not reached."""
         return {
             name: {
                 "given": len(goals.visits) + len(goals.left),
@@ -197,13 +199,14 @@ class Mission:
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """The outcome of a goal.
+    """The outcome of the drives to a goal.
 
     Attributes:
-        goal: (2,) m in ``map``.
+        goal: (2,) m, position of the goal in ``map``.
         obstacle: why the robot did not reach it, as a line for the log; None if it did.
-        way: distance driven for it by odometry, m.
-        begin, end: the robot's times at the end of the previous visit, or at the task's start, and of this one, s.
+        way: distance driven by odometry towards this goal, m.
+        begin, end: the robot's times at the end of the previous visit, or at the start of the task, and at the end of
+            this visit, s.
     """
 
     goal: Place
@@ -219,8 +222,8 @@ class Goals(Strategy):
     Attributes:
         left: goals still to be visited, each (2,) m in ``map``.
         visits: outcomes of the other goals, in the order in which they were visited or given up.
-        is_tight: whether paths to them need no margin, see :attr:`Traversability.without_margin`; set once no other
-            path is left.
+        is_tight: whether paths to the goals need no margin, see :attr:`Traversability.without_margin`; set once no
+            other path is left.
     """
 
     def __init__(
@@ -230,7 +233,7 @@ class Goals(Strategy):
         *,
         config: ExplorationConfig = ExplorationConfig(),
     ):
-        """Start with goals, each (2,) m in ``map``.
+        """Start with goals, each a (2,) position in ``map``, m.
 
         ``may_be_near``: whether the nearest reachable ground within the robot's length may replace a goal, such as
         the start, which may not be reachable itself.
@@ -240,7 +243,7 @@ class Goals(Strategy):
         self.is_tight = False
         self._may_be_near, self._config = may_be_near, config
         self._context: Context | None = None
-        self._since: Context | None = None  # when the drive to the next goal began
+        self._since: Context | None = None  # context at the start of the drive to the next goal
         self._goal: Place | None = None
         self._unseen: UnseenWays | None = None
         self._view: PathView | None = None
@@ -287,7 +290,7 @@ class Goals(Strategy):
 
     @property
     def may_open(self) -> bool:
-        """Whether exploration may open a path to a remaining goal: none is known, but hazards do not rule one out."""
+        """Whether exploration may open a path to a remaining goal, which hazards alone do not rule out."""
         unseen, context = self._unseen, self._context
         if unseen is None or context is None or not self.is_tight:
             return False
@@ -298,7 +301,7 @@ class Goals(Strategy):
         return self._view is not None and self._unseen is not None and self._unseen.is_shown(elevation_map)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember the goal for which the robot sets out, or the ground that it should see."""
+        """Remember the goal for which the robot sets out, or the ground that it sets out to see."""
         if isinstance(viewpoint, PathView) and self._unseen is not None:
             self._view = viewpoint
             self._unseen.commit(viewpoint, context)

@@ -26,11 +26,11 @@ from pipeline.transforms import wrap_angle
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What remains to be seen after a keyframe.
+    """The ground that remains to be seen after a keyframe.
 
     Attributes:
         terrain: the ground, the targets and their probabilities.
-        camera: what the camera sees of the ground.
+        camera: the camera's view of the ground.
         seen: area of the ground seen so far, m².
         seconds: duration of the run so far, plus the time to look around once, s.
     """
@@ -46,19 +46,19 @@ class Outlook:
         return visibility.cells_in_view(viewpoint.position, viewpoint.heading, self.camera, terrain)
 
     def after(self, viewpoint: Viewpoint) -> "Outlook":
-        """The outlook after a keyframe at a viewpoint that shows what it should."""
+        """The outlook after a keyframe at a viewpoint that shows all the ground that it should."""
         target = self.terrain.target & ~self.in_view(viewpoint)
         return replace(self, terrain=self.terrain._replace(target=target))
 
 
 class NextBestView(Strategy):
-    """Chooses the viewpoint that is expected to show most per second of driving.
+    """Chooses the viewpoint that is expected to show the most unseen ground per second of driving.
 
     Attributes:
-        takes_rewards: whether the rewards of a context count.
+        takes_rewards: whether the rewards of a context are added to the gains.
         config: settings of exploration.
-        sightings: what keyframes showed and missed.
-        outlook: what remains to be seen; set by the first call of :meth:`observe`.
+        sightings: the cells that keyframes showed and missed.
+        outlook: the ground that remains to be seen; set by the first call of :meth:`observe`.
     """
 
     takes_rewards = True
@@ -71,14 +71,15 @@ class NextBestView(Strategy):
         self._robot = robot
         self._began: float | None = None
         self._looks: Counter[tuple[float, float]] = Counter()  # by the position of a cell that blocks a path
-        self._promised = np.zeros((0, 2)), 0.0  # centres of the cells that the last viewpoint should show, and area
+        self._promised = np.zeros((0, 2)), 0.0  # centres and area of the cells that the last viewpoint should show
         self._is_for_ground = False
-        # Rays cast under one assumption about the ground behind crests, or with one camera, do not apply to another.
+        # Rays cast under one assumption about the ground behind crests, or for one camera, are not valid for
+        # another.
         kinds = product((True, False), repeat=2)
         self._gains = {kind: visibility.ViewpointGains(config.visibility.stride) for kind in kinds}
 
     def observe(self, context: Context) -> None:
-        """Record what the keyframes since the last call showed and missed, and where unseen ground is left."""
+        """Record which cells the keyframes since the last call showed and missed, and the remaining unseen ground."""
         camera = visibility.camera_view(context.frame, self.config.visibility)
         terrain = self.sightings.observe(context, camera)
         self._began = context.frame.time if self._began is None else self._began
@@ -87,9 +88,9 @@ class NextBestView(Strategy):
         self.outlook = Outlook(terrain, camera, seen, seconds)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second, or else one that may open a path; None if neither is worth it.
+        """The viewpoint that shows most per second, or else one that may open a path; None if no drive is worth it.
 
-        As long as all that would be given up is more than ``most_left`` of the seen ground, any drive is worth it.
+        As long as the ground that would be given up exceeds ``most_left`` of the seen ground, any drive is worth it.
         """
         if viewpoint := self._next(self.outlook, context):
             return viewpoint
@@ -98,18 +99,18 @@ class NextBestView(Strategy):
         return given_up[0] if is_much else None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """Everything that is given up: viewpoints that would show more, and seen ground to which no path leads.
+        """All ground that is given up: viewpoints that would show more, and seen ground to which no path leads.
 
-        The viewpoints come first, whatever they cost, each for what the earlier ones do not show.
+        The viewpoints come first, whatever they cost, each for the ground that the earlier ones do not show.
         """
         return [*self._in_turn(self._best, self.outlook, context), *self._unreachable(context)]
 
     def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
-        """``first`` and others worth the drive, at most ``limit`` in all, each for what earlier ones do not show."""
+        """At most ``limit`` viewpoints, ``first`` and others worth a drive, each for ground no earlier one shows."""
         return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember what a keyframe at this viewpoint should show."""
+        """Remember the ground that a keyframe at this viewpoint should show."""
         cells = self.outlook.in_view(viewpoint)
         ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         self.sightings.expect(np.argwhere(cells), ends, context.poses)
@@ -134,21 +135,21 @@ class NextBestView(Strategy):
         """(N, 16) scores of viewpoints, the highest of which is chosen; at most 0 for those that show nothing.
 
         Args:
-            gains: (N, 16) m² that each viewpoint is expected to show.
-            seconds: (N, 16) s until the keyframe is taken, increased for the risk on the path.
+            gains: (N, 16) m², area that each viewpoint is expected to show.
+            seconds: (N, 16) s, time until the keyframe is taken, increased for the risk on the path.
         """
         return gains / seconds
 
     def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """(N, 16) m² that viewpoints must show to be worth ``seconds`` until their keyframes; a scalar for one."""
+        """(N, 16) m², area that viewpoints must show to be worth ``seconds`` until their keyframes, or a scalar."""
         growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
         return np.asarray(self.outlook.seen * np.expm1(growth * np.log1p(seconds / self.outlook.seconds)))
 
     def _next(self, outlook: Outlook, context: Context) -> Viewpoint | None:
         """The best viewpoint that is worth the drive, or else one that may open a path.
 
-        From below a crest, a deck behind it is visible, but falling ground is not. Decks are assumed only if nothing
-        else is worth the drive.
+        From below a crest, a deck behind it is visible, but falling ground is not. Decks are assumed only if no other
+        viewpoint is worth the drive.
         """
         for falls in (True, False):
             best = self._best(replace(outlook, terrain=outlook.terrain._replace(falls=falls)), context)
@@ -159,18 +160,18 @@ class NextBestView(Strategy):
     def _opening(self, outlook: Outlook, context: Context) -> Viewpoint | None:
         """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
-        The largest unreachable pieces come first. What blocks the path may be small, but only unseen cells between
-        reachable ground and the piece count.
+        The largest unreachable pieces come first. The cells that block the path may be few, but only unseen cells
+        between reachable ground and the piece are considered.
         """
         terrain = outlook.terrain
         traversability = context.traversability
-        # Pieces of seen ground to which no path leads, and what may block the paths to them.
+        # Pieces of seen ground to which no path leads, and the cells that may block the paths to them.
         pieces, areas = _pieces(context)
         half = self.config.widest_bar / 2
         bars = terrain.target & near_ground(context, context.paths.reachable, half)
-        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # count as blocked
+        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # treated as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
-        # The largest piece for which looking at what blocks the path is worth the time.
+        # The largest piece for which looking at the cells that may block the path is worth the time.
         context = replace(context, rewards=None)
         for piece in np.argsort(-areas):
             if areas[piece] < self.needed(self.config.keyframe_time):
@@ -187,8 +188,9 @@ class NextBestView(Strategy):
     def _look_at(self, bars: MaskLayer, outlook: Outlook, context: Context) -> Viewpoint | None:
         """The best view of the cells that may block a path; None if no view shows any of them.
 
-        A cell that stays unseen still blocks the path, so only views count that show almost as many cells as any view
-        does, even if the robot arrives closer than planned: the camera cannot see the ground right in front of it.
+        A cell that stays unseen still blocks the path, so only views that show almost as many cells as the best one
+        are considered. They must do so even if the robot arrives closer than planned, because the camera cannot see
+        the ground right in front of it.
         """
         outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)
@@ -230,7 +232,7 @@ class NextBestView(Strategy):
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
     ) -> Iterator[Viewpoint]:
-        """The viewpoints that ``best`` returns in turn, without rewards, each for what earlier ones do not show."""
+        """The viewpoints that ``best`` returns in turn, without rewards, each for ground no earlier one shows."""
         context = replace(context, rewards=None)
         while viewpoint := best(outlook, context):
             yield viewpoint
@@ -242,8 +244,8 @@ class NextBestView(Strategy):
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         Args:
-            outlook: what remains to be seen.
-            context: what the robot knows.
+            outlook: the ground that remains to be seen.
+            context: the context of the decision.
             min_gain: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
             min_fraction: minimum fraction of the highest gain of any viewpoint.
         """
@@ -256,7 +258,7 @@ class NextBestView(Strategy):
         spread = self._candidates(outlook, context)
         places = np.vstack([paths.start, grid.centre_of(spread)])
         cells = np.vstack([grid.cell_of(paths.start), spread])
-        # Gains: unseen ground in view and rewards, where that is enough and the robot can stand.
+        # Gains: unseen ground in view and rewards, where their sum is large enough and the robot can stand.
         here = visibility.gains(places[:1], outlook.camera, terrain)
         cached = self._gains[terrain.falls, outlook.camera == self.outlook.camera]
         gains = np.vstack([here, cached.of(spread, outlook.camera, terrain)])
@@ -271,8 +273,8 @@ class NextBestView(Strategy):
         places = places[is_some]
         cells = cells[is_some]
         gains = gains[is_some]
-        # Scores: gain per second. The search for paths goes no farther than the best viewpoint requires: those
-        # beyond its horizon take longer than the horizon, and no less than a straight drive.
+        # Scores: gain per second. The search for paths extends no farther than the best viewpoint requires, because
+        # viewpoints beyond its horizon take longer than the horizon, and no less than a straight drive.
         straight = paths.min_seconds_to(cells)[:, None]
         horizon = self.config.horizon
         while True:
@@ -286,7 +288,7 @@ class NextBestView(Strategy):
             if np.isfinite(found[n, m]):
                 break
             horizon *= 2
-        # Scores count the risk on the path as time; the viewpoint's own time does not.
+        # Scores include the risk on the path as time; the time of the viewpoint itself does not.
         quickest = paths.without_risk.seconds_to(cells[n][None], float(found[n, m]))[0, m]
         drive = float(min(quickest, found[n, m]))
         heading = wrap_angle(float(ANGLES[m]))
@@ -294,9 +296,9 @@ class NextBestView(Strategy):
         return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 
     def _candidates(self, outlook: Outlook, context: Context) -> Cells:
-        """The cell of each block with the most reachable headings, and some cells where the robot cannot turn around.
+        """(N, 2) the cell of each block with most reachable headings, and some where the robot cannot turn around.
 
-        The latter are close to ground that was assumed, not seen, at the start: with its back to the wall of a small
+        The latter are close to ground that was assumed, not seen, at the start. With its back to the wall of a small
         room, or on a ramp that it backed up, the robot sees ground that is otherwise too close to its camera.
         """
         traversability = context.traversability
@@ -310,7 +312,7 @@ class NextBestView(Strategy):
 
 
 def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
-    """The pieces of seen ground to which no path leads: (nx, ny) their numbers, 0 for none, and their areas, m²."""
+    """(nx, ny) numbers of the pieces of seen ground to which no path leads, 0 for none, and the pieces' areas, m²."""
     ground = context.traversability
     pieces, _ = ndimage.label(ground.traversable & ~context.paths.reachable, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel()).astype(np.float64) * ground.grid.cell**2
@@ -319,6 +321,6 @@ def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
 
 
 def _joined(context: Context, ground: MaskLayer) -> MaskLayer:
-    """The pieces of some ground in which the robot can drive."""
+    """The pieces of a mask ``ground`` that contain reachable cells."""
     pieces, _ = ndimage.label(ground, np.ones((3, 3)))
     return np.isin(pieces, np.unique(pieces[context.paths.reachable])) & (pieces > 0)

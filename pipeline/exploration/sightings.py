@@ -1,4 +1,4 @@
-"""What keyframes should have shown of unseen ground, and what they did show."""
+"""The unseen ground that keyframes should have shown, and whether they showed it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 MAX_MISSES = np.iinfo(np.uint8).max
-"""After so many misses, further ones of a cell are not counted."""
+"""Number of misses of a cell after which further misses are not counted."""
 NOWHERE = Places.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
 
@@ -40,7 +40,7 @@ class Sightings:
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected = NOWHERE
         self._drive = NOWHERE
-        # Cells that viewpoints should have shown but did not, and that are not among the misses of their keyframes.
+        # Cells that viewpoints should have shown but did not, except those counted as misses of their keyframes.
         self._disappointing: list[Places] = []
         # Poses of the keyframes when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
@@ -51,7 +51,7 @@ class Sightings:
         return self._layers["misses"]
 
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
-        """Count what the keyframes since the last call showed and missed; return the ground left to be searched."""
+        """Count the cells shown and missed by the keyframes since the last call; return the ground to be searched."""
         ground = context.traversability
         if not len(self._poses):
             self._layers = GridMap(ground.grid.cell, LAYERS)
@@ -97,7 +97,8 @@ class Sightings:
         ahead = camera.far, 0.0, 0.0, 1.0
         moved = np.linalg.norm(((context.poses[:first] - before) @ ahead)[:, :2], axis=1).max(initial=0.0)
         if moved < layers.grid.cell:
-            # Even a smaller move makes the map cover ground along its edges without showing it; opening drops this.
+            # Even a smaller move makes the map cover ground along its edges without showing it; opening removes such
+            # cells.
             is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
             self._shown += np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
             self._poses = np.concatenate([before, context.poses[first:]])
@@ -127,7 +128,7 @@ class Sightings:
         """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
 
         Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
-        set out, or that sees nothing new from the viewpoint, must look for something else; but a keyframe taken
+        set out, or that sees nothing new from the viewpoint, must look for other ground, but a keyframe taken
         elsewhere does not show whether the cells can be seen from the viewpoint.
         """
         here = poses[-1, :2, 3]
@@ -143,9 +144,10 @@ class Sightings:
 def chances(shown: Values, missed: Values) -> Values:
     """Probability that ground in view is shown after 0, 1, … misses: the means of Beta distributions.
 
-    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries, so with
-    k / (k + 1) times the probability after k - 1 misses. The run's tries are added to these k + 1. The probability
-    without misses stays 1: there may be no ground beyond an outer edge, but there may be behind the next corner.
+    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries, so the
+    probability is k / (k + 1) times that after k - 1 misses. The run's tries are added to these k + 1. The
+    probability without misses stays 1, because there may be no ground beyond an outer edge, but some behind the next
+    corner.
 
     Args:
         shown: number of tries that showed ground after 0, 1, … misses.

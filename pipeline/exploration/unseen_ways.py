@@ -33,7 +33,7 @@ class PathView(Viewpoint):
     """A view of unseen ground on a path to a goal.
 
     Attributes:
-        shows: (N, 2) m, the ground that it should show.
+        shows: (N, 2) m, centres of the cells that the view should show.
     """
 
     shows: NDArray[np.float64] = field(default_factory=lambda: NONE)
@@ -45,7 +45,7 @@ class GoalSearch:
 
     Attributes:
         ground: the ground, on a grid that may be larger than that of the map.
-        goal: (2,) m in ``map``.
+        goal: (2,) m, position of the goal in ``map``.
         caution: see :class:`PosePaths`.
     """
 
@@ -59,12 +59,12 @@ class GoalSearch:
         return PosePaths(self.ground, self.goal, caution=self.caution)
 
     def seconds_from(self, places: NDArray[np.float64], until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s from places (N, 2), m, with each heading to the goal; inf beyond ``until`` s."""
+        """(N, 16) s, costs from places (N, 2), m, with each heading to the goal; those above ``until`` may be inf."""
         seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
         return np.roll(seconds, STANDING, axis=1)
 
     def seconds_from_pose(self, xy: Place, heading: int) -> float:
-        """Seconds from a pose to the goal; inf if no path leads there."""
+        """Cost of the path from a pose to the goal, s; inf if no path leads there."""
         return self._paths.seconds_at(xy, (heading + STANDING) % HEADINGS)
 
     def states_from(self, xy: Place, heading: int) -> Cells:
@@ -88,9 +88,9 @@ class Gap(NamedTuple):
 
 
 class UnseenWays:
-    """Finds views of where the cheapest path to a goal, if unseen ground were free, first meets unseen ground.
+    """Finds views of the unseen ground that the cheapest path to a goal meets first if all unseen ground is free.
 
-    Ground that several views did not show no longer counts as free.
+    Ground that several views failed to show is treated as blocked.
     """
 
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
@@ -99,11 +99,11 @@ class UnseenWays:
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
-        self._promised = NONE  # what the last view should show
-        self._aimed: list[Places] = []  # what each view should have shown, anchored
+        self._promised = NONE  # centres of the cells that the last view should show, m
+        self._aimed: list[Places] = []  # the same for each view so far, anchored
 
     def observe(self, context: Context) -> None:
-        """Record what keyframes showed and missed."""
+        """Record the cells that keyframes showed and missed."""
         self._camera = visibility.camera_view(context.frame, self._config.visibility)
         self._terrain = self._sightings.observe(context, self._camera)
 
@@ -145,7 +145,7 @@ class UnseenWays:
         """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left."""
         if context.paths.start is None or self.is_far(goal, context):
             return None
-        # Ground that keyframes missed is weighted by its chance to be shown or, if this yields no view, counts fully.
+        # Ground that keyframes missed is weighted by its probability to be shown or, if this yields no view, by 1.
         anyhow = np.ones_like(self._terrain.probability)
         for terrain in (self._terrain, self._terrain._replace(probability=anyhow)):
             if (view := self._view_on(terrain, goal, context)) is not None:
@@ -153,7 +153,7 @@ class UnseenWays:
         return None
 
     def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> PathView | None:
-        """The best view for a few paths through different unseen ground."""
+        """The best view among those for a few paths through different unseen ground."""
         shut = self._shut(context)
         views = list[tuple[float, PathView]]()
         while len(views) < self._numbers.alternatives:
@@ -164,18 +164,18 @@ class UnseenWays:
             if gap is None or gap.seconds >= min((seconds for seconds, _ in views), default=np.inf):
                 break
             # The best view of this ground. From below a crest, a deck behind it is visible, but falling ground is
-            # not: decks are assumed last.
+            # not, so decks are assumed last.
             for falls, within in product((True, False), (self._numbers.detour, np.inf)):
                 searched = terrain._replace(target=gap.hidden, falls=falls)
                 if (best := self._best_view(gap, search, context, searched, within)) is not None:
                     views.append(best)
                     break
-            # Another path may need no look, or a quicker one; if no view shows this ground, the path must avoid it.
+            # Another path may need no look, or a quicker one. If no view shows this ground, the path must avoid it.
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
         return min(views, key=lambda found: found[0])[1] if views else None
 
     def commit(self, view: PathView, context: Context) -> None:
-        """Remember what a view returned by :meth:`view_towards` should show."""
+        """Remember the ground that a view returned by :meth:`view_towards` should show."""
         self._promised = view.shows
         self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
         ends = np.stack([context.T_map_base[:2, 3], view.position])
@@ -187,7 +187,7 @@ class UnseenWays:
         return bool(seen.sum() >= self._config.shown * len(seen))
 
     def _shut(self, context: Context) -> NDArray[np.float64]:
-        """(N, 2) m, cells that are still unknown after ``tries`` keyframes or ``drives`` drives."""
+        """(N, 2) m, centres of the cells that are still unknown after ``tries`` keyframes or ``drives`` drives."""
         ground = context.traversability
         aims = sum((ground.grid.mask_of(p.at(context.poses)) for p in self._aimed), np.zeros(ground.grid.shape, int))
         is_shut = (self._sightings.misses >= self._numbers.tries) | (aims >= self._numbers.drives)
@@ -250,12 +250,12 @@ class UnseenWays:
     def _best_view(
         self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
     ) -> tuple[float, PathView] | None:
-        """The view via which the robot reaches the goal soonest, and when; None if none shows enough of a gap.
+        """The view via which the robot reaches the goal soonest, and its cost; None if no view shows enough of a gap.
 
         Args:
             gap: the unseen ground.
-            search: paths to the goal.
-            context: what the robot knows.
+            search: the paths to the goal.
+            context: the context of the decision.
             terrain: the ground, with the gap as its target.
             within: maximum delay compared with driving there without a look, s.
 
@@ -273,7 +273,7 @@ class UnseenWays:
         cells = cells[some]
         places = places[some]
         shares = shares[some]
-        # Their cost is the time to the goal via the view, and that of a second look at what the view does not show.
+        # Their cost is the time to the goal via the view, and that of a second look at the ground it does not show.
         left = search.seconds_from(places, gap.seconds + within)
         if not np.isfinite(left).any():
             return None

@@ -1,4 +1,4 @@
-"""Viewpoints, what the robot knows when it chooses one, and the interface of strategies that choose them."""
+"""Viewpoints, the context in which the robot chooses one, and the interface of the strategies that do so."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -19,21 +19,21 @@ Why = Literal["unseen", "person", "too_steep", "no_way"]
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A pose to look from.
+    """A pose from which to look.
 
     Attributes:
-        position: (2,) m in ``map``.
-        heading: rad.
+        position: (2,) m, position of the robot in ``map``.
+        heading: heading of the robot, rad.
         turn: whether the robot turns to the heading on arrival.
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
         seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
         falls: whether the gain assumes that unknown ground behind crests falls.
-        opens: whether its purpose is to show what blocks the path to ground that was seen.
-        why: why it is given up, if it is. ``unseen``: no keyframe showed the ground in view, or what blocks the path
-            to ground that was seen. ``person``: the robot would come too near to a person. ``too_steep``: slopes
-            block the path. ``no_way``: something else blocks it.
-        stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
-            depends on what it sees.
+        opens: whether its purpose is to show the cells that may block the path to ground that was seen.
+        why: why the viewpoint is given up, if it is. ``unseen``: no keyframe showed the ground in view, or the cells
+            that block the path to ground that was seen. ``person``: the robot would come too near to a person.
+            ``too_steep``: slopes block the path. ``no_way``: something else blocks it.
+        stands: whether the robot must stop at the viewpoint, unless the drive itself shows enough, because its next
+            drive depends on what it sees.
     """
 
     position: Place
@@ -48,7 +48,7 @@ class Viewpoint:
 
     @property
     def is_reachable(self) -> bool:
-        """Whether a path leads there."""
+        """Whether a path leads to the viewpoint."""
         return bool(np.isfinite(self.seconds))
 
 
@@ -57,7 +57,7 @@ class ViewpointRewards(Protocol):
 
     @property
     def wanted(self) -> Sequence[object]:
-        """What should be looked at; empty if there are no rewards."""
+        """The items to be looked at; empty if there are no rewards."""
         ...
 
     def gains(self, places: Places, bearings: Values) -> NDArray[np.float64]:
@@ -71,12 +71,12 @@ class ViewpointRewards(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What the robot knows when it decides where to go.
+    """The robot's knowledge when it decides where to go.
 
     Attributes:
         frame: the newest frame.
         T_map_base: pose of the robot.
-        measured: float32 height of the ground where it was seen, m; NaN elsewhere.
+        measured: (nx, ny) float32 m, height of the ground where it was seen; NaN elsewhere.
         paths: cheapest paths from the robot's position.
         poses: ``T_map_base`` of all keyframes, the newest last.
         rewards: rewards for viewpoints, in addition to unseen ground; None if there are none.
@@ -102,12 +102,12 @@ class Strategy(Protocol):
 
     @abstractmethod
     def observe(self, context: Context) -> None:
-        """Take into account what the newest keyframe shows; called once per step, before any other method."""
+        """Take the newest keyframe into account; called once per step, before any other method."""
         ...
 
     @abstractmethod
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """Where to go next; None if this strategy has no viewpoint. The call has no side effects."""
+        """The next viewpoint; None if this strategy has none. The call has no side effects."""
         ...
 
     @abstractmethod
@@ -116,7 +116,7 @@ class Strategy(Protocol):
         ...
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the drive to the last viewpoint has already shown what the robot set out for."""
+        """Whether the drive to the last viewpoint has already shown the ground that the robot set out to see."""
         return False
 
     def leftovers(self, context: Context) -> list[Viewpoint]:

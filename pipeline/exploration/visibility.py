@@ -1,4 +1,4 @@
-"""Which ground keyframes at viewpoints are expected to show for the first time."""
+"""The ground that keyframes at viewpoints are expected to show for the first time."""
 
 from functools import cache
 
@@ -16,7 +16,7 @@ from pipeline.transforms import yaw_of
 
 
 def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
-    """The view of the ground for the camera that took a frame, up to ``short_by`` m before a viewpoint.
+    """The ground in view of a frame's camera, even if the robot stops ``short_by`` m before a viewpoint.
 
     Nothing is expected within half a ray step of the image's lower and upper edges, or within one step of its sides.
     Values are rounded to 1 mm and 0.1°, so that vibrations of the camera do not change the result.
@@ -47,7 +47,7 @@ def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: Visib
         walls: cells that block the view.
         seen: cells whose ground was seen.
         cell: side of a cell, m.
-        config: its ``blocked`` and ``least_unknown`` are used.
+        config: settings, of which ``blocked`` and ``least_unknown`` are used.
     """
     depth = -np.log1p(-config.blocked) * mean_free_path(walls, seen, cell)
     return float(rounded(max(config.least_unknown, depth)))
@@ -73,7 +73,7 @@ def rounded(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-    """(N, 16) m² that viewpoints at N positions should show with each heading."""
+    """(N, 16) m², area that viewpoints at N positions should show with each heading."""
     shape = len(places), camera.rays
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
 
@@ -109,10 +109,10 @@ def count_misses(
 
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:
-    """Bearings (rad) of rays across the field of view at a heading (rad)."""
+    """(R,) bearings (rad) of rays across the field of view at a heading (rad)."""
     half, middle = _rays_in_view(camera) // 2, round(heading / (2 * np.pi) * camera.rays)
-    # Bit for bit the rays from which the gain was computed, because the slightest change may let a ray slip between
-    # two cells that meet at a corner; and rays in between, for the cells that lie between them.
+    # These include exactly the rays from which the gain was computed, because the slightest change may let a ray
+    # slip between two cells that meet at a corner. Rays in between are added for the cells that lie between them.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
     return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
 
@@ -127,9 +127,9 @@ class ViewpointGains:
         self._terrain: kernels.SearchedTerrain | None = None
 
     def of(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-        """(N, 16) m² that viewpoints in ``cells`` of the terrain should show with each heading."""
+        """(N, 16) m², area that viewpoints in ``cells`` (N, 2) of the terrain should show with each heading."""
         if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
-            # The cached rays do not apply.
+            # The cached rays are not valid.
             self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)
             self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(ANGLES)))
         changed = _changed(self._terrain, terrain)
@@ -138,7 +138,7 @@ class ViewpointGains:
         row = rows[tuple(cells.T)]
         if (row >= 0).all() and not changed.any():
             return self._gains[row]
-        # New cells have row -1: they first get the rays of another cell, which are then replaced.
+        # New cells, whose row is -1, first get the rays of another cell, which are then replaced.
         rays, sums = (earlier.take(row, axis=0, mode="clip") for earlier in (self._rays, self._gains))
         renewed = self._towards(changed, cells, camera, terrain.cell)
         renewed[row < 0] = True
@@ -158,7 +158,7 @@ class ViewpointGains:
         stride, wanted = self._stride, np.zeros((len(cells), camera.rays), np.bool_)
         parts, side = np.asarray(blocks(mask, stride).any(axis=0)), stride * cell
         here = tuple(cells.T // stride)
-        # For an empty mask the distances mean nothing, but then no ray meets a block either.
+        # For an empty mask, the distances are meaningless, but then no ray meets a block either.
         near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
         # From outside, a ray enters a piece of the mask through its boundary.
         rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
@@ -186,7 +186,7 @@ def _changed(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) 
 
 
 def _bits(values: NDArray) -> NDArray:
-    """The values as integers, so that NaN equals NaN."""
+    """The bits of the values as integers, so that NaN equals NaN."""
     return values.view(f"u{values.itemsize}")
 
 

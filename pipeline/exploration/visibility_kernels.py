@@ -11,7 +11,7 @@ from pipeline.geometry.cells_kernels import cell_at
 
 
 class CameraView(NamedTuple):
-    """The view of the ground from a level robot's camera.
+    """The view of the ground from the camera of a level robot.
 
     Attributes:
         height, ahead: position of the camera, m above the ground and m in front of the robot's centre.
@@ -49,9 +49,9 @@ class SearchedTerrain(NamedTuple):
     Attributes:
         origin: corner of cell [0, 0].
         cell: side of a cell, m.
-        elevation: float32 m, NaN where unknown.
+        elevation: float32 m, height of the ground; NaN where unknown.
         gradient: (nx, ny, 2) float32 slope along x and y.
-        target: unseen ground that counts.
+        target: bool, the unseen cells that keyframes should show.
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
@@ -77,14 +77,14 @@ class SearchedTerrain(NamedTuple):
 
 @njit(cache=True)
 def cast_ray(x, y, bearing, view, terrain, seen):
-    """Gain that a camera ray of a robot at (x, y), m, is expected to bring along ``bearing``, rad.
+    """Gain expected from a camera ray of a robot at (x, y), m, along ``bearing``, rad.
 
     The ray runs over the ground seen so far; a cell is hidden if a nearer one rises higher in the view. Unknown
     ground is assumed to continue at the last height seen or, if ``terrain.falls``, to fall behind the crest of a ramp
-    as steeply as the ramp rose. Ground that a keyframe missed is assumed to fall as well. Ground that is met at a
-    grazing angle gives no return.
+    as steeply as the ramp rose. Ground that a keyframe missed is assumed to fall as well. Ground seen at a grazing
+    angle gives no return.
 
-    Unknown ground is never likelier to be seen than the unknown ground just before it, which the ray must pass.
+    Unknown ground is never more likely to be seen than the unknown ground just before it, which the ray must pass.
 
     Returns the sum of the distances of the target cells in view, weighted by their probability, and their number. The
     sum times the cell size and the angle between rays is an area. The cells' flat indices are written to ``seen``.
@@ -113,7 +113,8 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain.gradient)
             fall = max(fall_after(rise, terrain.falls, terrain.ramp_slope), fall - levelling)
-        # Also below the image: ground that did not show from farther away is not assumed to continue out of sight.
+        # This also applies below the image, because ground that did not show from farther away is not assumed to
+        # continue out of sight.
         probability = min(probability, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
@@ -157,7 +158,7 @@ def fall_after(rise, falls, ramp_slope):
 
 @njit(cache=True)
 def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
-    """Whether a ray shows what it meets at a horizontal distance of ``d`` m.
+    """Whether a ray shows the ground that it meets at a horizontal distance of ``d`` m.
 
     ``slope`` is that of the ray, and ``rise`` that of the ground along the ray. ``from_miss`` (2,) is the offset of
     the robot from where the last keyframe that missed this ground was taken, m; infinite if none did.
@@ -174,7 +175,7 @@ def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, earlier):
-    """(N, R) m² that each ray from points (N, 2), m, should show: cast where ``wanted``, elsewhere as ``earlier``."""
+    """(N, R) m², area that each ray from points (N, 2) should show; cast where ``wanted``, else as ``earlier``."""
     result = earlier.copy()
     step = 2 * np.pi / view.rays
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)

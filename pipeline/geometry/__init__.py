@@ -1,1 +1,1 @@
-"""Geometry that several packages share."""
+"""Geometry shared by several packages."""

@@ -1,8 +1,8 @@
-"""Sets of small cells of the map, which show where a surface is inside its bounding box.
+"""Sets of small grid cells, which show where in its bounding box a surface lies.
 
 A set holds distinct cell indices, sorted. The grid belongs to the map, not to a surface, so the union of sets from
 different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length, as
-floors and walls tend to: noise would spread a surface on the face between two cells over both.
+floors and walls tend to, because noise would spread a surface on the face between two cells over both of them.
 """
 
 from typing import TypeAlias
@@ -19,14 +19,14 @@ from pipeline.geometry.voxel_hash import voxels_of
 from pipeline.geometry.voxel_hash_kernels import unpacked
 
 NONE = -1
-"""Number of a cell that belongs to no piece."""
+"""Piece number of a cell that belongs to no piece."""
 REACH = 2
 """Maximum distance between neighbouring cells along every axis, cells.
 
 With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 0.05 m never do.
 """
 FRONT = (REACH + 1) ** 2 + 1
-"""Minimum number of cells near another set for both to be one surface: one more than at a corner."""
+"""Minimum number of a set's cells near another set for both to form one surface: one more than at a corner."""
 FRAYED = 0.25
 """A cell with less than this fraction of a neighbour's points is noise at the surface's edge."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
@@ -34,7 +34,7 @@ SurfaceCells: TypeAlias = NDArray[np.int32]
 
 
 def cells_of(points: NDArray[np.floating], edge: float) -> tuple[SurfaceCells, Indices]:
-    """The (K, 3) cells with an ``edge`` in m that contain points (N, 3), m, and the (N,) row of each point's cell."""
+    """The (K, 3) cells of edge ``edge``, m, that contain points (N, 3), m, and the (N,) row of each point's cell."""
     row, keys = voxels_of(np.asarray(points, np.float32) + np.float32(edge / 2), 1 / edge)
     return unpacked(keys), row
 
@@ -56,12 +56,12 @@ def in_contact(a: SurfaceCells, b: SurfaceCells) -> bool:
 
 
 def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
-    """(K,) number of each cell's piece, NONE for cells that are only noise at a surface's edge.
+    """(K,) number of the piece to which each cell belongs; NONE for cells that are only noise at a surface's edge.
 
-    Cells with few ``points`` (K,) next to cells with many are noise. Among the others, neighbouring inner cells form
-    one piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and watersheds. Thus
-    surfaces that touch only at corners or along a thin strip stay separate. An inner cell of a level or upright
-    surface lacks at most one row of the square of its neighbours.
+    Cells with few ``points`` (K,) next to cells with many points are noise. Among the others, neighbouring inner
+    cells form one piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and
+    watersheds. Thus surfaces that touch only at corners or along a thin strip stay separate. An inner cell of a level
+    or upright surface lacks at most one row of the square of its neighbours.
     """
     side = 2 * REACH + 1
     pairs = KDTree(cells).query_pairs(REACH, p=np.inf, output_type="ndarray")
@@ -82,7 +82,7 @@ def _components(pairs: NDArray[np.intp], size: int) -> Indices:
 
 
 def _flood(piece: Indices, pairs: NDArray[np.intp]) -> None:
-    """Spread pieces step by step to neighbouring cells without one, in place; of several, the lowest number wins."""
+    """Spread pieces in place, step by step, to neighbouring cells without a piece; the lowest number wins."""
     both_ways = np.vstack([pairs, pairs[:, ::-1]])
     while True:
         source, target = both_ways[(piece[both_ways] == NONE) @ [1, 2] == 2].T

@@ -9,19 +9,19 @@ from pipeline.geometry.voxel_hash_kernels import unpacked, voxels_of
 
 @njit(cache=True)
 def cell_at(x, y, origin, cell):
-    """The cell (i, j) that contains a point, m, on a grid of ``cell`` m with its corner at ``origin`` (2,)."""
+    """The cell (i, j) that contains a point, m, on a grid with cells of ``cell`` m and its corner at ``origin``."""
     return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
 
 
 @njit(cache=True, nogil=True)
 def placed_cells(T, points, edge):
-    """(K, 3) int32 sorted cells, centred at multiples of ``edge``, m, with points (N, 3), m, moved by a 4×4 ``T``."""
+    """(K, 3) int32 sorted cells, centred at multiples of ``edge``, that contain points (N, 3), m, moved by ``T``."""
     return unpacked(np.sort(voxels_of(moved(T, points) + np.float32(edge / 2), np.float32(1 / edge))[1]))
 
 
 @njit(cache=True)
 def bounds(cells):
-    """(2, 3) int64 minimum and maximum index along each axis of cells (K, 3), at least one."""
+    """(2, 3) int64 minimum and maximum index along each axis of at least one cell (K, 3)."""
     result = np.empty((2, 3), np.int64)
     for axis in range(3):
         result[:, axis] = cells[0, axis]

@@ -6,7 +6,7 @@ from scipy import ndimage
 
 
 def parts(points: NDArray[np.floating], edge: float) -> NDArray[np.intp]:
-    """(N,) number, from 1 on, of the connected part to which each point (N, 3), m, belongs.
+    """(N,) number, starting at 1, of the connected part to which each point (N, 3), m, belongs.
 
     Points in the same cube of edge length ``edge``, m, or in neighbouring cubes are connected.
     """

@@ -1,4 +1,4 @@
-"""Planes: through three points, by RANSAC, and fitted by least squares.
+"""Planes through three points, found by RANSAC, or fitted by least squares.
 
 All planes follow one convention: the points x with n · x = d, where the unit vector n points to the side from which
 the surface was seen. As an array, a plane is [n, d]. In ``camera_optical`` that side contains the origin, so d ≤ 0.
@@ -27,15 +27,15 @@ class Plane:
     offset: float
 
     def distance(self, points: NDArray[np.floating]) -> Values:
-        """(N,) signed distance of (N, 3) points in m, positive on the camera's side."""
+        """(N,) m, signed distances of points (N, 3) from the plane, positive on the camera's side."""
         return points @ self.normal - self.offset
 
     def projected(self, points: Places) -> Places:
-        """Points projected orthogonally onto the plane."""
+        """(N, 3) points, m, projected orthogonally onto the plane."""
         return points - self.distance(points)[:, None] * self.normal
 
     def facing(self, direction: Direction) -> "Plane":
-        """The same plane with its normal on the side of a direction, which may have any length."""
+        """The same plane with its normal on the side to which ``direction``, a vector of any length, points."""
         return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
 
 
@@ -45,7 +45,7 @@ def distances(points: NDArray[np.floating], planes: NDArray[np.floating]) -> NDA
 
 
 def planes_through(triples: NDArray[np.float64]) -> Planes:
-    """The planes, each through three points (N, 3, 3), m; NaN for collinear points."""
+    """(N, 4) planes, each through three points (N, 3, 3), m; NaN for collinear points."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -60,17 +60,17 @@ def ransac_plane(
 ) -> tuple[Planes, Mask] | None:
     """The plane (4,) with the most inliers, and its inliers (N,), by RANSAC (Fischler & Bolles 1981).
 
-    The normal of each plane is on the side of the origin; with ``triples`` of the same points, so are the results.
+    The normal of the plane is on the side of the origin. The same points and ``triples`` give the same result.
 
     Args:
         points: (N, 3) m, in any frame.
-        triples: (S, 3) indices of the three points through which each of the planes to choose from leads.
-        tolerance: distance from a plane within which a point is an inlier, m; one for all, or (N,).
-        is_allowed: given the planes (S, 4) and the points' signed distances from them (N, S), m, (S,) which planes
-            may be chosen.
+        triples: (S, 3) indices of the three points that define each candidate plane.
+        tolerance: distance from a plane within which a point is an inlier, m; a scalar, or (N,) for each point.
+        is_allowed: returns (S,) which planes may be chosen, given the planes (S, 4) and the points' signed distances
+            from them (N, S), m.
 
     Returns:
-        None if no plane is allowed and has an inlier.
+        The plane and its inliers; None if no allowed plane has an inlier.
     """
     planes = facing_camera(planes_through(points[triples].astype(np.float64)))
     off = distances(points, planes.astype(points.dtype))
@@ -81,7 +81,7 @@ def ransac_plane(
 
 
 def plane_inliers(points: Points, max_distance: float, samples: int, seed: int) -> Mask:
-    """The inliers of the plane that RANSAC finds, refitted to its inliers.
+    """(N,) the inliers of a plane that is found by RANSAC and then refitted to its inliers.
 
     Args:
         points: at least three points, in any frame.
@@ -103,12 +103,12 @@ def facing_camera(planes: Planes) -> Planes:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Count, sum and sum of squares of points, which suffice for a least-squares plane; moments are additive.
+    """Count, sum and sum of squares of points, which suffice to fit a least-squares plane; moments are additive.
 
     Attributes:
         count: number of points.
-        total: (3,) float64, Σ x.
-        squares: (3, 3) float64, Σ x xᵀ.
+        total: (3,) float64 m, sum of the points, Σ x.
+        squares: (3, 3) float64 m², sum of their outer products, Σ x xᵀ.
     """
 
     count: int
@@ -135,7 +135,7 @@ class Moments:
 
     @property
     def centroid(self) -> Place:
-        """The mean point."""
+        """(3,) m, mean of the points."""
         return self.total / self.count
 
     def fit(self, towards: Direction) -> tuple[Plane, float]:

@@ -1,7 +1,7 @@
 """Rays through voxels: exact traversal, which finds every voxel on a line, and sampling, which is faster.
 
-The traversal is that of Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987. Points are in
-voxels, relative to the corner of a box of them.
+The traversal is that of Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987. Coordinates are
+in voxels, relative to the lower corner of a box of voxels.
 """
 
 import numpy as np
@@ -12,14 +12,14 @@ FREE, HIT = 1, 2
 
 @njit(cache=True, nogil=True)
 def trace_points(points, stops, ends, origin, marks):
-    """Mark the voxels of end points as HIT and those that the rays only cross as FREE.
+    """Mark the voxels of end points as HIT, and the voxels that rays only cross as FREE.
 
     Args:
         points: (N, 3) float64; only end points must lie inside the box.
         stops: (N, 3) float64, the points up to which the rays free space.
         ends: (N,) bool, which points are end points.
         origin: (3,) float64, the start of all rays.
-        marks: (nx, ny, nz) uint8, changed in place; what is HIT stays so.
+        marks: (nx, ny, nz) uint8, changed in place; voxels that are HIT stay HIT.
     """
     for n in range(points.shape[0]):
         if ends[n]:
@@ -29,7 +29,7 @@ def trace_points(points, stops, ends, origin, marks):
 
 @njit(cache=True)
 def walk(x, y, z, x_stop, y_stop, z_stop, marks):
-    """Mark as FREE every voxel of (nx, ny, nz) on the line between two points, both included, that is not a HIT."""
+    """Mark as FREE all voxels of ``marks`` that are not HIT on a line, including its end points."""
     i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
     j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
     k, k_end, k_step, k_next, k_gap = _along(z, z_stop)
@@ -70,11 +70,12 @@ def cast(rays, origins, voxels, reach, step, free, surface):
     Args:
         rays: (N, 3) float64 directions of the rays in the grid's axes, scaled to a depth of 1.
         origins: (M, 3) float64 positions in voxels of the box; each ray is cast from each origin.
-        voxels: (nx, ny, nz) int8 log-odds of a box of the map; voxels outside the box are unknown.
+        voxels: (nx, ny, nz) int8 log-odds of the voxels in a box of the map; voxels outside the box are unknown.
         reach: maximum depth.
         step: depth between the samples of a ray.
-        free: (N,) float64, filled with depths.
-        surface: (N,) float64, filled with depths; infinite if the ray meets no surface from at least one origin.
+        free: (N,) float64, filled with the depths up to which the rays are free.
+        surface: (N,) float64, filled with the depths of the surfaces; infinite if the ray meets no surface from at
+            least one origin.
     """
     for n in range(len(rays)):
         free[n], surface[n] = np.inf, 0.0

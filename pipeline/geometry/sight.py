@@ -1,4 +1,4 @@
-"""Which cells of a grid are seen from others."""
+"""Visibility of cells of a grid from other cells."""
 
 from functools import cache
 
@@ -26,7 +26,8 @@ def ray_tree(reach: int) -> NDArray[np.int16]:
     """(N, 3) the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
 
     An entry consists of the offset of a cell and of the index of the next entry that does not lie behind this cell,
-    from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these.
+    from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these
+    cells.
     """
     across = np.arange(-reach, reach + 1)
     sides = [np.stack([across, np.full_like(across, end)], axis=1) for end in (-reach, reach)]

@@ -1,7 +1,7 @@
 """Compiled loops: lines of sight on a grid.
 
 A line to each cell's centre is exact. Rays to the rim of a square are many times faster, because they share their
-beginnings, and differ only at corners.
+first cells, and their results differ only at corners.
 """
 
 import numpy as np

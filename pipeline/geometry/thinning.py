@@ -21,7 +21,7 @@ def voxel_means(points: Places | Points, size: float) -> Places:
     """(M, 3) the mean of the points (N, 3) in each voxel of ``size`` m, in double precision.
 
     This is small_gicp's own thinning, for clouds that it registers; a :class:`VoxelCloud` has single precision, and
-    knows which points are in which voxel.
+    holds the voxel of each point.
     """
     if not len(points):
         return np.zeros((0, 3))
@@ -33,7 +33,7 @@ class VoxelCloud:
     """The mean of the points in each occupied voxel, in the order of the voxels' keys.
 
     Attributes:
-        points: the means.
+        points: (M, 3) mean of the points in each voxel.
         hits: (M,) uint32 number of points in each voxel.
         voxel_of_point: index of the voxel of each original point; M for points that are not finite or too far from
             the origin for a key.

@@ -1,4 +1,4 @@
-"""The voxels that contain points, found with a hash table: memory grows only with the number of these voxels."""
+"""The voxels that contain points, found with a hash table, whose memory grows only with their number."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,11 @@ from pipeline.geometry import voxel_hash_kernels as kernels
 
 
 def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> tuple[Indices, NDArray[np.int64]]:
-    """(N,) index of the voxel of each point (N, 3), in the order of the voxels' (M,) sorted keys, and these keys.
+    """(N,) index of the voxel of each point (N, 3) among the voxels' (M,) sorted keys, and these keys.
 
     The index is M for points that are not finite or too far from the origin for a key. ``per_unit`` is the number of
-    voxels per unit of the points' coordinates. It multiplies them in their own precision; dividing them beforehand
-    would round differently at the faces of voxels.
+    voxels per unit of the points' coordinates. The coordinates are multiplied by it in their own precision, because
+    dividing them beforehand would round differently at the faces of voxels.
     """
     of_point, keys = kernels.voxels_of(points, points.dtype.type(per_unit))
     order = keys.argsort()

@@ -1,15 +1,16 @@
 """A hash table of voxels with open addressing and linear probing.
 
-A key packs the three indices of a voxel, and keys sort as the indices do. A table has 2ⁿ slots; free ones are EMPTY.
+A key packs the three indices of a voxel, and keys are ordered like indices. A table has 2ⁿ slots; free ones are
+EMPTY.
 """
 
 import numpy as np
 from numba import int64, njit, uint64
 
 BITS = 21
-"""Bits of a key for each of a voxel's three indices."""
+"""Number of bits of a key for each of a voxel's three indices."""
 HALF = 1 << (BITS - 1)
-"""Limit of a voxel's indices: voxels this far from the origin or farther, along any axis, have no key."""
+"""Limit of a voxel's indices; a voxel at this distance from the origin or farther, along any axis, has no key."""
 EMPTY = -1
 NO_INDEX = -HALF
 """Index of a point without a voxel."""
@@ -60,7 +61,7 @@ def voxel_key(point, per_unit):
 
 @njit(cache=True, inline="always")
 def indices_of(point, per_unit):
-    """The indices of the voxel that contains the point (3,); the first is NO_INDEX if it is NaN or too far away."""
+    """Indices of the voxel that contains a point (3,); NO_INDEX comes first if the point is NaN or too far away."""
     i, j, k = np.floor(point[0] * per_unit), np.floor(point[1] * per_unit), np.floor(point[2] * per_unit)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(NO_INDEX), int64(0), int64(0)

@@ -1,1 +1,1 @@
-"""Localisation: where the robot is in ``map``."""
+"""Localisation: estimates the robot's pose in ``map``."""

@@ -1,4 +1,4 @@
-"""Agreement between frames and the map, from which a robot notices that it was carried elsewhere."""
+"""Agreement between frames and the map, which reveals whether the robot was carried elsewhere."""
 
 from collections.abc import Iterable
 from math import radians
@@ -17,22 +17,22 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
 DEPTH_TOLERANCE = 0.2
-"""Maximum difference between a measured depth and the map's, m: the diagonal of a voxel, 0.17, and noise."""
+"""Maximum difference between a measured and a mapped depth, m: the diagonal of a voxel, 0.17 m, plus noise."""
 POSE_ERROR = 0.1
-"""Error of the camera's position that is allowed for when a frame is compared with the map, m."""
+"""Assumed maximum error of the camera's position when a frame is compared with the map, m."""
 RAY_STEP = 0.25
-"""Depth between the samples of a ray, in voxels along the optical axis."""
+"""Spacing of the samples of a ray, voxels along the optical axis."""
 STILL_WAY, STILL_TURN = 0.02, radians(2)
-"""Maximum motion that the wheels measure between two frames if they are still, m and rad."""
+"""Maximum translation, m, and rotation, rad, that the wheels measure between two frames when they are still."""
 
 
 class Agreement(NamedTuple):
-    """Numbers of image tiles that the map explains or contradicts; unmapped tiles count as neither.
+    """Numbers of image tiles that the map explains or contradicts; unmapped tiles are in neither group.
 
     Attributes:
-        explained: tiles that show what the map predicts.
-        short: tiles that show something where the map has free space.
-        through: tiles that look through surfaces of the map.
+        explained: tiles that show a surface of the map.
+        short: tiles with returns where the map has free space.
+        through: tiles with returns behind the surfaces of the map.
         seen: tiles with returns.
         expected: tiles in which the map has a surface within the camera's range, with or without returns.
     """
@@ -45,7 +45,7 @@ class Agreement(NamedTuple):
 
     @classmethod
     def of(cls, parts: Iterable["Agreement"]) -> "Agreement":
-        """The sum over several images."""
+        """The numbers of tiles, summed over several images."""
         return cls(*(sum(counts) for counts in zip(*parts, strict=True)))
 
     @property
@@ -77,12 +77,14 @@ class Agreement(NamedTuple):
 def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreement:
     """Compare a frame with the map in front of the camera, tile by tile of the depth image.
 
-    A tile contradicts the map only if all returns in the window around it are nearer, or all farther, than all that
-    the map has there, whatever the pose error. Pose errors at edges and returns from dust therefore do not count.
+    A tile contradicts the map only if all returns in the window around it are nearer, or all are farther, than
+    everything that the map predicts there for any pose error up to ``POSE_ERROR``. Pose errors at edges and returns
+    from dust are therefore not taken for contradictions.
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
-    # Ignore voxels too near to measure: each fills more than a window, though it may hold only the end of a wall.
+    # Ignore voxels that are too near to measure, because each fills more than a window although it may contain only
+    # the end of a wall.
     sensor = frame.sensor
     nearest, farthest = sensor.nearest + sensor.margin, sensor.farthest - sensor.margin
     surface = np.where(surface < nearest, np.inf, surface)
@@ -98,10 +100,11 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreem
 
 
 def change(frame: Frame, last: Frame) -> Agreement | None:
-    """Compare a frame with the last one, tile by tile; with still wheels, only a carried robot sees another place.
+    """Compare a frame with the previous one, tile by tile; None if the wheels moved.
 
-    Returns None if the wheels moved. This helps where the map does not: in front of a wall too near for the camera, a
-    frame cannot contradict the map, but it lacks returns where the last frame had some.
+    If the wheels are still, only a carried robot sees another place. This comparison helps where one with the map
+    does not: in front of a wall that is too near for the camera, a frame cannot contradict the map, but it lacks
+    returns where the previous frame had some.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
     if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
@@ -114,7 +117,7 @@ def change(frame: Frame, last: Frame) -> Agreement | None:
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    # A window of ±2.7°, because the heading may be off by 2°
+    # A window of ±2.7°, because the heading may be off by 2°.
     return ndimage.minimum_filter(depths, 3)
 
 
@@ -141,11 +144,11 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: Pose, metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths that the map predicts at the centre of every tile (R, C), for a camera off by up to ``POSE_ERROR``.
+    """Depths that the map predicts at the centre of every tile, for camera positions off by up to ``POSE_ERROR``.
 
     Returns:
-        The smallest depth up to which space is free, and the largest at which the ray meets a surface, m along the
-        optical axis; the latter is infinite if the ray meets no surface from one of the positions.
+        (R, C) smallest depth up to which space is free, and (R, C) largest depth at which the ray meets a surface,
+        m along the optical axis; the latter is infinite if the ray from any of the positions meets no surface.
     """
     side = _side(frame)
     rows, columns = (n // side * side for n in frame.depth.shape)

@@ -1,8 +1,9 @@
 """The robot's belief about its motion and its position: a hidden Markov filter over five states.
 
 The states change at configured rates. Three observations distinguish them: how well a frame registers under the
-motion that each state implies, how far the frame agrees with the map, and whether the robot leans too far where the
-map is level. Each is a vector of log-likelihoods, so the order of independent observations does not matter.
+motion that each state implies, how well the frame agrees with the map, and whether the robot leans too far where the
+map is level. Each observation is a vector of log-likelihoods, so the order of independent observations does not
+matter.
 """
 
 from enum import IntEnum, auto
@@ -15,30 +16,30 @@ from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import BeliefConfig
 
 RECOVERY_WAY = 1.0
-"""Mean length of a slip, or of being held, as the wheels measure it, m."""
+"""Mean distance that the wheels measure during a slip, or while the robot is held, m."""
 TILES = 32
-"""Number of tiles in a row of an image, whose depths are compared with the map: for the Xtion, 1.8° each."""
+"""Number of tiles, 1.8° wide for the Xtion, in a row of an image; their depths are compared with the map."""
 CORRELATED_TILES = 9
-"""Number of tiles that count as one observation, since each is compared in a 3 × 3 window."""
+"""Number of tiles that are treated as one observation, because each is compared in a 3 × 3 window."""
 IMAGE_SHARE = 0.75
 """Number of tiles in an image divided by the square of ``TILES``, for an aspect ratio of 4:3."""
 PARTS = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
 """Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
-"""Probabilities that a tile for which the map predicts a surface shows it, or has no return, if the robot is where it
-believes it is. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.0002 of the tiles contradicted
-the map. Tiles without a return come in patches, where surfaces are dark or seen at a grazing angle, so they count for
-less."""
+"""Probabilities that a tile for which the map predicts a surface shows this surface, or has no return, if the robot
+is at its estimated pose. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and a fraction of 0.0002 of
+the tiles contradicted the map. Tiles without a return are clustered where surfaces are dark or seen at a grazing
+angle, so they have less weight."""
 SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE = 0.6, 0.2, 0.2
-"""Probabilities that such a tile agrees, contradicts the map or has no return in a frame taken elsewhere, as measured
-in 281 such frames."""
+"""Probabilities that such a tile agrees with the map, contradicts it or has no return in a frame taken elsewhere, as
+measured in 281 frames."""
 
 
 class MotionState(IntEnum):
     """How the robot moves."""
 
     NOMINAL = 0
-    """It moves as its odometry says."""
+    """It moves as its odometry reports."""
     SLIPPING = auto()
     """It moves, but no farther than its wheels measure."""
     HELD = auto()
@@ -50,11 +51,11 @@ class MotionState(IntEnum):
 
 
 class Belief:
-    """Probabilities of the five states.
+    """The robot's belief about its state of motion.
 
     Attributes:
         probabilities: (5,) probability of each :class:`MotionState`.
-        config: how often the motion goes wrong, and how much a frame says about the state.
+        config: rates of the transitions between states, and the required confidence.
     """
 
     def __init__(self, config: BeliefConfig = BeliefConfig()) -> None:
@@ -62,7 +63,7 @@ class Belief:
         self.restart()
 
     def restart(self) -> None:
-        """Become certain that the pose is right and the motion nominal."""
+        """Reset the belief to certainty that the pose is right and the motion nominal."""
         self.probabilities = np.eye(len(MotionState))[MotionState.NOMINAL]
 
     def predict(self, distance: float, seconds: float) -> None:
@@ -77,7 +78,7 @@ class Belief:
         self.probabilities = weights / weights.sum()
 
     def observe_lean(self) -> None:
-        """Update the belief because the robot leans too far where its map is level; maps are rarely so wrong."""
+        """Update the belief after the robot leaned too far where its map is level, an error that is rare in maps."""
         rare = 1 - self.config.confidence
         self.observe(np.log([rare, rare, rare, 1.0, 1.0]))
 
@@ -92,7 +93,7 @@ class Belief:
 
     @property
     def knows_place(self) -> bool:
-        """Whether the robot is almost surely neither carried nor blind; its pose then holds, even if wheels slip."""
+        """Whether the robot is almost certainly neither carried nor blind, so that its pose is valid despite slip."""
         return bool(self.probabilities[MotionState.CARRIED :].sum() <= 1 - self.config.confidence)
 
 
@@ -112,19 +113,28 @@ def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray
 
 
 def tiles_seen(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
-    """(5,) log-likelihoods of a frame, given how many tiles agree with the map, contradict it, or have no return."""
+    """(5,) log-likelihoods of a frame with these numbers of tiles.
+
+    Args:
+        explained, contradicted: numbers of tiles that agree with the map and that contradict it.
+        missing: number of tiles without a return although the map predicts one.
+        config: settings of the belief.
+    """
     here, elsewhere, blind = _by_place(explained, contradicted, missing, config)
     return place_bounded(np.array([here, here, here, elsewhere, blind]), config)
 
 
 def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
-    """Whether tiles show that frames were taken elsewhere; unlike one frame's, their evidence is not bounded."""
+    """Whether the tiles of several frames show that these were taken elsewhere.
+
+    Unlike the evidence of a single frame, this evidence is not bounded.
+    """
     here, elsewhere, _ = _by_place(explained, contradicted, 0, config)
     return bool(elsewhere - here > np.log(config.confidence / (1 - config.confidence)))
 
 
 def _by_place(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
-    """(3,) log-likelihoods of tiles if the robot is where it believes it is, is elsewhere, or is blind."""
+    """(3,) log-likelihoods of tiles if the robot is at its estimated pose, elsewhere, or blind."""
     rare = 1 - config.confidence
     here = SHOWN_HERE, rare, MISSING_HERE
     elsewhere = SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE
@@ -135,27 +145,36 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
 def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> float:
     """Log-likelihood ratio of a correct pose to a wrong one, from the fraction of points that fit.
 
-    An overlap that ``chance`` alone explains is no evidence for either: the other points may be new ground, or dust.
+    An overlap of up to ``chance`` is evidence for neither pose, because the other points may be new ground or dust.
     ``covered``: fraction of the image that the points cover.
     """
     return float(-np.log(chance) * covered * PARTS * max(0.0, overlap - chance))
 
 
 def likelihood_of_view(shown: float, covered: float) -> float:
-    """Log-likelihood of a frame that shows a fraction of the predicted surfaces, in a fraction of the image."""
+    """Log-likelihood of a frame that shows the fraction ``shown`` of the predicted surfaces.
+
+    ``covered``: fraction of the image that these surfaces cover.
+    """
     return float(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:
-    """Fraction of an image's tiles in which (N, 2) pixels, row and column, lie; ``width`` of the image in pixels."""
+    """Fraction of an image's tiles that contain any of (N, 2) ``pixels``.
+
+    Args:
+        pixels: (N, 2) row and column.
+        width: width of the image, pixels.
+    """
     row, column = (pixels * TILES // width).T
     return len(np.unique(row * TILES + column)) / (TILES**2 * IMAGE_SHARE)
 
 
 def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:
-    """(5,) log-likelihoods, bounded: no single frame makes the robot surer of its place than ``confidence``.
+    """(5,) log-likelihoods, bounded so that no single frame makes the robot surer of its place than ``confidence``.
 
-    All parts of a frame mislead together if something new is in view, or if another place looks the same.
+    The bound is needed because all parts of a frame mislead together if something new is in view, or if another place
+    looks the same.
     """
     bounded, in_place = log_likelihoods.copy(), log_likelihoods[: MotionState.CARRIED].max()
     odds = np.log(config.confidence / (1 - config.confidence))

@@ -13,23 +13,25 @@ from pipeline.transforms import angle_of, inverse
 
 @dataclass(frozen=True)
 class RegistrationConfig:
-    """How frames are turned into clouds, and how clouds are registered.
+    """How frames are converted to clouds, and how clouds are registered.
 
     Attributes:
         voxel: edge length of a voxel, m; clouds are thinned to the mean of the returns in each voxel.
         limit_pixels: side of a square of pixels, at half resolution. A return is left out if any depth in the square
             around it reaches the sensor's limit, which cuts off the far half of the noise. Otherwise, walls at the
-            limit came out 3 cm too near, and floors rose by 1 mm from keyframe to keyframe.
+            limit would appear 3 cm too near, and floors would rise by 1 mm from keyframe to keyframe.
         normal_neighbours: number of neighbours from which a point's normal is estimated.
-        widest, coarse, fine: maximum distances between corresponding points, m: at first when starting from a guess
-            alone, at first when starting from odometry, and at the end (two voxels).
+        widest, coarse, fine: maximum distances between corresponding points, m: initially when starting from a guess
+            alone, initially when starting from odometry, and finally (two voxels).
         rounds: number of iterations at each of these distances.
-        least_points: minimum number of points in the registered cloud and in the one that it is registered with.
-        surface_sigma: standard deviation of the distance between a pair's points perpendicular to the surface, m. The
-            noise of single points is smaller, but correlated within a keyframe, with which later ones are registered.
-        same_surface: minimum cosine between the normals of a pair on one surface.
-        least_strength: information below this fraction of the strongest direction's is treated as noise and left out.
-        lever: typical distance of what the robot sees, m; it converts errors of rotation into errors of position.
+        least_points: minimum number of points in each of the two clouds that are registered.
+        surface_sigma: standard deviation of the distance between corresponding points perpendicular to the surface,
+            m. The noise of single points is smaller, but it is correlated within each keyframe that later frames are
+            registered with.
+        same_surface: minimum cosine between the normals of corresponding points.
+        least_strength: information in a direction is treated as noise and left out if it is below this fraction of
+            that in the strongest direction.
+        lever: typical distance of the surfaces in view, m; it converts errors of rotation into errors of position.
         chance_overlap: fraction of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
             measured in 281 frames of other places. With less overlap, the wheels may have slipped, or a loop is
             doubtful.
@@ -52,7 +54,7 @@ class RegistrationConfig:
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
-        """InputError if nothing could be registered with these settings."""
+        """Raise InputError if nothing could be registered with these settings."""
         section = "localisation.registration"
         require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
         require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "least_points")
@@ -63,22 +65,24 @@ class OdometryConfig:
     """The noise of the odometry, and the systematic errors that are expected before the robot drives.
 
     Attributes:
-        gravity_sigma: standard deviation of a keyframe's roll and pitch, rad: the accelerometer's during a drive.
+        gravity_sigma: standard deviation of a keyframe's roll and pitch, rad, as the accelerometer measures them
+            during a drive.
         turn_sigma, turn_sigma_per_rad: standard deviation of the heading after a motion, rad, and its increase, rad
             per rad turned, including the random walk of the gyro's bias. For the simulated gyro, 2e-4 was measured.
-        way_sigma: standard deviation of the translation of skid-steered wheels after 1 m driven or 1 rad turned, m.
-            The errors are a random walk, so it grows with the square root of both. On level ground in four simulated
-            arenas, 0.004 was measured.
-        least_way: distance added to every motion, m, which gives even a robot at rest some noise.
-        slide_noise: standard deviation of a single slide, m per rad turned, multiplied by the sine of the tilt; 0.45
-            was measured on half ramps.
-        slide: mean downhill slide of a turning skid-steered robot on wood, in the same unit.
+        way_sigma: standard deviation of the measured translation after a skid-steered robot has driven 1 m or turned
+            by 1 rad, m. The errors are a random walk, so their variance is proportional to the distance plus the
+            angle. On level ground in four simulated arenas, 0.004 was measured.
+        least_way: distance added to every motion, m, so that even the motion of a robot at rest has some noise.
+        slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned; it is multiplied
+            by the sine of the tilt. On half ramps, 0.45 was measured.
+        slide: mean downhill slide of a turning skid-steered robot on wood, m per rad turned; it is multiplied by the
+            sine of the tilt.
         way_error_sigma, turn_error_sigma: standard deviations of the relative errors of distance, due to the tyres,
             and of rotation, from the data sheets of gyros.
-        centre_sigma: standard deviation of the distance of the centre of turns ahead of ``base_link``, m.
-        slide_sigma: standard deviation of the mean slide, in its unit.
+        centre_sigma: standard deviation of the distance from ``base_link`` forward to the centre of rotation, m.
+        slide_sigma: standard deviation of ``slide``, in the same unit.
         bias_sigma: standard deviation of the yaw rate's bias, rad/s.
-        slip_way: mean distance driven between two slips that go unnoticed, m.
+        slip_way: mean distance driven between two unnoticed slips, m.
     """
 
     gravity_sigma: float = radians(0.3)
@@ -96,7 +100,7 @@ class OdometryConfig:
     slip_way: float = 300.0
 
     def __post_init__(self) -> None:
-        """InputError if an error of the odometry is impossible."""
+        """Raise InputError if a standard deviation or distance is out of range."""
         section = "localisation.odometry"
         require_positive(section, self, "gravity_sigma", "turn_sigma", "way_sigma", "way_error_sigma")
         require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma", "slip_way")
@@ -109,12 +113,13 @@ class PoseGraphConfig:
 
     Attributes:
         fixed_sigma: standard deviation of the first keyframe's position and heading, m and rad.
-        least_information: added to each pose's information, 1/rad² and 1/m², so that nothing is undetermined.
+        least_information: information added to that of each pose, 1/rad² and 1/m², so that no direction is
+            undetermined.
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
-            systematic errors, which are weakly determined, hardly change the sum.
-        window: number of new keyframes after which the whole graph is solved; until then, the poses before the
-            newest ``2 * window`` keyframes stay. A constraint that contradicts their poses, such as a loop closure,
-            solves the whole graph at once.
+            systematic errors, which are weakly determined, hardly change the error.
+        window: number of new keyframes after which the whole graph is solved; until then, only the newest
+            ``2 * window`` poses are free. If a constraint such as a loop closure contradicts the fixed poses, the
+            whole graph is solved at once.
     """
 
     fixed_sigma: float = 1e-4
@@ -123,20 +128,21 @@ class PoseGraphConfig:
     window: int = 30
 
     def __post_init__(self) -> None:
-        """InputError if the graph could not be solved."""
+        """Raise InputError if the graph could not be solved."""
         require_positive("localisation.graph", self, "fixed_sigma", "least_information", "tolerance")
         require_at_least(1, "localisation.graph", self, "window")
 
 
 @dataclass(frozen=True)
 class BeliefConfig:
-    """How often the robot's motion goes wrong.
+    """How often the robot's motion deviates from its odometry, and when the robot is sure of its state.
 
     Attributes:
-        confidence: probability above which the robot is sure of its state; no single frame makes it surer.
-        fault_way: mean distance driven between two slips, m, and likewise between two times that the robot is held,
-            and between two losses of sight. No slip occurred in four recorded drives.
-        lift_time: mean time between two lifts of the robot, s; a mission of an hour has at most one.
+        confidence: probability above which the robot is sure of its state; no single frame makes it surer than this.
+        fault_way: mean distance driven between two slips, m, and likewise between two occasions on which the robot is
+            held or its camera sees nothing. No slip occurred in four recorded drives.
+        lift_time: mean time between two occasions on which the robot is lifted, s; a mission of an hour has at most
+            one.
     """
 
     confidence: float = 0.99
@@ -144,7 +150,7 @@ class BeliefConfig:
     lift_time: float = 3600.0
 
     def __post_init__(self) -> None:
-        """InputError if a rate would be infinite."""
+        """Raise InputError if a rate would be infinite."""
         require_positive("localisation.belief", self, "fault_way", "lift_time")
 
 
@@ -153,20 +159,24 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        least_fit: minimum fraction of the surfaces seen recently that lie on old ones, as far as these reach.
-        rival: maximum fit of any other place, relative to the best one; above it, the place is ambiguous.
-        pinned_deviation: the old surfaces must determine position and heading to within this deviation, m and rad.
-        sigma: standard deviation of a loop's pose, m, to which that by registration is added: surfaces that were seen
-            along some metres of path are not quite rigid.
-        most_through: maximum fraction of points that the new frame looks through, or that old frames looked through.
-        seen_through: a frame looks through a surface if it has a return more than this behind it, m.
+        least_fit: minimum fraction of the recently seen surfaces that lie on old ones; surfaces in a voxel next to an
+            old one count half.
+        rival: maximum fit of any other place, relative to that of the best one; above it, the place is ambiguous.
+        pinned_deviation: maximum standard deviation of the horizontal position and heading, m and rad, as the old
+            surfaces determine them.
+        sigma: standard deviation of a loop's pose in addition to that of its registration, m, because surfaces that
+            were seen along several metres of path are not quite rigid.
+        most_through: maximum fraction of the old points that the new frame looks through, and of the new points that
+            the old frame looked through.
+        seen_through: a frame looks through a surface if its return is more than this behind the surface, m.
         agreeing: minimum number of keyframes that find the same place.
-        apart: minimum distance between the first and the last of these, m.
-        remembered: number of keyframes after which a candidate no longer counts.
+        apart: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
+        remembered: number of keyframes after which a candidate is discarded.
         most_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
-        tolerance: allowed for between two candidates besides their uncertainty, m.
-        most_bent: maximum number of other constraints that a loop may contradict, as where the wheels have slipped.
-        contradiction: offset of a keyframe that never contradicts its loop, m, however certain the registration is.
+        tolerance: standard deviation that is allowed between two candidates in addition to their own uncertainty, m.
+        most_bent: maximum number of other constraints that a loop may contradict, such as those of slipping wheels.
+        contradiction: offset between a keyframe and its loop, m, that is never a contradiction, however certain the
+            registration is.
         confidence: probability that a correct loop is accepted.
     """
 
@@ -186,7 +196,7 @@ class LoopConfig:
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
-        """InputError if no loop could be closed."""
+        """Raise InputError if no loop could be closed."""
         section = "localisation.loops"
         require_positive(section, self, "least_fit", "pinned_deviation", "sigma", "seen_through")
         require_positive(section, self, "tolerance", "contradiction")
@@ -198,9 +208,10 @@ class SlamConfig:
     """How frames are localised relative to keyframes.
 
     Attributes:
-        local_deviation: keyframes with a smaller standard deviation relative to the reference, m, form the local map
-            that frames are registered with. The others can only be matched by a loop.
-        jump: odometry that measures a greater distance since the reference, m, has jumped and is ignored.
+        local_deviation: maximum standard deviation of a keyframe's position relative to the reference, m, for it to
+            belong to the local map that frames are registered with. Other keyframes are matched only by loop
+            closures.
+        jump: distance since the reference above which the odometry has jumped and is ignored, m.
         most_shares: maximum number of keyframes that a new one is connected to; the most informative are chosen.
     """
 
@@ -214,7 +225,7 @@ class TrajectoryConfig:
     """How long a recorded pose is valid.
 
     Attributes:
-        still_valid: maximum time before or after a pose for which it is used without interpolation, s.
+        still_valid: maximum time before or after a pose at which the pose is used without interpolation, s.
         longest_gap: maximum time between two poses that are interpolated, s.
     """
 
@@ -228,8 +239,8 @@ class PoseCheckConfig:
 
     Attributes:
         looks: number of views in the full turn that a robot makes when its pose is in doubt.
-        carried_way: a robot that is found farther than this from its estimated position was carried, m.
-        carried_turn: the same for its heading, rad.
+        carried_way: minimum distance between the estimated and the found position of a robot that was carried, m.
+        carried_turn: minimum angle between the estimated and the found heading of a robot that was carried, rad.
     """
 
     looks: int = 8
@@ -237,7 +248,7 @@ class PoseCheckConfig:
     carried_turn: float = radians(15)
 
     def __post_init__(self) -> None:
-        """InputError if the robot would not look."""
+        """Raise InputError if the robot would not look around."""
         require_at_least(1, "localisation.pose_check", self, "looks")
 
 
@@ -245,14 +256,14 @@ class PoseCheckConfig:
 class KeyframePolicy:
     """How keyframes are spaced.
 
-    A frame closer to a keyframe than this repeats it, if it shows no more.
+    A frame within this spacing of a keyframe repeats the keyframe if it shows nothing new.
 
     Attributes:
-        way: distance from the last keyframe at which a new one is due, m.
-        turn: rotation from the last keyframe at which a new one is due, rad.
-        on_ramps: fraction of both at which a new one is due on a ramp, where the robot slides.
-        labelled_every: a keyframe of a drive is labelled only if the number of keyframes before it is a multiple of
-            this, because the network is the slowest stage.
+        way: distance from the last keyframe at which a new one is taken, m.
+        turn: rotation from the last keyframe at which a new one is taken, rad.
+        on_ramps: fraction of both limits at which a new keyframe is taken on a ramp, where the robot slides.
+        labelled_every: interval between the labelled keyframes of a drive, in keyframes; not all are labelled,
+            because the network is the slowest stage.
     """
 
     way: float = 0.3
@@ -261,7 +272,7 @@ class KeyframePolicy:
     labelled_every: int = 6
 
     def __post_init__(self) -> None:
-        """InputError if keyframes cannot be spaced with these settings."""
+        """Raise InputError if keyframes cannot be spaced with these settings."""
         require_positive("localisation.keyframes", self, "way", "turn", "on_ramps")
         require_at_least(1, "localisation.keyframes", self, "labelled_every")
 
@@ -292,7 +303,7 @@ class LocalisationConfig:
     keyframes: KeyframePolicy = KeyframePolicy()
 
     def __post_init__(self) -> None:
-        """Check that odometry is not taken for a jump between two keyframes."""
+        """Raise InputError if the motion between two keyframes would be taken for a jump of the odometry."""
         way, jump = self.keyframes.way, self.slam.jump
         if not way < jump:
             raise InputError(

@@ -21,24 +21,24 @@ from pipeline.transforms import angle_of, from_rotation, inverse, transform_plac
 GUESS_SIGMA = 0.15
 """Standard deviation of the next frame's pose about a guess, rad and m."""
 IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA = 0.004, 0.008
-"""The same about the pose from visual odometry, rad and m; small, because along a plane GICP falsely measures no
-motion."""
+"""Standard deviations of the next frame's pose about that from visual odometry, rad and m; small, because along a
+plane GICP falsely measures no motion."""
 MIN_OVERLAP = 0.4
-"""Minimum fraction of a frame's points that were seen before, unless its image shows the motion."""
+"""Minimum fraction of a frame's points that must have been seen before, unless its image shows the motion."""
 MAX_BLIND = 30
 """Maximum number of consecutive frames with too few returns to register and no visual odometry; with more, the pose
 is lost."""
 KEPT_WAY, KEPT_TURN = 0.15, radians(7.5)
-"""m and rad. The surfaces of a frame are kept if the camera has moved or turned this far since the last such frame,
-so that the next frames overlap with them."""
+"""Minimum distance, m, or angle, rad, between frames whose surfaces are kept; small, so that the next frames overlap
+with them."""
 MAX_CORNERS, MIN_CORNERS = 400, 20
-"""Maximum number of corners, and minimum number that agree on a motion; at least half of the tracked ones must."""
+"""Maximum number of corners to track, and minimum number that agree on a motion; half of those tracked must agree."""
 CORNER_QUALITY = 0.01
 """Minimum quality of a corner relative to the strongest."""
 CORNER_SPACING = 8
 """Minimum distance between two corners, pixels."""
 PIXEL_ERROR = 2.0
-"""Maximum error of a corner, pixels, both against the motion and after tracking it there and back."""
+"""Maximum reprojection error of a corner, and maximum error after tracking it to the next image and back, pixels."""
 
 
 class DepthOdometry:
@@ -60,7 +60,8 @@ class DepthOdometry:
         """``T_odom_base`` of the next frame.
 
         Raises:
-            LostError: the frame overlaps too little with earlier ones, or too many frames in a row have no depth.
+            LostError: the frame overlaps too little with earlier ones, or too many consecutive frames have neither
+                enough depth nor visual odometry.
         """
         registration = self._config.registration
         cloud, by_image = cloud_of_frame(frame, registration), self._by_image(frame)
@@ -86,7 +87,7 @@ class DepthOdometry:
         return self._T
 
     def _by_image(self, frame: Frame) -> Pose | None:
-        """Pose from visual odometry since the last frame that showed surfaces; None if that fails."""
+        """Pose from visual odometry since the last frame that showed surfaces; None if visual odometry fails."""
         if self._shown is None:
             return None
         last, T = self._shown
@@ -97,7 +98,8 @@ class DepthOdometry:
         """The best-fitting pose and the target that it was registered with, or None if the image alone gave the pose.
 
         Registration starts at the pose from visual odometry, which is kept if no earlier points are near. Without it,
-        or if surfaces contradict it, registration starts both at the last pose and at a repeated last motion.
+        or if surfaces contradict it, registration starts both at the last pose and at the pose that would follow if
+        the last motion were repeated.
         """
         if by_image is not None:
             sigmas = np.repeat([IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA], 3)

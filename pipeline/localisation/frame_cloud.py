@@ -1,4 +1,4 @@
-"""The cloud of a frame, as it is registered."""
+"""The point cloud of a frame for registration."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from pipeline.transforms import transform_points
 
 
 def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.PointCloud | None:
-    """The frame's returns in ``base_link``, thinned; None if there are too few."""
+    """The frame's returns in ``base_link``, thinned and with normals; None if there are too few."""
     depth = frame.depth[::2, ::2]
     returns = depth > 0
     farthest = frame.sensor.farthest

@@ -1,4 +1,4 @@
-"""Statistical tests."""
+"""Thresholds of statistical tests."""
 
 from functools import cache
 
@@ -7,5 +7,8 @@ from scipy.special import chdtri  # scipy.stats.chi2 takes half a second to impo
 
 @cache
 def chi2_gate(dimensions: int, confidence: float) -> float:
-    """Squared Mahalanobis distance that a Gaussian of these ``dimensions`` stays within with ``confidence``."""
+    """Squared Mahalanobis distance within which a Gaussian variable lies with the probability ``confidence``.
+
+    ``dimensions``: number of dimensions of the variable.
+    """
     return float(chdtri(dimensions, 1 - confidence))

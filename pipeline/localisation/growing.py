@@ -1,4 +1,4 @@
-"""Arrays that grow at their end without copying what they hold each time."""
+"""Arrays that grow at their end without being copied for every new row."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class GrowingArray:
-    """An array to which rows are appended; the space for them doubles when it is full."""
+    """An array to which rows are appended; its capacity doubles when it is full."""
 
     def __init__(self, *shape: int, dtype: type[np.generic] = np.float64) -> None:
-        """``shape``: of a single row."""
+        """``shape``: shape of a single row."""
         self._space: NDArray[Any] = np.zeros((16, *shape), dtype)
         self._length = 0
 

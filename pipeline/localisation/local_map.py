@@ -30,7 +30,7 @@ class LocalMap:
         self._owner = GrowingArray(dtype=np.int64)
         self._at = GrowingArray(3)
         self._facing = GrowingArray(3)
-        self._placed = np.zeros((0, 4, 4))  # the poses with which the points are in ``map``
+        self._placed = np.zeros((0, 4, 4))  # the poses with which the points were transformed to ``map``
 
     @property
     def points(self) -> Places:
@@ -81,7 +81,7 @@ class LocalMap:
         """The map's points that face the camera, within ``margin`` m of the box around ``points``; None if too few.
 
         A wall has two sides, of which one faces the camera. ``owners``: whether each keyframe's points may be used.
-        ``weight``: of each keyframe's points.
+        ``weight``: weight of each keyframe's points.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         at, normals, near = self._at.values, self._facing.values, self._within(low, high, owners)
@@ -123,7 +123,7 @@ class LocalMap:
         return near[owners[self.owner[near]]]
 
     def all_points(self) -> Points:
-        """All points."""
+        """All points, transformed to ``map``."""
         return self._at.values.astype(np.float32)
 
 

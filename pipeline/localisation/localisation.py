@@ -1,4 +1,4 @@
-"""The interface of localisation."""
+"""The interface of localisation methods, and the data that they return."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,10 +14,10 @@ from pipeline.transforms import POSE, are_poses
 
 @dataclass(frozen=True, eq=False)
 class Localised:
-    """A frame and where it was taken.
+    """A frame and the pose at which it was taken.
 
     Attributes:
-        frame: what the camera saw.
+        frame: the frame that was localised.
         T_map_base: pose of ``base_link`` at the frame's time.
         repeats: whether the frame adds nothing, because a keyframe at the same pose has seen all that it shows.
     """
@@ -51,9 +51,9 @@ class OdometryErrors:
     """Systematic errors of the odometry.
 
     Attributes:
-        errors: (5,) relative errors of distance and of rotation, the distance of the centre of turns ahead of
-            ``base_link``, m, the downhill slide, m per rad turned, multiplied by the sine of the tilt, and the bias
-            of the yaw rate, rad/s.
+        errors: (5,) relative errors of distance and of rotation; distance from ``base_link`` forward to the centre
+            of rotation, m; downhill slide, m per rad turned, to be multiplied by the sine of the tilt; bias of the
+            yaw rate, rad/s.
         covariance: (5, 5) covariance of the errors.
     """
 
@@ -90,7 +90,7 @@ class SavedKeyframes:
 
 
 class LostError(Exception):
-    """The robot's pose is unknown; the message says why."""
+    """The robot's pose is unknown; the message states the reason."""
 
 
 class Localisation(Protocol):

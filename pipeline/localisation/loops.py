@@ -1,9 +1,9 @@
 """Loop closures: keyframes that revisit a place whose position is too uncertain to register frames with it directly.
 
-A single registration may be wrong: two corners look alike, or a frame shows too little. A loop is therefore closed
-only once several keyframes along the way have found the old surfaces in the same place (pairwise consistency;
+A single registration may be wrong, because two corners look alike or a frame shows too little. A loop is therefore
+closed only once several keyframes along the path have found the old surfaces in the same place (pairwise consistency;
 Mangelson et al., "Pairwise consistent measurement set maximization", 2018). It is removed again if the solved graph
-contradicts it, or if it contradicts others.
+contradicts it, or if it contradicts too many other constraints.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from pipeline.transforms import inverse, transform_points
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A keyframe that may have come back to the place of an older one.
+    """A keyframe that may have returned to the place of an older one.
 
     Attributes:
         keyframe: index of the keyframe.
         first: index of the older keyframe.
         T_first_base: pose of the keyframe relative to the older one, as registered.
-        covariance: covariance of that pose, in its tangent space.
+        covariance: covariance of this pose, in its tangent space.
     """
 
     keyframe: int
@@ -59,17 +59,18 @@ class Loops:
 
     @property
     def is_due(self) -> bool:
-        """Whether a loop was confirmed and will be closed by the next correction."""
+        """Whether a loop was confirmed and will be closed by the next optimisation."""
         return bool(self._confirmed)
 
     def propose(self, candidate: Candidate) -> None:
-        """Propose the newest keyframe's registration as a loop; it is confirmed if enough others agree with it."""
+        """Propose the newest keyframe's registration as a loop, which is confirmed if enough candidates agree."""
         config, oldest = self._config, candidate.keyframe - self._config.remembered
         self._candidates = [c for c in self._candidates if c.keyframe >= oldest]
         agree = [c for c in self._candidates if self._agree(c, candidate)]
         disagree = len(self._candidates) - len(agree)
         self._candidates.append(candidate)
-        # Neighbours see the same, so that the same alias may mislead them: the robot must have moved between them.
+        # Neighbouring keyframes see the same surfaces, and the same alias may mislead them, so the robot must have
+        # moved between them.
         moved = np.ptp([self._graph.poses[c.keyframe][:3, 3] for c in (*agree, candidate)], axis=0)
         is_enough = 1 + len(agree) >= config.agreeing and np.linalg.norm(moved) >= config.apart
         if is_enough and disagree <= config.most_disagreeing * len(agree):
@@ -77,7 +78,7 @@ class Loops:
             self._candidates.clear()
 
     def close(self) -> None:
-        """Add a confirmed loop to the graph, which its next solution closes."""
+        """Add a confirmed loop to the graph, whose next optimisation closes it."""
         graph = self._graph
         if self._confirmed:
             self._fitted = self._fits()
@@ -90,9 +91,10 @@ class Loops:
             graph.is_unsettled = True
 
     def take_back(self) -> bool:
-        """Remove the loops that the solved graph contradicts; returns whether there were any.
+        """Remove the loops that the solved graph contradicts, and return whether there were any.
 
-        If the newest loop has made constraints worse that fitted before, it is false, however well it fits itself.
+        The newest loop is also removed if too many constraints that fitted before do not fit with it, however well it
+        fits itself.
         """
         false = [c for c in self._counted if self._is_contradicted(c)]
         if self._confirmed:
@@ -108,7 +110,7 @@ class Loops:
         return bool(false)
 
     def _fits(self) -> NDArray[np.bool_]:
-        """Which constraints the current poses fulfil."""
+        """(N,) which constraints the current poses fulfil."""
         return self._graph.chi2() <= chi2_gate(6, self._config.confidence)
 
     def _agree(self, first: Candidate, second: Candidate) -> bool:
@@ -136,9 +138,9 @@ class Loops:
 
 
 def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
-    """Fraction of the points in view that a frame looks through, with a return ``margin`` m behind; 0 without points.
+    """Fraction of the points in view with a return more than ``margin`` m behind them; 0 if no points are in view.
 
-    At a wrong pose, a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
+    At a wrong pose, a frame looks through known surfaces. ``T_map_base``: assumed pose of the robot.
     """
     _, z, depth = in_view(frame, T_map_base, points)
     in_reach = (z > frame.sensor.nearest) & (z < frame.sensor.farthest)

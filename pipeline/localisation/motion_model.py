@@ -1,8 +1,8 @@
 """The robot's motion from odometry, corrected for the systematic errors that the pose graph has estimated so far.
 
-The gyro's scale, the radius of the tyres, the centre of turns, and how far the robot slides when it turns on a slope
-are constants that no data sheet gives accurately enough. They are variables of the pose graph, so every return to a
-known place corrects them, and all earlier motions with them.
+The gyro's scale, the radius of the tyres, the centre of rotation, and the slide of a robot that turns on a slope are
+constants that no data sheet gives accurately enough. They are variables of the pose graph, so every return to a known
+place corrects them, and all earlier motions with them.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from pipeline.localisation.localisation import OdometryErrors
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
 POSE, ERRORS = slice(6), slice(6, None)
-"""Slices of a joint covariance (11, 11) of a pose and of the systematic errors."""
+"""Slices of the pose and of the systematic errors in their joint covariance (11, 11)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class MeasuredMotion:
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
     def without(self, errors: Values) -> Pose:
-        """The motion, corrected for systematic errors (5,)."""
+        """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (5,)."""
         R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix()
         return from_rotation(R, self.T[:3, 3] + self.moves @ errors)
 
@@ -70,14 +70,14 @@ class MeasuredMotion:
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
 
     def noise(self, config: OdometryConfig) -> Covariance:
-        """Covariance of the pose after the motion, without that of the systematic errors."""
+        """Covariance of the pose after the motion, without the part due to the systematic errors."""
         way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))
         vertical = np.outer(self.up, self.up)
         tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
         slide = config.slide_noise * slope * turn
         translation = config.way_sigma**2 * (way + turn + config.least_way) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
-        # Once in a while the wheels slip unnoticed, anything up to the whole distance.
+        # Occasionally, the wheels slip unnoticed, by up to the whole distance.
         slip = way / config.slip_way * np.outer(self.T[:3, 3], self.T[:3, 3]) / 3
         return np.asarray(block_diag(heading + tilt, translation * np.eye(3) + slip))
 
@@ -90,7 +90,7 @@ class Prediction:
         motion: motion since the reference.
         T_map_base: predicted pose.
         covariance: (11, 11) of the pose relative to the map, in its tangent space, and of the systematic errors.
-        step: covariance of the pose from the motion alone, as if the pose before it were exact.
+        step: covariance of the pose from the motion alone, as if the pose before the motion were exact.
     """
 
     motion: MeasuredMotion
@@ -122,10 +122,11 @@ class MotionModel:
     def take(self, prediction: Prediction, information: Information | None) -> None:
         """Continue from a predicted pose, whose covariance follows from the motion and from registration.
 
-        ``information``: that of the registered surfaces; None if nothing was registered.
+        ``information``: information of the pose from registration; None if nothing was registered.
 
-        Errors accumulate only while nothing is registered. Even in directions that surfaces do not determine, as
-        along a corridor, a pose is only as uncertain as the last motion, relative to what the last keyframe saw.
+        Errors accumulate only while nothing is registered. Even in directions that surfaces do not determine, such as
+        along a corridor, a pose is only as uncertain, relative to the surfaces that the last keyframe saw, as the
+        last motion.
         """
         if information is None:
             self._covariance = prediction.covariance
@@ -137,6 +138,6 @@ class MotionModel:
         self._covariance = block_diag(covariance, self._covariance[ERRORS, ERRORS])
 
     def learn(self, odometry: OdometryErrors) -> None:
-        """Correct motions from now on for newly estimated systematic errors of the odometry."""
+        """Correct all further motions for newly estimated systematic errors of the odometry."""
         self.errors = odometry.errors
         self._covariance = block_diag(self._covariance[POSE, POSE], odometry.covariance)

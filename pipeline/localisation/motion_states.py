@@ -1,4 +1,4 @@
-"""Whether a frame shows that the robot moved as measured, slipped, or was held where it was."""
+"""Likelihoods of a frame if the robot moved as measured, slipped, or was held in place."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from pipeline.localisation.loops import in_view
 from pipeline.localisation.registration import Prior, Registration, Target, exponential, register
 
 HELD_SIGMA = 0.02
-"""Standard deviation of the position of a robot that is held, m, and of one that slips across its direction."""
+"""Standard deviation of the position of a robot that is held, m, and of the sideways position of one that slips."""
 
 
 def log_likelihoods(
@@ -22,10 +22,11 @@ def log_likelihoods(
 ) -> Values:
     """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
 
-    They are compared by how many of the old points that should be in view are shown. The fraction of a frame's points
-    that were seen before says less: along a corridor, a robot that has moved shows new ground, while at its old place
-    everything would have been seen before. The best one gets the stronger of two kinds of evidence that the robot is
-    where it registers at all, because new ground weakens one kind, and hidden old ground the other.
+    The registrations are compared by the fraction of the old points in view that the frame shows. The fraction of the
+    frame's points that were seen before is less informative, because along a corridor, a robot that has moved sees
+    new ground, whereas at its old place it would see only known ground. All registrations share the strongest
+    evidence that one of them is correct; two kinds of evidence are used, because new ground weakens one, and hidden
+    old ground the other.
     """
     chance = config.chance_overlap
     compared, evidence = np.empty(len(found)), []
@@ -47,9 +48,10 @@ def otherwise(
     frame: Frame,
     config: LocalisationConfig,
 ) -> dict[MotionState, tuple[Prior, Registration]]:
-    """Register a frame as if the robot had stayed at ``T_map_base``, or had slipped: no farther than measured.
+    """Register a frame as if the robot had stayed at ``T_map_base``, and as if it had slipped.
 
-    For a slip, the registration is started from both the previous position and that of the odometry.
+    For a slip, which moves the robot no farther than measured, registration starts from both ``T_map_base`` and the
+    pose of the odometry.
     """
     held, slips = held_or_slipping(odometry, T_map_base)
 
@@ -78,7 +80,10 @@ def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
 
 
 def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
-    """A prior of roll and pitch alone, with ``sigma`` rad: the pose, rotated to the vertical of the odometry."""
+    """A prior of roll and pitch alone, with a standard deviation of ``sigma`` rad.
+
+    Its mean is the pose ``T``, rotated so that its vertical is that of the odometry.
+    """
     up = frame.T_odom_base[2, :3]
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
     tilt = (np.eye(3) - np.outer(up, up)) / sigma**2

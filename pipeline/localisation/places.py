@@ -1,8 +1,8 @@
-"""Finds where among surfaces seen long ago the robot is, if its position relative to them is uncertain.
+"""Finds the robot among surfaces seen long ago, if its position relative to them is uncertain.
 
-All that was seen recently around the robot, not just one frame, is compared with the old surfaces at every position
-and heading that the uncertainty allows (Olson, "Real-time correlative scan matching", 2009). A place counts only if
-no other one within that range fits nearly as well.
+All surfaces seen recently around the robot, not only those of one frame, are compared with the old surfaces at every
+position and heading that the uncertainty allows (Olson, "Real-time correlative scan matching", 2009). A place is
+accepted only if no other place within this range fits nearly as well.
 """
 
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ RADIUS = 4.0
 VOXEL = 0.1
 """Edge length of the voxels in which surfaces are compared, m."""
 UPRIGHT = 0.5
-"""Maximum vertical component of the normals of the surfaces compared; level ground is alike everywhere."""
+"""Maximum vertical component of the normals of compared surfaces; level ground looks the same everywhere."""
 PATCH, MIN_PATCHES, MAX_PATCHES = 0.15, 80, 400
 """Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is
 drawn at random if there are more."""
 BESIDE = 0.5
-"""Score of a patch in a voxel beside one that holds an old surface; in the voxel itself, the score is 1."""
+"""Score of a patch in a voxel next to one that contains an old surface; in the latter voxel, the score is 1."""
 SIGMAS = 3.0
 """The search covers this many standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
@@ -35,7 +35,7 @@ STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
 WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
 """Maximum range of the search, m and rad."""
 SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)
-"""Two fits closer together than this, m and rad, are one place."""
+"""Two fits closer together than this, m and rad, are of one place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class FoundPlace:
     """The place that fits best.
 
     Attributes:
-        T_move: how the robot's pose in ``map`` must be moved, on the left.
+        T_move: correction of the robot's pose in ``map``, to be multiplied from the left.
         fit: mean score of the patches there; 1 if all lie on old surfaces.
         rival: ``fit`` of the second-best place; 0 if there is none.
     """
@@ -54,7 +54,7 @@ class FoundPlace:
 
 
 def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values) -> FoundPlace | None:
-    """Where the surfaces seen recently fit the old ones best; None if there are too few.
+    """The place where recently seen surfaces fit the old ones best; None if there are too few surfaces.
 
     Args:
         recent, old: surfaces in ``map``.
@@ -106,7 +106,7 @@ def _around(reach: float, step: float) -> Values:
 
 
 def _field(points: Places, lower: Values, upper: Values) -> NDArray[np.uint8]:
-    """The voxels in a box: 2 if they contain a point, 1 if they touch one that does, else 0."""
+    """(nx, ny, nz) uint8 voxels of a box: 2 if they contain a point, 1 if they touch a voxel that does, else 0."""
     cells = np.floor((points - lower) / VOXEL).astype(np.int64)
     shape = np.ceil((upper - lower) / VOXEL).astype(np.int64) + 2
     inside = ((cells >= 0) & (cells < shape)).all(axis=1)

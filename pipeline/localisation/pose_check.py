@@ -1,6 +1,6 @@
-"""Checks whether the robot is where it believes it is, and finds it if it was carried elsewhere.
+"""Checks whether the robot is at its estimated pose, and relocalises the robot if it was carried elsewhere.
 
-Nothing here moves the robot: a check that needs another view asks its caller, who turns the robot and senses.
+This module does not move the robot: a check that needs another view requests the view from its caller.
 """
 
 from collections.abc import Callable
@@ -24,11 +24,11 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import angle_of, inverse, yaw_of
 
 BLIND_TURN = tau
-"""A camera that shows nothing during a turn of this size, rad, although the map predicts returns, is broken."""
+"""Rotation, rad, after which a camera without any returns, although the map predicts some, has failed."""
 
 
 class Confirmed(NamedTuple):
-    """A pose that can be relied on.
+    """A pose that is known to be right.
 
     Attributes:
         localised: the newest frame and its pose.
@@ -40,7 +40,7 @@ class Confirmed(NamedTuple):
 
 
 Turn = Callable[[float], Localised | None]
-"""Turns the robot by an angle, rad, and returns the frame seen then; None if the robot could not turn."""
+"""Turns the robot by an angle, rad, and returns the localised next frame; None if the robot could not turn."""
 
 
 class PoseCheck:
@@ -93,7 +93,7 @@ class PoseCheck:
                 self.compare(localised)
         if self._belief.knows_place and not self._is_lost:
             return Confirmed(localised, None)
-        # It is wrong, or unknown: collect views until the robot is found on the map.
+        # The pose is wrong or unknown: collect views until the robot is found on the map.
         relocalisation = Relocalisation(self._robot, config=self._all)
         for _ in range(self._config.looks):
             relocalisation.add(localised.frame)
@@ -113,8 +113,9 @@ class PoseCheck:
         """Update the belief with a frame, compared with the map, and with the last frame if the wheels were still.
 
         A changed view shows that the robot was carried even if the new place looks as the map predicts, so both
-        comparisons are one observation; an unchanged view only says that it was not carried since the last frame.
-        During a drive, the camera passes surfaces too near for it, so tiles without a return are ignored.
+        comparisons form one observation; an unchanged view shows only that the robot was not carried since the last
+        frame. During a drive, the camera passes surfaces that are too near to measure, so tiles without a return are
+        ignored.
         """
         if not self._localisation.may_err:
             return
@@ -126,13 +127,14 @@ class PoseCheck:
         belief.observe(found.log_likelihoods(config))
 
     def doubt(self) -> None:
-        """Doubt the pose, or the map, because the robot leaned too far with no mapped ramp nearby."""
+        """Doubt the pose or the map, because the robot has leaned too far with no mapped ramp nearby."""
         self._belief.observe_lean()
 
     def check_depth(self, localised: Localised) -> None:
-        """Raise LostError if the camera measures nothing in a turn, or on a drive longer than its minimum range.
+        """Raise LostError if the camera measures no depth in a full turn, or on a drive longer than its near limit.
 
-        A frame counts only if the map predicts returns in it, or if the camera has not seen anything yet.
+        A frame without returns is ignored if the map predicts too few, unless the camera has not measured any depth
+        yet.
         """
         frame = localised.frame
         if frame.returns.any():

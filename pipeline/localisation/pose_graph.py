@@ -1,10 +1,10 @@
 """The pose graph: the keyframe poses that best fit the constraints from odometry, gravity and registration.
 
 The poses minimise the whitened residuals of all constraints (Grisetti et al., "A tutorial on graph-based SLAM", 2010)
-by Gauss-Newton steps. Any constraint may be wrong: wheels slip, and registration errs. The loss is therefore that of
-Geman and McClure, and each step weighs a constraint by how well it fits. How uncertain the poses are relative to each
-other follows from samples of their distribution (Papandreou and Yuille, "Gaussian sampling by local perturbations",
-2010).
+by Gauss-Newton steps. Any constraint may be wrong, because wheels slip and registration errs. The loss is therefore
+that of Geman and McClure, and each step weights a constraint by how well it fits. The uncertainty of the poses
+relative to each other follows from samples of their distribution (Papandreou and Yuille, "Gaussian sampling by local
+perturbations", 2010).
 
 Tangent vectors hold rotation before translation and act on the right: T · (Exp(δ_r), δ_t).
 """
@@ -30,26 +30,26 @@ from pipeline.transforms import orthonormal
 ERRORS = 5
 """Number of systematic errors of the odometry."""
 SAMPLES = 64
-"""Number of samples of the poses' distribution; they give a standard deviation to 9%."""
+"""Number of samples of the poses' distribution; they determine a standard deviation to within 9%."""
 MAX_STEPS = 30
-"""Maximum number of Gauss-Newton steps; they are a few unless a loop moves the poses far."""
+"""Maximum number of Gauss-Newton steps; a few are enough unless a loop closure moves the poses far."""
 SMALLEST_STEP = 2.0**-10
-"""A step that increases the error even when it is shortened to this fraction is not taken."""
+"""Minimum fraction to which a step is shortened; if the error still increases, the step is not taken."""
 SLOW = 0.25
-"""A step that decreases the error by more than this fraction of what the step before did calls for new factors."""
+"""Ratio of the decreases of the error by two successive steps above which the information is factorised again."""
 LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
-"""Factors of the distance from which a constraint loses its weight, one after another where poses may move far
+"""Factors of the squared residual at which a constraint loses its weight, used in turn where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
 
 COARSE_TOLERANCE = 1e-3
-"""Tolerance of all but the last of these solutions, each of which the next one improves."""
+"""Tolerance of the solutions with all of these factors but the last, because each solution only starts the next."""
 
 
 class Kind(IntEnum):
     """The source of a constraint."""
 
     MOTION = 0
-    """A motion that is not known from odometry alone, as when the robot slipped, was carried, or repeated a place."""
+    """The robot's motion from one keyframe to the other, from odometry where that can be trusted."""
     SURFACE = auto()
     """Registration with surfaces that another keyframe saw first."""
     GROUND = auto()
@@ -64,8 +64,8 @@ class Constraints(NamedTuple):
     Attributes:
         first, second: indices of the keyframes.
         T: measured pose of the second in the frame of the first.
-        whitening: (N, 6, 6) square root of the information, which scales every residual's deviation to 1.
-        turn, moves, turns, jacobian: of motions from odometry, see :class:`MeasuredMotion`; 0 for all others.
+        whitening: (N, 6, 6) square root of the information, which scales every residual's standard deviation to 1.
+        turn, moves, turns, jacobian: values of the :class:`MeasuredMotion` from odometry; 0 for other constraints.
     """
 
     first: Indices
@@ -78,7 +78,7 @@ class Constraints(NamedTuple):
     jacobian: NDArray[np.float64]
 
     def some(self, chosen: Mask | Indices) -> "Constraints":
-        """A selection of the constraints."""
+        """The constraints that a mask or indices select."""
         values: list[NDArray[Any]] = [of_all[chosen] for of_all in self]
         return Constraints(*values)
 
@@ -91,11 +91,11 @@ class Constraints(NamedTuple):
         return np.asarray((self.whitening @ np.concatenate([rotation[..., None], moved], axis=1))[..., 0])
 
     def chi2(self, poses: Poses, errors: Values) -> Values:
-        """(N,) squared, whitened deviation from each constraint."""
+        """(N,) squared whitened deviation of the poses from each constraint."""
         return np.asarray(np.square(self.residuals(poses, errors)).sum(axis=1))
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Jacobians (N, 6, 6 or 5) of the residuals near 0, w.r.t. the first pose, the second and the errors."""
+        """Jacobians (N, 6, 6 or 5) of residuals near 0, w.r.t. the first pose, the second pose and the errors."""
         before = adjoints(inverses(relative(poses, self.first, self.second)))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
 
@@ -129,8 +129,8 @@ class PoseGraph:
     Attributes:
         poses: current estimate of every keyframe's ``T_map_base``.
         odometry: current estimate of the odometry's systematic errors.
-        dropped: number of constraints that were not numbers and were left out.
-        is_unsettled: whether the poses may be far from the best ones, as when a loop was closed or removed.
+        dropped: number of constraints that were left out because they were not finite.
+        is_unsettled: whether the poses may be far from the optimum, for example after a loop was closed or removed.
     """
 
     def __init__(self, config: LocalisationConfig) -> None:
@@ -165,7 +165,7 @@ class PoseGraph:
 
     @property
     def ups(self) -> Directions:
-        """(K, 3) the vertical in each keyframe's ``base_link``, from the odometry."""
+        """(K, 3) unit vectors of the vertical in each keyframe's ``base_link``, from the odometry."""
         return self._ups.values
 
     @property
@@ -193,15 +193,15 @@ class PoseGraph:
         self._fixed = self._solved = len(self)
 
     def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: Kind) -> None:
-        """Add a constraint: the pose of keyframe j, given the current pose of keyframe i.
+        """Add a constraint on the pose of keyframe j relative to the current pose of keyframe i.
 
-        A constraint that is not a number is left out and counted as ``dropped``. One that determines nothing is left
-        out, too.
+        A constraint that is not finite is left out and counted in ``dropped``. A constraint without information is
+        left out, too.
 
         Args:
             i, j: indices of the keyframes.
             T_map_base: pose of keyframe j.
-            information: information of that pose, in its tangent space.
+            information: information of this pose, in its tangent space.
             kind: source of the constraint.
         """
         if not (np.isfinite(T_map_base).all() and np.isfinite(information).all()):
@@ -217,7 +217,7 @@ class PoseGraph:
         self._append(i, j, T, whitening, turn, *nothing, kind=kind)
 
     def drive(self, motion: MeasuredMotion) -> None:
-        """Add the odometry's motion from the previous keyframe to the newest one."""
+        """Add a constraint from the odometry's motion between the previous keyframe and the newest one."""
         k, whitening = len(self) - 1, np.linalg.inv(np.linalg.cholesky(motion.noise(self._config.odometry)))
         self._append(
             k - 1, k, motion.T, whitening, motion.turn, motion.moves, motion.turns, motion.jacobian,
@@ -230,15 +230,15 @@ class PoseGraph:
         self._kinds.append(kind)
 
     def remove(self, chosen: Mask) -> None:
-        """Remove constraints (N,)."""
+        """Remove the constraints that a mask (N,) selects."""
         for row in (*self._rows, self._kinds):
             row.values = row.values[~chosen]
         self._settled, self.is_unsettled = len(self._kinds), True
 
     def extend_samples(self, reference: int, covariance: Covariance) -> None:
-        """Set the ``covariance`` of the newest keyframe's pose relative to another one.
+        """Draw samples of the newest keyframe's pose, which has this ``covariance`` relative to a ``reference``.
 
-        :meth:`optimise` replaces it by that from all constraints.
+        :meth:`optimise` replaces them by samples that follow from all constraints.
         """
         k = len(self) - 1
         (T,) = adjoints(relative(self.poses, np.array([k]), np.array([reference])))
@@ -249,14 +249,14 @@ class PoseGraph:
     def relative_samples(self, keyframe: int, others: Indices | slice = slice(None)) -> NDArray[np.float64]:
         """(K, 6, S) samples of the error of other keyframes relative to a keyframe, in its tangent space.
 
-        They are errors at the keyframe: a rotation of a keyframe far away counts with the lever of its distance.
+        The errors are those at the keyframe, so the distance of another keyframe is the lever of its rotation error.
         """
         poses, samples = self.poses[others], self._samples.values
         between = adjoints(np.asarray(inverses(self.poses[[keyframe]]) @ poses))
         return np.asarray(between @ samples[others] - samples[keyframe])
 
     def covariance(self, keyframe: int, reference: int = 0) -> Covariance:
-        """Covariance of a keyframe's pose relative to another one's, in its own tangent space.
+        """Covariance of a keyframe's pose relative to that of a ``reference``, in the keyframe's tangent space.
 
         The inverse of a sample covariance is too large, which the divisor corrects (Hartlap, Simon and Schneider,
         "Why your model parameter confidences might be too optimistic", 2007).
@@ -265,9 +265,10 @@ class PoseGraph:
         return np.asarray(errors @ errors.T) / (SAMPLES - 6 - 1)
 
     def deviations(self, keyframe: int) -> Values:
-        """(K,) standard deviation of each keyframe's position relative to one of them, m.
+        """(K,) m, standard deviation of each keyframe's position relative to a given keyframe.
 
-        It is that of a point ``lever`` m away from the one keyframe, as if it were fixed to the other.
+        It is the standard deviation of a point that is ``lever`` m away from the given keyframe and moves rigidly
+        with the other.
         """
         errors, lever = self.relative_samples(keyframe), self._config.registration.lever
         rotation = np.square(errors[:, :3]).mean(axis=2).max(axis=1)
@@ -275,23 +276,23 @@ class PoseGraph:
         return np.asarray(np.sqrt(position + lever**2 * rotation))
 
     def optimise(self) -> None:
-        """Move the poses to where they best fit all constraints, and sample their distribution anew.
+        """Move the poses to where they best fit all constraints, and sample their distribution again.
 
-        If the graph has grown by little since that was last done, the poses before the newest ones stay, unless a
-        constraint was removed, or a new motion or loop from one of them contradicts them.
+        If the graph has grown little since it was last solved as a whole, the older poses stay fixed, unless a
+        constraint was removed, or a new motion or loop from one of these older keyframes contradicts them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
         grown, window = len(self) - self._solved, self._config.graph.window
-        # One with surfaces seen there moves the newest poses, and the others gradually.
+        # A registration with surfaces of an older keyframe moves the newest poses at once, and the others gradually.
         tells = np.isin(self.kinds[self._settled :], (Kind.MOTION, Kind.LOOP))
         self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
         self._settled = len(self._kinds)
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
         free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
         problem = Problem.of(self, free, is_whole)
-        # If poses may move far, first let all constraints count alike, then trust ever fewer of them.
+        # If poses may move far, first weight all constraints alike, then trust ever fewer of them.
         *loosened, last = LOOSENINGS
         for loosening in loosened if self.is_unsettled or contradicted.any() else ():
             problem.solve(COARSE_TOLERANCE, loosening)
@@ -306,24 +307,24 @@ class PoseGraph:
             self.is_unsettled = False
 
     def chi2(self) -> Values:
-        """(N,) squared, whitened residual of each constraint at the current poses."""
+        """(N,) squared whitened residual of each constraint at the current poses."""
         return self.constraints.chi2(self.poses, self.odometry.errors)
 
 
 @dataclass(eq=False)
 class Problem:
-    """The constraints of some free keyframes and, if all are solved for, of the odometry's systematic errors.
+    """The least-squares problem for the poses of the free keyframes and, optionally, the systematic errors.
 
     Attributes:
-        poses: all poses.
+        poses: poses of all keyframes.
         errors: (5,) systematic errors.
         constraints: the constraints that involve a free keyframe.
         free: (K,) which poses may move.
         frees_errors: whether the systematic errors are variables.
-        ups: (K, 3) vertical in each keyframe, without the accelerometer's mean error.
+        ups: (K, 3) vertical in each keyframe's ``base_link``, without the accelerometer's mean error.
         before: prior knowledge of the systematic errors.
         start: pose at which the first keyframe is held, if it is free.
-        config: weights of the constraints.
+        config: settings, including the weights of the constraints.
     """
 
     poses: Poses
@@ -338,7 +339,7 @@ class Problem:
 
     @classmethod
     def of(cls, graph: PoseGraph, free: Mask, frees_errors: bool) -> "Problem":
-        """The problem of moving some of a graph's keyframes."""
+        """The problem for the ``free`` keyframes of a graph; ``frees_errors``: whether the errors are variables."""
         constraints = graph.constraints
         involved = free[constraints.first] | free[constraints.second]
         bias = np.mean(graph.ups - graph.poses[:, 2, :3], axis=0)  # the accelerometer may be mounted askew
@@ -360,16 +361,16 @@ class Problem:
     def solve(self, tolerance: float, loosening: float = 1.0) -> None:
         """Move the poses by Gauss-Newton steps, until the error decreases by less than the fraction ``tolerance``.
 
-        ``loosening``: multiplies the distance from which a constraint loses its weight.
+        ``loosening``: factor of the squared residual at which a constraint loses its weight.
         """
         self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
         error, decrease, last, is_stale = self._error(self.poses, self.errors), np.inf, np.inf, True
         for _ in range(MAX_STEPS):
-            # Linearise, and weigh each constraint by how well it fits. Factorisation takes the most time, so it is
-            # repeated only where steps with the last one converge slowly.
+            # Linearise, and weight each constraint by how well it fits. Factorisation takes the most time, so it is
+            # repeated only where steps with the last factors converge slowly.
             gradient = self._linearised(factorises=is_stale)
             step, length = self._factor.solve(gradient), 1.0
-            # Take the step, shortened as long as it would increase the error.
+            # Take the step, halved for as long as it would increase the error.
             unchanged = tolerance * max(1.0, error)
             while not (after := self._error(*self._moved(length * step))) <= error + unchanged:
                 length /= 2
@@ -384,9 +385,9 @@ class Problem:
                 return
 
     def sample(self, rng: np.random.Generator, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K, 6, S) samples of the errors of the poses; those of fixed poses are given.
+        """(K, 6, S) samples of the errors of the poses; those of fixed poses are given by ``samples``.
 
-        Each is the solution with random errors of all constraints.
+        Each sample is the solution with random errors of all constraints.
         """
         gradient = np.zeros((self._size, SAMPLES))
         before, after, errors = self.constraints.jacobians(self.poses)
@@ -458,7 +459,7 @@ class Problem:
         return poses, self.errors + step[self._variables :] if self.frees_errors else self.errors
 
     def _linearised(self, factorises: bool) -> Values:
-        """The gradient, downhill; ``factorises``: whether to factorise the information of all variables anew, too."""
+        """The negative gradient of the error; ``factorises``: whether the information is factorised again, too."""
         c, size = self.constraints, self._size
         before, after, errors = c.jacobians(self.poses)
         residuals = c.residuals(self.poses, self.errors)
@@ -508,7 +509,7 @@ class Problem:
         Args:
             ends: for both ends of the constraints, the keyframe of each and the Jacobian w.r.t. its pose.
             errors: Jacobians w.r.t. the systematic errors.
-            left: these, weighted and transposed.
+            left: the Jacobians w.r.t. the systematic errors, weighted and transposed.
         """
         size, first = self._size, self._variables
         dense = np.zeros((size, ERRORS))
@@ -521,7 +522,7 @@ class Problem:
         return (part + part.T).tocsc()
 
     def _add(self, target: NDArray[np.float64], keyframes: Indices, values: NDArray[np.float64]) -> None:
-        """Add values (N, 6, C) to the rows of keyframes in (V, C)."""
+        """Add values (N, 6, C) to the rows of ``target`` (V, C) that belong to the keyframes."""
         whole = target[: self._variables].reshape(-1, 6, target.shape[1])
         np.add.at(whole, self._at[keyframes], values)
 

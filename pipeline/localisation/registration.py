@@ -3,7 +3,8 @@
 GICP (Segal, Haehnel and Thrun 2009) measures a pose only in the directions that surfaces determine. Odometry and
 gravity are Gaussians in the same tangent space, so each Gauss-Newton step weights all of them by their information. A
 pair of points measures only the distance perpendicular to its surface; along the surface, the nearest point would
-always suggest that the robot has not moved. Along a corridor, odometry therefore decides without a special rule.
+always suggest that the robot has not moved. Along a corridor, odometry therefore determines the position without a
+special rule.
 
 Tangent vectors hold rotation before translation and act on the right, T · Exp(δ), as in small_gicp and GTSAM.
 """
@@ -54,22 +55,22 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Points on surfaces with normals on the side from which they were seen; a source like a frame's cloud.
+    """Points on surfaces, which can be registered like a frame's cloud.
 
     Attributes:
-        at: (N, 3) points.
-        facing: (N, 3) normals.
+        at: (N, 3) m, the points.
+        facing: (N, 3) unit normals, on the side from which the surfaces were seen.
     """
 
     at: Places
     facing: Directions
 
     def points(self) -> Places:
-        """The points."""
+        """The points; the method has the same name in ``small_gicp.PointCloud``."""
         return self.at
 
     def normals(self) -> Directions:
-        """The normals."""
+        """The normals; the method has the same name in ``small_gicp.PointCloud``."""
         return self.facing
 
     def size(self) -> int:
@@ -84,7 +85,7 @@ class Target:
         points: the points, in the target's frame.
         normals: surface normals at the points.
         owner: index of the keyframe that owns each point.
-        weight: weight of each point in registration, at most 1: less where it is uncertain.
+        weight: weight of each point in registration, at most 1; uncertain points have lower weights.
         tree: k-d tree of the points.
     """
 
@@ -108,7 +109,7 @@ class Registration:
         chi2: squared Mahalanobis distance of ``T`` from the priors.
         prior: summed information of the priors.
         fits: whether ``T`` is close enough to the priors to be consistent with them.
-        is_sure: whether ``T`` fits, and the overlap is larger than chance explains.
+        is_sure: whether ``T`` fits, and the overlap is too large to be due to chance.
     """
 
     T: Pose
@@ -148,7 +149,7 @@ def logarithm(T: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def exponential(tangent: NDArray[np.float64]) -> Pose:
-    """The transform of a tangent vector (6,), rad and m."""
+    """The 4×4 transform with a given tangent vector (6,), rad and m."""
     return np.asarray(gtsam.Pose3.Expmap(tangent).matrix())
 
 
@@ -159,16 +160,16 @@ def register(
     farthest: float,
     config: RegistrationConfig,
 ) -> Registration:
-    """Fit a source to a target, starting at the mean of the first prior.
+    """Register a source with a target, starting at the mean of the first prior.
 
     Args:
         target: the points to register with, in ``map``.
         source: thinned cloud with normals, in its own frame.
-        priors: priors of the source's pose in ``map``; together they must determine it.
+        priors: priors of the source's pose in ``map``, which together must determine the pose.
         farthest: initial maximum distance between corresponding points, m.
         config: settings of the registration.
     """
-    # Gauss-Newton steps: pair the points, closer and closer together, and weigh what they measure with the priors.
+    # Gauss-Newton steps: pair points within ever smaller distances, and fuse their information with the priors.
     T = priors[0].T
     for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.rounds):
         pairs = _Pairs(target, source, T, gate, config, target.weight)
@@ -178,7 +179,7 @@ def register(
             total = total + prior.information
             pull = pull + prior.information @ logarithm(np.linalg.solve(T, prior.T))
         T = T @ exponential(np.asarray(np.linalg.solve(total, pull)))
-    # How far the pose is from the priors, how certain it is, and how much of the source it explains.
+    # Compute the pose's distance from the priors, its covariance and its overlap.
     T = orthonormal(T)
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
@@ -201,26 +202,27 @@ def shares_of(
         config: settings of the registration.
 
     Returns:
-        The keyframes' evidence, the most informative first, and which source points have no target point within a
-        voxel size.
+        The keyframes' evidence, the most informative first, and which source points have no target point within the
+        edge length of a voxel.
     """
     pairs = _Pairs(target, source, T, config.fine, config, np.ones(len(target.points)))
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.measure(owner == one)
-        # The identity fixes what a few points leave undetermined, where their own minimum is meaningless.
+        # Adding the identity fixes the directions that a few points leave undetermined, in which their own minimum
+        # is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
         shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > config.voxel**2
 
 
 class _Pairs:
-    """Corresponding points, and what they measure of the source's pose.
+    """Corresponding points, and their information about the source's pose.
 
-    The information of a point, J(n)ᵀ J(n), is biased by the square of the noise in its normal n: a bare floor would
-    falsely suggest that the robot does not move. The noise in the two normals n and m of a pair is independent, so
-    J(n)ᵀ J(m) is unbiased (the method of instrumental variables).
+    The information of a point, J(n)ᵀ J(n), is biased by the square of the noise in its normal n, so that a bare floor
+    would falsely suggest that the robot does not move. The noise in the two normals n and m of a pair is independent,
+    so J(n)ᵀ J(m) is unbiased (the method of instrumental variables).
 
     Attributes:
         source, target: (P,) indices of the paired points; the points of a pair lie on one surface.
@@ -238,14 +240,14 @@ class _Pairs:
         config: RegistrationConfig,
         weight: NDArray[np.float64],
     ) -> None:
-        """Pair the points closer than ``gate`` m, with the source at ``T``; ``weight``: of each target point."""
+        """Pair points closer than ``gate`` m, with the source at ``T``; ``weight``: weight of each target point."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = transform_places(T, points)
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
         near = np.flatnonzero(self.squared < gate**2)
         n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
-        # The normals of a frame's cloud have no side; its target has only surfaces that face the camera.
+        # The normals of a frame's cloud have arbitrary signs; its target has only surfaces that face the camera.
         alike = (cosine if isinstance(source, Surfaces) else np.abs(cosine)) > config.same_surface
         self.source, self.target = near[alike], index[near[alike]]
         away = target.points[self.target] - at[self.source]
@@ -264,8 +266,8 @@ class _Pairs:
     def measure(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
         """Information of the pose and information vector (6,) from the pairs in ``rows`` (P,).
 
-        Only directions that all pairs together determine count; in others, the pairs measure noise. The noise is
-        small, but along a corridor there is nothing else, and it is similar in every keyframe.
+        Only directions that all pairs together determine are used, because in others the pairs measure noise. This
+        noise is small, but along a corridor the pairs measure nothing else, and it is similar in every keyframe.
         """
         H, pull = self._whole if rows is ... else self._scaled(rows)
         strength, directions = np.linalg.eigh(self._determined.T @ H @ self._determined)

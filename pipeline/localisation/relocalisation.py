@@ -1,4 +1,4 @@
-"""Find where in its map a robot is after it was carried; doubtful results are rejected.
+"""Finds a robot in its map after it was carried elsewhere; doubtful results are rejected.
 
 Every position and heading in the map is tried, as in Olson, "Real-time correlative scan matching", 2009, but in 3D:
 gravity gives roll and pitch, and the elevation map gives the height. The best poses are then registered.
@@ -40,9 +40,9 @@ SURFACE_TOLERANCE = 0.1
 MIN_EXPLAINED = 0.85
 """Minimum fraction of the patches that lie on surfaces of the map."""
 RIVAL = 1e-4
-"""Maximum likelihood of any other place, relative to the best one."""
+"""Maximum likelihood of any other place, relative to that of the best one."""
 CORRELATED_PATCHES = 3
-"""Number of patches that count as one observation, because neighbours fit, or fail to fit, together."""
+"""Number of patches that are treated as one observation, because neighbours fit, or fail to fit, together."""
 DRIFT = 0.1
 """Standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns."""
 MAX_UNCERTAIN = 0.05
@@ -57,12 +57,12 @@ RANDOM_POSES = 2000
 MISSED = 0.05
 """Probability that a patch lies in free space at the correct pose, relative to that at a random pose."""
 PROMISING = 0.7
-"""A guess is considered if its evidence is more than this fraction of the best guess's; both may be off by half a
+"""Minimum evidence of a guess as a fraction of the best guess's; it is below 1 because both may be off by half a
 step."""
 MAX_GUESSES = 12
 """Maximum number of promising guesses; with more, the place is ambiguous."""
 SAME_PLACE_WAY, SAME_PLACE_TURN = 0.3, radians(15)
-"""Guesses closer together than this, m and rad, count as one."""
+"""Guesses closer together than this, m and rad, are taken for one."""
 
 
 class VoxelState(IntEnum):
@@ -90,7 +90,7 @@ class VoxelField(NamedTuple):
 
     @classmethod
     def around(cls, metric_map: MetricMap, points: Places) -> "VoxelField":
-        """The field of the map, with a border that holds a robot's ``points`` at any position and yaw in the map."""
+        """The field of the map, with a border wide enough for a robot's ``points`` at any position and yaw in it."""
         reach, height = np.linalg.norm(points[:, :2], axis=1).max(), np.abs(points[:, 2]).max()
         border = np.array([reach, reach, height])
         lower, upper = metric_map.bounds()
@@ -248,7 +248,7 @@ class MapPoints:
             T = result.T_target_source
         move = inverse(T_map_level) @ T
         change = np.concatenate([Rotation.from_matrix(move[:3, :3]).as_rotvec(), move[:3, 3]])
-        # The errors of points closer together than a correspondence count as one error.
+        # Points closer together than the correspondence distance share one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
         # A robot on a slope slides while it looks around.
         drift = spread(DRIFT, registration.lever)
@@ -298,7 +298,7 @@ class Relocalisation:
         registration = self._config.registration
         if len(self.frames) < MIN_FRAMES or not len(points):
             return None
-        # Thin what the frames show, levelled, to patches, and list where on mapped ground the robot may stand.
+        # Thin the frames' levelled points to patches, and list the positions on mapped ground where the robot may be.
         cloud = np.vstack([*map(self._points, self.frames)])
         if len(cloud) < SEARCHED:
             return None
@@ -307,13 +307,13 @@ class Relocalisation:
         places = standable(elevation_map, field, self._model)
         if not len(places):
             return None
-        # Try every heading there.
+        # Try every heading at these positions.
         gain = weigh(patches, places, field)
         guesses = search(patches, gain, places, field)
         target = MapPoints(points, guesses, field.border[0] + registration.coarse, self._config)
         if target.is_empty:
             return None
-        # Register the promising poses; weigh each distinct one again if it is on the ground, or that is unknown.
+        # Register the promising poses; weigh each distinct one again if it is on the ground or above unknown ground.
         source, _ = target.prepared(cloud, REGISTERED_VOXEL)
         found: list[tuple[Guess, float]] = []
         for guess in guesses:
@@ -327,7 +327,7 @@ class Relocalisation:
                 value = np.where(covered, VoxelState.SURFACE, empty)
                 evidence = float(gain[np.arange(len(gain)), value].sum())
                 found.append((Guess(T, evidence), float(covered.mean())))
-        # Accept the best if the map covers it, and if it is far likelier than any other and than chance.
+        # Accept the best pose if the map covers the patches, and if it is far likelier than the others and chance.
         found.sort(key=lambda place: -place[0].evidence)
         if not found or found[0][1] < MIN_EXPLAINED:
             return None

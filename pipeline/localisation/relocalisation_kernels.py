@@ -6,14 +6,14 @@ from numba import njit
 
 @njit(cache=True)
 def score(cloud, gain, places, yaws, field, scores):
-    """The summed gains of a cloud's points at every position and yaw.
+    """Sum the gains of a cloud's points at every position and yaw of the robot.
 
     Args:
         cloud: (P, 3) float32 points relative to the levelled robot, in voxels.
         gain: (P, K) float32 gain of each point for each value of the field, 0 to K - 1.
         places: (C, 3) float32 robot positions in voxels of the field, farther from its ends than the cloud reaches.
         yaws: (Y,) float64 yaws of the robot, rad.
-        field: (nx, ny, nz) uint8 values.
+        field: (nx, ny, nz) uint8 values of voxels, 0 to K - 1.
         scores: (C, Y) float32, filled with the sums.
     """
     turned = np.empty((len(cloud), 2), np.float32)
@@ -35,7 +35,7 @@ def score(cloud, gain, places, yaws, field, scores):
 
 @njit(cache=True)
 def count_values(cloud, places, yaws, field, counts):
-    """Count in how many poses each point of a cloud lies on each value of a field.
+    """Count the poses in which each point of a cloud lies in a voxel with each value of a field.
 
     Args:
         cloud, field: as for :func:`score`.

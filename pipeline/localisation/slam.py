@@ -39,31 +39,31 @@ from pipeline.localisation.unchanged_view import shows_no_motion
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_places
 
 REGISTERED_DEVIATION = 0.01
-"""Standard deviation with which surfaces typically determine a pose, m. If their keyframe is less certain,
-registration would move the robot where it should move the keyframe."""
+"""Standard deviation with which surfaces typically determine a pose, m. Surfaces of less certain keyframes have a
+lower weight, because registration with them would move the robot instead of the keyframe."""
 REPEATED_DEVIATION = 0.03
-"""A keyframe is repeated only if the robot's pose relative to it has a smaller standard deviation, m."""
+"""Maximum standard deviation of the robot's position relative to a keyframe for a frame to repeat the keyframe, m."""
 FOUND_DEVIATION = 0.1
-"""Standard deviation of a pose without odometry, m: where a carried robot was found, or after a jump."""
+"""Standard deviation of a predicted pose without odometry, m: where a carried robot was found, or after a jump."""
 MIN_EXTENT = 1.0
 """Minimum size assumed for the map, m, when the robot may be anywhere in it."""
 STOPPED_WAY = 0.05
-"""A camera that shows the same image after a longer drive, m, has stopped."""
+"""Distance driven, m, after which a camera that still returns the same depth image has stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
 MAX_REGISTERED = 4000
 """Maximum number of recently seen points that are registered with old ones, drawn at random."""
 STOREY = 0.7
-"""Old surfaces are sought up to this height above or below the robot's own path, m."""
+"""Maximum difference in height between the robot and an old keyframe with which it may close a loop, m."""
 VIEW_STRIDE = 8
-"""Step between the pixels of a keyframe's depth image that are kept to see what it looked through."""
+"""Step between the pixels of a keyframe's depth image that are kept to find the points that it looked through."""
 MIN_GROUND_POINTS = 20
 """Minimum number of ground points under the robot."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Match(Localised):
-    """A frame, its pose, and the data that connect a keyframe made from it to others.
+    """A frame, its pose, and the data that connect a keyframe made from the frame to others.
 
     ``prediction`` is None if the odometry cannot be trusted. ``step`` is the prior of the pose, relative to the
     reference, before the frame was registered; None for the first frame.
@@ -96,7 +96,7 @@ class _Reference:
 
     @property
     def is_keyframe(self) -> bool:
-        """Whether it is the pose of the keyframe itself."""
+        """Whether the reference is the keyframe itself."""
         return np.array_equal(self.T_keyframe_base, np.eye(4))
 
 
@@ -134,7 +134,7 @@ class Slam(Localisation):
         self._deviations = np.zeros(0)
         self._turned = 0.0
         self._last: Frame | None = None
-        self._views: list[Frame | None] = []  # what each keyframe has seen, reduced; None if it is not known
+        self._views: list[Frame | None] = []  # each keyframe's reduced frame; None if unknown
 
     @property
     def poses(self) -> Poses:
@@ -143,7 +143,7 @@ class Slam(Localisation):
 
     @property
     def dropped(self) -> int:
-        """Number of registrations that were not numbers and were left out."""
+        """Number of constraints that were left out of the graph because they were not finite."""
         return self.graph.dropped
 
     @property
@@ -153,7 +153,7 @@ class Slam(Localisation):
 
     @property
     def T_map_reference(self) -> Pose:
-        """Pose from which odometry measures the motion: the newest keyframe's, or that of a later frame passed by."""
+        """Pose from which odometry measures the motion: the newest keyframe's, or that of a later frame."""
         return self.poses[self._reference.keyframe] @ self._reference.T_keyframe_base
 
     @property
@@ -188,7 +188,7 @@ class Slam(Localisation):
         frame, T_map_base, config = match.frame, match.T_map_base, self._config
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         self._views.append(reduced(frame))
-        # Connect it with the reference by the motion since then.
+        # Connect the keyframe with the reference by the motion between them.
         if match.step is not None:
             if match.prediction is not None and reference.is_keyframe:
                 self.graph.drive(match.prediction.motion)
@@ -198,7 +198,7 @@ class Slam(Localisation):
                 self.graph.connect(reference.keyframe, number, match.step.T, information, Kind.MOTION)
             known = match.step.information + (match.registration.information if match.registration else 0)
             self.graph.extend_samples(reference.keyframe, np.asarray(np.linalg.inv(known)))
-        # Connect it with the keyframes that it was registered with, and with the ground that they saw below it.
+        # Connect it with the keyframes that it was registered with, and with the ground that others saw below it.
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
@@ -214,7 +214,7 @@ class Slam(Localisation):
             self._find_loop(number, match)
 
     def pass_by(self, localised: Localised) -> None:
-        """Measure the motion from the newest frame, which repeats a keyframe, and keep nothing else of the frame."""
+        """Measure further motions from the newest frame, which repeats a keyframe, without keeping the frame."""
         match = self._arrive(localised)
         number = required(self._repeated(localised.T_map_base))
         covariance = self.graph.covariance(number, self._reference.keyframe)
@@ -240,14 +240,14 @@ class Slam(Localisation):
     def _refer(
         self, keyframe: int, T_keyframe_base: Pose, frame: Frame, covariance: Covariance | float = 0.0
     ) -> None:
-        """Measure motions from now on from a frame, whose pose relative to a keyframe has a ``covariance``."""
+        """Measure further motions from a frame, whose pose relative to a keyframe has this ``covariance``."""
         known = np.zeros((6, 6)) + covariance
         self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base, known)
         self._anchor, self._turned = None, 0.0
         self._judge()
 
     def _repeated(self, T_map_base: Pose) -> int | None:
-        """Index of the nearest keyframe closer than a new one is due; None if there is none, or it is uncertain."""
+        """Index of the nearest keyframe within the spacing of keyframes; None if there is none or it is uncertain."""
         spacing = self._config.keyframes
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
         cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
@@ -268,7 +268,7 @@ class Slam(Localisation):
     def set_down(self, T_map_base: Pose) -> None:
         """Continue from the pose at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._last = T_map_base, None
-        if len(self.graph):  # nearby keyframes have seen what is in view from there
+        if len(self.graph):  # nearby keyframes have seen the surfaces in view from there
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
             self._reference = replace(self._reference, keyframe=nearest, T_keyframe_base=T_keyframe_base)
@@ -302,8 +302,9 @@ class Slam(Localisation):
     def _pass_time(self, frame: Frame) -> None:
         """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
-        Between keyframes, the rotation may exceed half a turn, as when the robot looks around. Raises LostError if
-        the image has not changed at all although the robot has moved: noise makes every image different.
+        Between keyframes, the rotation may exceed half a turn, for example when the robot looks around. Raises
+        LostError if the depth image has not changed at all although the robot has moved, because noise makes every
+        image different.
         """
         if (last := self._last) is None:
             return
@@ -319,7 +320,7 @@ class Slam(Localisation):
 
     @property
     def _local(self) -> Mask:
-        """The keyframes whose pose relative to the reference is certain enough to register frames with them."""
+        """Which keyframes have a pose relative to the reference that is certain enough to register frames with."""
         return self._deviations < self._config.slam.local_deviation
 
     def _renew(self) -> None:
@@ -333,10 +334,10 @@ class Slam(Localisation):
     def _find(self, frame: Frame, before: Frame | None) -> Match:
         """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
 
-        ``before``: the frame before it, if the robot has not been carried since.
+        ``before``: the previous frame; None if there is none, or if the robot was carried since then.
         """
         config, start = self._config.registration, self._reference
-        # The odometry of the first frame defines the map.
+        # The odometry of the first frame defines the frame ``map``.
         cloud = cloud_of_frame(frame, config)
         if not len(self.graph) and self._anchor is None:
             return Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
@@ -346,15 +347,15 @@ class Slam(Localisation):
             T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
             motion = MeasuredMotion(T, up, frame.time - start.time, self._turned)
             odometry = self.motion.predict(self.T_map_reference, motion)
-            # Odometry that has jumped says nothing about the motion.
+            # Odometry that has jumped contains no information about the motion.
             if np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > self._config.slam.jump:
                 self._anchor, odometry, farthest = self.T_map_reference, None, config.widest
         if odometry:
             first = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE])))
         else:
             first = Prior(np.asarray(self._anchor), np.diag(self._found_sigmas() ** -2.0))
-        # If the view neither changes nor shows surfaces, the wheels spun on the spot. Along a plain corridor, it does
-        # not change either.
+        # If the view does not change and shows no surfaces, the wheels spun on the spot. If it shows surfaces, it may
+        # also stay the same along a plain corridor.
         if odometry and cloud is None and before is not None and shows_no_motion(before, frame):
             first, _ = held_or_slipping(first, self.T_map_reference)
             odometry = None
@@ -362,7 +363,7 @@ class Slam(Localisation):
         step = first
         if odometry and start.is_keyframe:
             step = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
-        # Where the certain keyframes saw too little, the prediction is the pose.
+        # Where the certain keyframes saw too little, take the prediction as the pose.
         target = self._target(cloud.points()[:, :3], first.T, frame, self._local, config.widest) if cloud else None
         if target is None:
             return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
@@ -374,7 +375,8 @@ class Slam(Localisation):
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
         if odometry is None:
             return registered(nominal.T, step=step, registration=nominal)
-        # If it does not fit, also register it as if the robot were held or slipped, and trust the likeliest state.
+        # If the frame does not fit, also register it as if the robot were held or slipping, and trust the likeliest
+        # state.
         found = {MotionState.NOMINAL: (first, nominal)}
         if not nominal.is_sure:
             found |= otherwise(target, cloud, first, self.T_map_reference, frame, self._config)
@@ -402,13 +404,13 @@ class Slam(Localisation):
         return place_bounded(likely, config.belief)
 
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
-        """The old points in view, weighted by how certain the pose of their keyframe is."""
+        """The old points in view, weighted by the certainty of their keyframe's pose."""
         camera = (T @ frame.T_base_camera)[:3, 3]
         weight = 1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION))
         return self.local_map.around(transform_places(T, points), camera, owners, margin, weight)
 
     def _stand(self, T_map_base: Pose) -> Share | None:
-        """The pose, raised or lowered to the ground that earlier keyframes saw there; None if they saw too little.
+        """The pose, raised or lowered to the ground that earlier keyframes saw below it; None if they saw too little.
 
         In a narrow place, the camera sees only walls, which do not determine the robot's height.
         """
@@ -420,19 +422,19 @@ class Slam(Localisation):
         return Share(int(np.bincount(owners).argmax()), lifted, information)
 
     def _find_loop(self, number: int, match: Match) -> None:
-        """Look for the newest keyframe among old surfaces whose position relative to it is uncertain."""
+        """Try to locate the newest keyframe among old surfaces whose position relative to it is uncertain."""
         config, loops, poses = self._config.registration, self._config.loops, self.poses
         T, cloud, frame = poses[number], match.cloud, match.frame
         if cloud is None or self._loops.is_due:
             return
-        # The keyframes that may have seen what is around the robot.
+        # Select the old keyframes that may have seen the robot's surroundings.
         off, far = poses[:, :3, 3] - T[:3, 3], RADIUS + frame.sensor.farthest
         is_near = np.hypot(off[:, 0], off[:, 1]) < far + SIGMAS * self._deviations
         is_near &= np.abs(off[:, 2]) < STOREY + SIGMAS * self._deviations
         old = is_near & ~self._local
         if not old.any():
             return
-        # Compare all that was seen recently with what they saw, wherever the robot may be relative to them.
+        # Compare all recently seen surfaces with theirs, at every pose that the robot may have relative to them.
         errors = self.graph.relative_samples(number, np.flatnonzero(old))
         x, y, _ = np.sqrt(np.square(T[:3, :3] @ errors[:, 3:]).mean(axis=2)).max(axis=0)
         sigmas = np.array([x, y, np.sqrt(np.square(errors[:, 2]).mean(axis=1)).max()])
@@ -443,8 +445,8 @@ class Slam(Localisation):
         place = find_place(recent, before, T, sigmas)
         if place is None or place.fit < loops.least_fit or place.rival > loops.rival * place.fit:
             return
-        # Register it with the surfaces of the keyframe that saw most of that place, and of those close to it in the
-        # graph.
+        # Register the recent surfaces with those of the keyframe that saw most of this place, and of keyframes close
+        # to that one in the graph.
         guess = place.T_move @ T
         near = np.linalg.norm(before.at[:, :2] - guess[:2, 3], axis=1) < RADIUS
         if not near.any():
@@ -461,7 +463,7 @@ class Slam(Localisation):
         found = register(target, source, [prior, level], config.coarse, config)
         if not (found.fits and is_pinned(found.information, loops.pinned_deviation)):
             return
-        # The frame must not look through old surfaces, nor an old frame through what this one shows.
+        # The frame must not look through the old surfaces, nor the old frame through the surfaces of this one.
         shown = transform_places(found.T, cloud.points()[:, :3])
         view = self._views[first]
         through = [seen_through(frame, found.T, target.points, loops.seen_through)]
@@ -487,6 +489,6 @@ def reduced(frame: Frame) -> Frame:
 
 
 def is_pinned(information: Information, deviation: float) -> bool:
-    """Whether this information determines position and heading, the latter at 1 m, to within ``deviation`` m."""
+    """Whether the information determines horizontal position and heading to within ``deviation``, m and rad."""
     covariance = np.linalg.inv(information + np.eye(len(information)))
     return bool(np.linalg.eigvalsh(covariance[2:5, 2:5])[-1] < deviation**2)

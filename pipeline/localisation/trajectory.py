@@ -1,4 +1,4 @@
-"""Poses with times: measured by odometry, estimated, or true."""
+"""Trajectories: timed poses from odometry, from localisation, or from ground truth."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import FARTHEST, are_poses, from_rotation, inverse
 
 MIN_SINCE_1970 = 1e8
-"""The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds every plausible time in s."""
+"""The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds all plausible times in s."""
 
 
 class Trajectory:
-    """Poses at times.
+    """Poses of ``base_link`` or of the camera, with their times.
 
     Attributes:
         times: times in ascending order, s.
@@ -51,13 +51,13 @@ class Trajectory:
         return self.poses[k] if abs(self.times[k] - time) <= config.still_valid else None
 
     def of_base(self, T_base_camera: Pose) -> "Trajectory":
-        """The trajectory of ``base_link``, given the pose of the camera on it."""
+        """The trajectory of ``base_link``, given the camera's pose ``T_base_camera`` on the robot."""
         if not self.of_camera:
             return self
         return Trajectory(self.times, self.poses @ inverse(T_base_camera))
 
     def moved(self, T: Pose) -> "Trajectory":
-        """The same trajectory in another frame; ``T``: pose of the current frame in it."""
+        """The same trajectory in another frame; ``T``: pose of the current frame in the other one."""
         return Trajectory(self.times, T @ self.poses, self.of_camera)
 
 
@@ -80,7 +80,7 @@ class EstimatedTrajectory(Generic[Sample]):
     """The robot's poses in ``map``, including those between keyframes."""
 
     def __init__(self, localisation: Localisation, odometry: Sequence[Sample]):
-        """``odometry`` grows while the robot drives. Keyframes already in ``localisation`` are an earlier run's."""
+        """``odometry`` grows as the robot drives; keyframes already in ``localisation`` are from an earlier run."""
         self._localisation, self._odometry = localisation, odometry
         self._keyframes: list[Sample] = []
         self._loaded = localisation.poses.copy()
@@ -90,7 +90,7 @@ class EstimatedTrajectory(Generic[Sample]):
         self._keyframes.append(keyframe or self._odometry[-1])
 
     def estimated(self) -> list[Pose]:
-        """``T_map_base`` for every pose of the odometry, by odometry from the last keyframe before it."""
+        """``T_map_base`` for every pose of the odometry, continued by odometry from the last keyframe before it."""
         if not self._keyframes:
             return [pose.T_odom_base for pose in self._odometry]
         pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
@@ -120,7 +120,7 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     """Read a file in the TUM format: time (see :func:`in_seconds`), position in m, quaternion (x y z w).
 
-    Lines with non-finite numbers or a zero quaternion are left out: trackers write them while they are lost.
+    Lines with non-finite numbers or a zero quaternion are left out, because trackers write them while they are lost.
 
     Raises:
         InputError: the file cannot be read, a line does not have this format, or no line holds a pose.

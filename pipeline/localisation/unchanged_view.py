@@ -9,22 +9,22 @@ from pipeline.frame import Frame
 from pipeline.transforms import inverse
 
 MIN_WAY = 0.05
-"""Minimum motion that the wheels must have measured, m."""
+"""Minimum distance that the wheels must have measured, m."""
 SMALL = 80, 60
 """Width and height, pixels, to which images are reduced, so that their noise averages out."""
 MAX_SAME = 0.95
-"""Images are compared by this quantile of their pixels' differences."""
+"""Quantile of the absolute differences of pixels by which images are compared."""
 SAME_GREY = 1.2
-"""Maximum difference of the same view, grey levels. While the wheels of a wedged robot spun, 1 was measured; in 2,300
-motions of 0.3 m, all but one at least 2."""
+"""Maximum difference between two images of one view, grey levels. While the wheels of a wedged robot spun, it was 1;
+in all but one of 2,300 motions of 0.3 m, it was at least 2."""
 SAME_DEPTH = 0.05
-"""Maximum difference of the same view, m."""
+"""Maximum difference between two depth images of one view, m."""
 
 
 def shows_no_motion(before: Frame, after: Frame) -> bool:
     """Whether the view is the same although the wheels measured a motion that would have changed it.
 
-    A plain wall looks the same after a motion, too.
+    False in front of a plain wall, which looks the same after a motion, too.
     """
     moved = inverse(before.T_odom_base) @ after.T_odom_base
     if np.linalg.norm(moved[:3, 3]) < MIN_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:

@@ -15,8 +15,8 @@ from pipeline.localisation.registration import front_normals
 from pipeline.transforms import from_rotation, inverse, level
 
 FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)
-"""Surfaces count if they are this close to horizontal or vertical, rad, in the first and in the last rounds (values
-as published)."""
+"""Maximum angle between a surface and the horizontal or vertical for it to be used, rad, in the first and in the last
+rounds (values as published)."""
 ROUNDS = 5
 """Number of rounds with each angle."""
 MIN_SURFACES = 0.05
@@ -30,13 +30,13 @@ TRIALS = 400
 """Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
 with a probability of 96%."""
 ON_FLOOR = 3.0
-"""Number of standard deviations of a depth within which a point lies on the floor."""
+"""Maximum distance of a point on the floor from the floor's plane, in standard deviations of the point's depth."""
 STEEPEST = radians(60)
 """Maximum angle between the floor's normal and the image's upward direction, rad."""
 MIN_FLOOR = 0.05
 """Minimum fraction of the returns that lie on the floor."""
 MAX_BELOW = 0.02
-"""Maximum fraction of the returns that lie below the floor; a table has more, because the floor is below it."""
+"""Maximum fraction of the returns that lie below the floor; more lie below a table, because the floor is below it."""
 BELOW = 3.0
 """A point lies below the floor if it is lower by this many times the tolerance of ``ON_FLOOR``."""
 
@@ -65,10 +65,11 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
 def T_floor_camera(frame: Frame) -> Pose:
     """Pose of ``camera_optical`` above the floor that it sees, in the frame of :func:`T_level_camera`.
 
-    The floor is the plane with the most returns among those that face upward in the image and have nothing below.
+    The floor is the plane with the most returns among those that face upward in the image and have hardly any returns
+    below them.
 
     Raises:
-        InputError: there is no such plane, or there are too few returns.
+        InputError: the frame shows no floor, or has too few returns.
     """
     depth, rays = (image[::STRIDE, ::STRIDE] for image in (frame.depth, frame.intrinsics.rays))
     shown = depth > 0

@@ -16,7 +16,7 @@ Box = tuple[slice, slice, slice]
 
 
 class BlockArray:
-    """A 3D array without bounds: zero wherever nothing was written.
+    """A 3D array without bounds, which is zero wherever nothing was written.
 
     It grows by whole blocks of SIDE³ voxels without copying. Finding a block takes one dictionary lookup.
     """
@@ -42,7 +42,7 @@ class BlockArray:
         """Allocate the blocks that do not exist yet.
 
         Raises:
-            InputError: they would exceed the memory limit. None is allocated.
+            InputError: the blocks would exceed the memory limit; none is allocated.
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
@@ -80,7 +80,7 @@ class BlockArray:
         """Overwrite the box that begins at a (3,) index with (nx, ny, nz) int8 values.
 
         Raises:
-            InputError: the box would exceed the memory limit. Nothing is written.
+            InputError: the box would exceed the memory limit; nothing is written.
         """
         written = [part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks]
         self.reserve(key for key, _, _ in written)

@@ -16,17 +16,18 @@ class MetricMapConfig:
 
     Attributes:
         voxel_size: side of a voxel, m.
-        max_range: the ray of a return beyond this range frees space up to it and has no end point, m. The range is
-            measured along the optical axis for depth images, and from the origin for point clouds.
+        max_range: maximum range of an end point, m; the ray of a farther return only frees space up to this range.
+            The range is measured along the optical axis for depth images, and from the origin for point clouds.
         margin: distance before its end point at which a ray stops freeing space, m, so that noise does not free the
             voxels of the surface.
         offset: (x, y, z) of the corner of voxel (0, 0, 0) in ``map``, voxels. Surfaces of buildings tend to lie at
             round coordinates, and noise would spread a surface between two layers of voxels over both. With this
             offset, z = 0 and all multiples of half a voxel along each axis lie inside a layer.
-        hit: amount that an end point adds to a voxel's value; a single return proves a surface.
-        miss: amount that a crossing ray subtracts; many rays cross a voxel with a surface in only one corner.
-        max_log_odds: maximum value of a voxel; a surface that vanished is erased after ``max_log_odds`` / ``miss``
-            frames.
+        hit: amount that an end point adds to a voxel's value; large, because a single return proves a surface.
+        miss: amount that a crossing ray subtracts from a voxel's value; small, because many rays cross a voxel with a
+            surface in only one corner.
+        max_log_odds: maximum value of a voxel; a surface that has vanished is erased after ``max_log_odds`` /
+            ``miss`` frames.
         max_bytes: maximum memory of the voxels, bytes.
 
     Raises:
@@ -43,7 +44,7 @@ class MetricMapConfig:
     max_bytes: int = MAX_MEMORY
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Raise InputError if a value is out of its range."""
         if not 0 < self.max_range <= FARTHEST:
             raise InputError(f"metric_map.max_range = {self.max_range}: must be above 0 and at most {FARTHEST:.0f} m")
         if not 1e-3 <= self.voxel_size <= self.max_range:

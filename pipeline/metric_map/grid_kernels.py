@@ -1,4 +1,4 @@
-"""Compiled functions that make scans, which are boxes of marks, and add them to log-odds."""
+"""Compiled functions that place and fill scans, which are boxes of marks, and add them to the map's log-odds."""
 
 import numpy as np
 from numba import njit

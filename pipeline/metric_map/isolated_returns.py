@@ -1,7 +1,7 @@
-"""Specks: returns of dust, rain or snow in the air, which are isolated in the depth image.
+"""Removes specks: returns of dust, rain or snow in the air, which are isolated in the depth image.
 
 If dust hides four fifths of a surface, 93% of its remaining returns are kept; if specks fill 2% of the image, one in
-2000 of them is kept.
+2,000 of them is kept.
 """
 
 from dataclasses import replace

@@ -19,7 +19,7 @@ from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.updates import Scan, Updater
 from pipeline.transforms import FARTHEST, POSE, are_poses
 
-OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: how surely it is free
+OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: the probability that it is free
 
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
 COLUMN = 8  # Side of the columns that are rebuilt, voxels
@@ -28,8 +28,9 @@ COLUMN = 8  # Side of the columns that are rebuilt, voxels
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
 
-    A voxel is an int8 log-odds value of being occupied (0 = unknown); :meth:`p_free_at` returns the thesis's values.
-    A frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
+    The value of a voxel is the int8 log-odds that it is occupied (0 = unknown); :meth:`p_free_at` returns the values
+    of the thesis. A frame changes only the voxels in view, so the time of an update does not depend on the size of
+    the environment.
 
     Attributes:
         config: the settings, of which ``voxel_size`` and ``max_range``, m, are also attributes of the map itself.
@@ -52,10 +53,10 @@ class MetricMap:
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
         """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
-        It must add all scans that touch these columns. Meanwhile, other columns do not change.
+        The body must add all scans that touch these columns. Meanwhile, other columns do not change.
 
         Yields:
-            A function that tells which of other boxes touch these columns.
+            A function that returns which of other boxes touch these columns.
         """
         columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
         within, meets = columns.touched(boxes - self.corner)
@@ -98,7 +99,7 @@ class MetricMap:
         self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends))
 
     def stride(self, intrinsics: Intrinsics) -> int:
-        """Subsampling step that leaves three pixels across a voxel at maximum range: enough for free space."""
+        """Subsampling step that leaves three pixels across a voxel at maximum range, which suffice for free space."""
         return max(1, int(intrinsics.fx * self.voxel_size / (3 * self.max_range)))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
@@ -165,7 +166,7 @@ class MetricMap:
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_seen_through(self, points: Points) -> Mask:
-        """Whether points lie in free space, and not beside an occupied voxel: what was there must be gone."""
+        """Whether points lie in free space and not next to an occupied voxel, so that their surfaces must be gone."""
         index = self.voxel_index(points)
         gone = self.log_odds_at(index) < 0
         for step in product((-1, 0, 1), repeat=3):
@@ -198,16 +199,16 @@ class MetricMap:
             starts, end: (N, 3) and (3,) ends of the lines in ``map``, m.
             target: k-d tree of the target's (M, 3) points in ``map``, m.
             margin: distance from the nearest target point at which the line of sight ends, m.
-            skip: length at ``starts`` that counts as free, m.
+            skip: length from ``starts`` that is assumed to be free, m.
             step: spacing of the points on a line that are checked, m; half a voxel if None.
-            may_be_unknown: whether unknown space counts as free.
+            may_be_unknown: whether unknown space is treated as free.
         """
         ways = end - starts
         lengths = np.linalg.norm(ways, axis=1)
         along = np.arange(skip, lengths.max(initial=0.0), step or self.voxel_size / 2)
         line, k = np.nonzero(along < lengths[:, None])
         points = starts[line] + (along[k] / lengths[line])[:, None] * ways[line]
-        # A line is free if it is at the target before it meets anything.
+        # A line of sight is free if it reaches the target before it meets an obstacle.
         is_there, is_barred = np.zeros((2, len(starts), len(along) + 1), np.bool_)
         is_there[line, k] = target.query(points)[0] <= margin
         is_barred[line, k] = self.p_free_at(points) < (UNKNOWN if may_be_unknown else FREE)

@@ -38,7 +38,7 @@ class DepthCamera(NamedTuple):
     far: float
     """Depth up to which returns are end points, m; the rays of deeper returns free space up to it."""
     margin: float
-    """A ray stops freeing space this much before its end, m of depth."""
+    """Difference in depth, m, between the end of a ray and the point up to which the ray frees space."""
     origin: NDArray[np.float64]
     """(3,) position of the optical centre in the box, voxels."""
     axes: NDArray[np.float64]
@@ -148,7 +148,7 @@ def _deepest_of_tiles(deepest, far, high):
 
 @njit(cache=True)
 def _build_pyramid(high):
-    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 of level n, which uses its first ⌈shape / 2ⁿ⌉."""
+    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 tiles of level n, which has ⌈shape / 2ⁿ⌉ tiles."""
     levels, height, width = high.shape
     for level in range(1, levels):
         fine = high[level - 1]
@@ -201,8 +201,8 @@ def _mark_free(depth, camera, marks, high):
     Where free space is bounded by a plane (a surface, or the edge of the image or of a shadow), it overlaps a voxel
     only if it contains one of the voxel's corners. Testing the corners, each shared by eight voxels, is therefore as
     good as tracing all rays through a voxel. A voxel is partly hidden if one of its vertical edges has a seen and a
-    hidden end: rays pass above or below the edge of a surface into the voxel, but the surface may continue in it,
-    level or sloping, at an angle so grazing that it gives no return.
+    hidden end. Rays then pass above or below the edge of a surface into the voxel, but the surface, level or sloping,
+    may continue in the voxel at an angle so grazing that it gives no return.
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
@@ -315,7 +315,7 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if a corner's ray reaches it, HIDDEN if the ray's return is over a voxel nearer or missing.
+    """Fill ``seen``: SEEN if a ray reaches the corner, HIDDEN if its return is missing or more than a voxel nearer.
 
     Returns whether any corner is SEEN.
     """

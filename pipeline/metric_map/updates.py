@@ -16,7 +16,7 @@ from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
 from pipeline.transforms import transform_places
 
 NARROW = 6.0
-"""Depth up to which rays are traced, voxels: the field of view is so narrow that it can pass between corners."""
+"""Depth up to which rays are traced, voxels, because the view is narrow enough to pass between corners there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Updater:
         self._memory = np.zeros(0, np.uint8)
 
     def project(self, depth: Depth, intrinsics: Intrinsics, T_grid_camera: Pose, ends: Points) -> Scan:
-        """Find the voxels in which a depth image's rays end and those they cross by projecting voxels into the image.
+        """Project voxels into a depth image to find those in which its rays end and those that its rays cross.
 
         Args:
             depth: depth image, m; a value that is not positive and finite means no return.
@@ -55,7 +55,7 @@ class Updater:
             ends: further end points in the grid's frame, m.
 
         Raises:
-            InputError: the box of marks alone exceeds the map's memory limit; :meth:`trace` raises this too.
+            InputError: the box of marks alone exceeds the map's memory limit; :meth:`trace` raises this error, too.
         """
         config, size, far = self._config, self._config.voxel_size, self._config.max_range
         pose = T_grid_camera[:3].copy()
@@ -71,7 +71,7 @@ class Updater:
         return scan
 
     def trace(self, points: Places, origin: Place) -> Scan:
-        """Find the voxels that contain points in range, and those that the rays from an origin to points cross.
+        """Find the voxels that contain points in range, and those that the rays from the origin to the points cross.
 
         The points, which must be finite, and the origin are in the grid's frame, m.
         """

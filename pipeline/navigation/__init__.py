@@ -1,1 +1,1 @@
-"""Navigation (thesis 4.5): from waypoints to velocity commands, and recovery if driving fails."""
+"""Navigation (thesis 4.5): from waypoints to velocity commands, and recovery from failed drives."""

@@ -10,7 +10,7 @@ from pipeline.robot import Velocity
 
 
 class Turn(Velocity):
-    """A command to turn in place; ``v`` only compensates for sliding down a ramp."""
+    """A command to turn in place; its ``v`` only compensates for sliding down a ramp."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,7 +37,7 @@ class Approach(Velocity):
 
     @property
     def left(self) -> float:
-        """Length of the rest of the stretch, m."""
+        """Remaining length of the stretch, m."""
         return self.stretch.length - float(self.stretch.along[self.at])
 
 
@@ -55,7 +55,7 @@ class Verdict(Enum):
 
 
 class Outcome(Enum):
-    """How a leg ended."""
+    """The way in which a leg ended."""
 
     REACHED = "the target was reached"
     DONE = "its purpose was fulfilled early"

@@ -13,15 +13,16 @@ class FollowerConfig:
 
     Attributes:
         turn_gain: ratio of turn rate to heading error, 1/s (thesis 4.5).
-        position_tolerance: distance within which the end of a stretch counts as reached, m.
-        heading_tolerance: error within which a heading counts as reached, rad.
-        lean: tilt above which the robot is on a ramp, even if only with its front wheels, rad.
+        position_tolerance: distance within which the end of a stretch is considered reached, m.
+        heading_tolerance: error within which a heading is considered reached, rad.
+        lean: tilt above which the robot is considered to be on a ramp, even if only with its front wheels, rad.
         braking: fraction of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
             wheels do not skid past the end.
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
-        pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
-        most_off: distance from the line of a stretch beyond which the robot, after the turn to its heading, does not
-            begin it, m: as far as plans let the robot stray on a straight drive.
+        pivot_ramp: heading error up to which the robot corrects its heading while driving on a ramp, where it slides
+            when it turns in place, rad.
+        most_off: distance from the line of a stretch beyond which the robot does not begin the stretch after the turn
+            to its heading, m. The default is the deviation that plans allow for on a straight drive.
         hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
     """
@@ -37,7 +38,7 @@ class FollowerConfig:
     hold_gain: float = 1.0
 
     def __post_init__(self) -> None:
-        """InputError if the robot could not follow a path with these settings."""
+        """Raise InputError if the robot could not follow a path with these settings."""
         section = "navigation.follower"
         require_positive(section, self, "turn_gain", "position_tolerance", "heading_tolerance", "braking")
         require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "most_off", "hold_gain")
@@ -48,8 +49,8 @@ class RecoveryConfig:
     """How the robot recovers from a halt.
 
     Attributes:
-        most_way: the robot backs out as far as it came, but no farther than this, m.
-        most_turn: the robot turns back as far as it turned, but no farther than this, rad.
+        most_way: maximum distance by which the robot backs out, m; it backs out no farther than it came.
+        most_turn: maximum angle by which the robot turns back, rad; it turns back no farther than it turned.
         drives_back: number of times that a robot, lost after a halt, drives back by ``most_way`` to look around.
     """
 
@@ -58,20 +59,21 @@ class RecoveryConfig:
     drives_back: int = 2
 
     def __post_init__(self) -> None:
-        """InputError if the robot could not back out."""
+        """Raise InputError if the robot could not back out with these settings."""
         require_positive("navigation.recovery", self, "most_way", "most_turn")
         require_at_least(0, "navigation.recovery", self, "drives_back")
 
 
 @dataclass(frozen=True)
 class ProgressConfig:
-    """When a robot counts as held or stuck.
+    """When a robot is considered held or stuck.
 
     Attributes:
         held_share: fraction of the commanded speed below which the robot is held.
-        patience: time without progress after which the robot is stuck, or after which it counts as held on a ramp, s.
-        overdue: maximum duration of a turn, s, and of a leg beyond what it takes at a low speed. A robot that slides
-            back and forth moves, but makes no progress.
+        patience: time without progress after which the robot is considered stuck, and time after which it is
+            considered held on a ramp, s.
+        overdue: maximum duration of a turn, and maximum delay of a leg compared with a drive at low speed, s. A robot
+            that slides back and forth moves, but makes no progress.
     """
 
     held_share: float = 0.35
@@ -79,19 +81,19 @@ class ProgressConfig:
     overdue: float = 60.0
 
     def __post_init__(self) -> None:
-        """InputError if the robot would count as stuck at once."""
+        """Raise InputError if the robot would be considered stuck at once."""
         require_positive("navigation.progress", self, "patience", "overdue")
         require_at_least(0, "navigation.progress", self, "held_share")
 
 
 @dataclass(frozen=True)
 class ObstacleCheckConfig:
-    """When an obstacle that the map does not show counts.
+    """How the robot checks its path for obstacles that the map does not show.
 
     Attributes:
         every: distance driven between two checks, m.
-        turn: angle by which an arc turns the camera between two checks, rad: about as often as keyframes are taken.
-        ahead: distance from the robot's centre beyond which obstacles do not count yet, m.
+        turn: angle by which an arc turns the camera between two checks, rad; keyframes are taken about as often.
+        ahead: distance from the robot's centre beyond which obstacles are ignored, m.
         least_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
             thickest dust at most 17.
     """
@@ -124,11 +126,11 @@ class SpeedLimitConfig:
 
 @dataclass(frozen=True)
 class FaultConfig:
-    """Which faults of its own sensors the robot reports.
+    """Limits beyond which the robot reports faults of its own sensors.
 
     Attributes:
-        depth_scale: relative error of the floor's distance above which it is reported: three times the 1% error of a
-            calibrated camera of this kind (Khoshelham & Oude Elberink, 2012).
+        depth_scale: relative error of the distance to the floor above which it is reported; the default is three
+            times the 1% error of a calibrated camera of this kind (Khoshelham & Oude Elberink, 2012).
     """
 
     depth_scale: float = 0.03

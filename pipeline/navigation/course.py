@@ -1,4 +1,4 @@
-"""Courses: the stretches that a robot has to drive, how fast, and how they end."""
+"""Courses: the stretches that a robot has to drive, their speed limits, and how they end."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,17 +12,18 @@ SpeedAlong = Callable[[Stretch], Values]
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A path, and how to drive it.
+    """A path, its speed limits and its end.
 
     Attributes:
-        stretches: from where the robot stands, or will come to rest; may be empty if there is a heading.
+        stretches: the stretches to drive, from where the robot stands or will come to rest; may be empty if a heading
+            is given.
         heading: heading of the robot at the end, rad; None for any.
         start: (2,) position of the robot when the path was planned, m; a robot that is elsewhere was carried. None
             to skip this check.
         speed_along: speed limits set by the ground; None for the robot's own limit.
-        rolls: whether the robot need not stop at the end. It then counts as arrived where it must begin to brake, and
-            continues with the next course from where it would come to rest, or must be halted.
-        planned: expected duration of the drive, s; None if it was not planned.
+        rolls: whether the robot need not stop at the end. It has then arrived as soon as it must begin to brake. The
+            next course begins where the robot would come to rest; without a next course, it must be halted.
+        planned: expected duration of the drive, s; None if the drive was not planned.
     """
 
     stretches: Sequence[Stretch]

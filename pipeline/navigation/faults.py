@@ -1,4 +1,4 @@
-"""Faults of the robot's own sensors and wheels that it notices."""
+"""Faults of its own sensors and wheels that the robot notices."""
 
 from dataclasses import dataclass
 
@@ -17,12 +17,12 @@ NOTICED = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault.
+    """A fault that the robot has noticed.
 
     Attributes:
         kind: ``camera`` (no frame), ``depth_scale``, ``slipping``, ``held`` (the wheels spin), ``blind``, ``stuck``,
             ``registration`` (left out of the pose graph), ``carried`` or ``lost``.
-        time_s: time at which it was noticed, s.
+        time_s: time at which the fault was noticed, s.
         text: description of the fault.
     """
 
@@ -49,7 +49,7 @@ class Faults:
             self.all.append(Fault(kind, time, text))
 
     def check_motion(self, belief: Belief, time: float) -> None:
-        """Note a fault at a time, s, if the most likely motion state is one."""
+        """Note a fault at a time, s, if the most likely motion state is a fault."""
         if belief.state in NOTICED:
             self.note(belief.state.name.lower(), time, NOTICED[belief.state])
 

@@ -1,7 +1,7 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator passes its commands one at a time to its caller, ``send``, which lets the robot follow each unless
-something forbids it, and returns a verdict.
+The navigator passes its commands one by one to the caller's function ``send``, which lets the robot follow each
+command unless something forbids it, and returns a verdict.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,41 +24,43 @@ from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 
 RAMP_MARGIN = 0.2
-"""Distance from where the robot leaned within which it still drives as on a ramp, m: on a ridge's crest, it is
-level."""
+"""Distance from where the robot leaned within which it still drives as on a ramp, m, because it is level on the crest
+of a ridge."""
 SHOWN = radians(10)
-"""Error of the heading that is acceptable when a viewpoint is passed, rad; the view is still the same."""
+"""Maximum heading error at which a viewpoint may be passed without a turn, rad, because the view is still the
+same."""
 LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
 MIN_PACE = 0.2
 """Minimum fraction of its speed that the robot keeps, however far it is off its heading."""
 STILL = 0.02
-"""Speed below which the robot counts as standing and may turn in place, m/s."""
+"""Speed below which the robot is considered to stand still and may turn in place, m/s."""
 MIN_SPEED = 0.2
-"""A slower robot returns to its line as if at this speed, m/s, so that noise does not turn it."""
+"""Speed at which a slower robot is assumed to return to its line, m/s, so that noise does not turn it."""
 WIDEST_RETURN = 0.5
 """Maximum angle between the robot's heading and its line while it returns to the line, rad."""
 CARRIED_WAY = 0.3
-"""A robot that moves farther than this, m, in one control period, or starts farther than this from the start of its
-plan, was carried."""
+"""Displacement in one control period, or distance from the start of its plan, above which the robot was carried,
+m."""
 TILT_LEAD = 0.1
-"""The robot backs out if it would lean too far within this time, s."""
+"""Time ahead for which the tilt is predicted, s; the robot backs out if it would then lean too far."""
 MIN_WAY, MIN_TURN = 0.02, radians(2)
-"""The robot backs out at least this far, m, or turns back by at least this angle, rad."""
+"""Minimum distance by which the robot backs out, m, and minimum angle by which it turns back, rad."""
 ENOUGH = 0.5
-"""Fraction of that distance or angle after which the robot counts as free."""
+"""Fraction of the distance or angle to undo after which the robot is considered free."""
 
 AVERAGED = 0.5
 """Time over which speeds are averaged to detect that something holds the robot, s."""
 STILL_WAY, STILL_TURN = 0.02, radians(2)
 """Displacement, m, and rotation, rad, up to which the robot makes no progress."""
 OVERDUE_RAMP = 4.0
-"""A leg may take ``overdue`` s more than this many times its duration at the speed on ramps."""
+"""Factor on the duration of a leg at the speed on ramps; a leg may take ``overdue`` s longer than this."""
 MIN_V, MIN_OMEGA = 0.04, 0.15
-"""Speeds below which commands are not judged, m/s and rad/s."""
+"""Speed, m/s, and turn rate, rad/s, below which commands are not judged."""
 REACTION = 0.3
 """Time during which a robot may still follow its previous command, s, because of delays on the network and at both
-ends. Longer intervals between two poses are not judged: a real robot gets no command while its software computes."""
+ends. Longer intervals between two poses are not judged, because a real robot gets no command while its software
+computes."""
 
 TIME_CONSTANT = 0.5
 """Time constant with which the estimated vertical follows the accelerometer, which bumps and braking disturb, s."""
@@ -83,7 +85,7 @@ class Progress:
         self._restart(time)
 
     def _restart(self, time: float) -> None:
-        # (2,) forward speed and turn rate: expected by command and acceleration; averages of expected and actual.
+        # (2,) forward speed and turn rate: expected from command and acceleration; averages of expected and actual.
         self._due: NDArray[np.float64] | None = None
         self._wanted = np.zeros(2)
         self._felt = np.zeros(2)
@@ -93,7 +95,7 @@ class Progress:
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest pose shows that the robot cannot follow the command.
 
-        On a ramp, where the wheels may skid for a moment, only if it has shown so for some time.
+        On a ramp, where the wheels may skid for a moment, this must have been so for some time.
         """
         config = self._config
         if (pause := time - self._time) > REACTION:
@@ -127,7 +129,7 @@ class Progress:
         due = speeds if self._due is None else self._due
         self._due = due + np.clip(asked - due, -limit, limit)
         share = min(1.0, dt / AVERAGED)
-        # A robot that brakes harder than it should is not held.
+        # A robot that brakes harder than commanded is not held.
         wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
         self._wanted += share * (wanted - self._wanted)
         self._felt += share * (speeds * np.sign(self._due) - self._felt)
@@ -164,7 +166,7 @@ class Attitude:
         return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
 
     def tilt_in(self, seconds: float) -> float:
-        """The larger of roll and pitch in ``seconds`` s, rad, if both keep changing as now, up to a limit."""
+        """The larger of roll and pitch in ``seconds`` s, rad, if their current rates persist, up to a limit."""
         most = MAX_CHANGE
         return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())
 
@@ -187,7 +189,7 @@ class DrivenLeg:
 
 
 def of_leg(outcome: Outcome) -> Outcome:
-    """The outcome of the leg of a drive with this outcome; a drive that was done early counts as reached."""
+    """The outcome of a leg, given the outcome of its drive; it is ``REACHED`` if the drive was done early."""
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
 
@@ -214,11 +216,11 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether the robot backed off an obstacle right at its leading end; in a turn, it could be anywhere."""
+        """Whether the robot backed off an obstacle at its leading end; in a turn, the obstacle could be anywhere."""
         return self.freed and not isinstance(self.command, Turn)
 
     def touched(self, robot: RobotModel, cell: float) -> Places:
-        """(N, 3) points in ``map``, m, right at the leading end and as high as the body, for cells of ``cell`` m."""
+        """(N, 3) points in ``map``, m, just beyond the leading end, at the body's height, for cells of ``cell`` m."""
         # Half a cell's diagonal in front of the footprint, so that the cell lies outside it.
         ahead = (robot.half_length + cell / np.sqrt(2)) * np.sign(self.command.v)
         across = np.linspace(-robot.half_width, robot.half_width, 2 + int(2 * robot.width / cell))
@@ -240,7 +242,7 @@ class Navigator:
     """
 
     def __init__(self, robot: RobotModel, control_period: float, config: NavigationConfig = NavigationConfig()):
-        """``control_period``: duration of each command, s."""
+        """Start without a motion; ``control_period``: duration of each command, s."""
         self.legs: list[DrivenLeg] = []
         self.times: list[DriveTime] = []
         self.halts: list[Halt] = []
@@ -254,14 +256,14 @@ class Navigator:
         self._before: Motion | None = None
         self._T_map_odom = np.eye(4)
         self._leaned_at: Place | None = None
-        self._rest: Stretch | None = None  # In odom: the rest of a stretch to whose end the robot still rolls
+        self._rest: Stretch | None = None  # In odom: the rest of a stretch, to whose end the robot still rolls
 
     def correct(self, T_map_odom: Pose) -> None:
         """Continue with the newest pose of ``odom`` in ``map``; this may happen during a drive."""
         self._T_map_odom = T_map_odom
 
     def moved(self, motion: Motion) -> None:
-        """Take the newest motion of the body into account; LostError if its odometry is not a pose."""
+        """Take the newest motion of the body into account; LostError if its odometry is not a valid pose."""
         check_pose("odometry", motion.time, motion.T_odom_base)
         self._before = self.motion
         self.motion = motion
@@ -271,7 +273,7 @@ class Navigator:
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
     def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x, y and heading at which a robot at a pose comes to rest: it may still roll to the end of a path."""
+        """(3,) x and y, m, and heading, rad, at which a robot at a pose comes to rest if it is still rolling."""
         if self._rest is None:
             return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
         rest = self._in_map(self._rest)
@@ -353,9 +355,9 @@ class Navigator:
         return self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle), send)
 
     def drive_back(self, send: Send) -> bool:
-        """Turn as at the newest halt, and drive back towards where the robot came from; False if it cannot.
+        """Turn as at the newest halt, and drive back towards where the robot came from; False if that fails.
 
-        Without a halt, it does not know where that is.
+        Without a halt, this direction is unknown.
         """
         if not self.halts:
             return False
@@ -381,7 +383,7 @@ class Navigator:
         return outcome
 
     def _turn_towards(self, stretch: Stretch, send: Send) -> Outcome:
-        """Turn to the heading of a stretch if it is too far off to correct it during the drive."""
+        """Turn to the heading of a stretch if the heading error is too large to be corrected during the drive."""
         config = self._config.follower
         error = abs(wrap_angle(stretch.heading - yaw_of(self.T_map_base)))
         if error <= (config.pivot_ramp if self._on_ramp else config.pivot_level):
@@ -400,7 +402,7 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        """Whether the robot leans, or leaned near here: on the crest of a ridge, it is level."""
+        """Whether the robot leans or, because it is level on the crest of a ridge, has leaned near here."""
         at = self._leaned_at
         near = RAMP_MARGIN
         return at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - at) < near)
@@ -442,7 +444,7 @@ class Navigator:
         return float(np.clip(speed, -self._robot.ramp_speed, self._robot.ramp_speed))
 
     def _along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
-        """Commands that follow a stretch up to its end, or, if ``is_passed``, until the robot must brake for it.
+        """Commands that follow a stretch up to its end or, if ``is_passed``, until the robot must brake for its end.
 
         ``speeds``: (N,) maximum speeds at its poses, m/s; None for no limit.
         """
@@ -488,7 +490,7 @@ class Navigator:
         progress = Progress(self._robot, start, self._time, self._config.progress, length)
         for command in commands:
             verdict = send(command)
-            # The caller forbids the command, or needs no more of the drive.
+            # The caller forbids the command, or the purpose of the drive is fulfilled.
             if verdict in REFUSED:
                 send(STOP)
                 return REFUSED[verdict]
@@ -502,7 +504,7 @@ class Navigator:
             if verdict is Verdict.FINE and self._was_carried:
                 send(STOP)
                 return Outcome.MOVED
-            # The robot tips, or its wheels spin, or it makes no progress.
+            # The robot tips, its wheels spin, or it makes no progress.
             leans = self._tips
             spins = verdict is Verdict.SPINNING
             if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
@@ -527,7 +529,7 @@ class Navigator:
 
     @property
     def _was_carried(self) -> bool:
-        """Whether the newest motion is too long for the robot to have made it on its own."""
+        """Whether the newest motion is too long for the robot to have driven it on its own."""
         last = required(self._before)
         before = (self._T_map_odom @ last.T_odom_base)[:3, 3]
         # On a real robot, time passes while a keyframe is mapped.
@@ -536,10 +538,11 @@ class Navigator:
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
-        """Undo the last motion since a pose, because that path was free; True if the robot got far enough.
+        """Undo the motion since a pose, because its path was free; True if the robot got far enough.
 
-        A robot that leans goes back until it is level; one that tips while backing, as when it backs up a wall, comes
-        down again. Spinning wheels end the motion: by their encoders alone, the robot would seem to move.
+        A robot that leans drives back until it is level; one that tips while it backs out, for example up a wall,
+        undoes this motion. Spinning wheels end the motion, because by the encoders alone the robot would seem to
+        move.
         """
         model = self._robot
         config = self._config.recovery
@@ -579,7 +582,7 @@ class Navigator:
 
     @property
     def _T_odom_base(self) -> Pose:
-        # From odometry, which does not jump when the map is corrected.
+        # This is odometry, which does not jump when the map is corrected.
         return required(self.motion).T_odom_base
 
     @property

@@ -17,18 +17,18 @@ from pipeline.transforms import wrap_angle
 
 
 class ObstacleCheck:
-    """Watches the path of one drive.
+    """Watches the path of one drive for obstacles that the map does not show.
 
     Attributes:
         obstacles: (N, 3) returns in ``map``, m, of obstacles on the path that the map does not show.
     """
 
     def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
-        """Watch a drive over mapped ground with a camera."""
+        """Watch a drive over mapped ground with the camera's ``sensor``."""
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
-        # At the last look: the remaining length of the stretch, m, and the direction of travel, rad
+        # At the last look: remaining length of the stretch, m, and direction of travel, rad
         self._left, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
@@ -39,13 +39,13 @@ class ObstacleCheck:
         return (is_new or is_far or has_turned) and not self._is_too_near(command)
 
     def is_clear(self, command: Approach) -> bool:
-        """Whether no obstacle was seen on the path, or the rest of it is too near for the camera."""
+        """Whether no obstacle was seen on the path, or the rest of the path is too near for the camera."""
         return self._is_too_near(command) or not len(self.obstacles)
 
     def look(self, command: Approach, points: Points) -> None:
         """Find the obstacles on the path among the camera's returns over traversable ground.
 
-        Their heights above the ground in the map are between half the body's height and the headroom.
+        Obstacles are returns whose height above the mapped ground is between half the body's height and the headroom.
         """
         self._stretch, self._left, self._direction = command.stretch, command.left, command.direction
         ground = self._traversability
@@ -68,14 +68,14 @@ class ObstacleCheck:
         return command.left + self._traversability.robot.half_length < self._sensor.nearest
 
     def _extended(self, path: Places) -> Places:
-        """The path that the front of the footprint will pass, up to its end and not too far ahead."""
+        """(N, 2) m, the path of the front of the footprint, up to its end or to ``ahead`` m from the robot."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         path = _extended(path, robot.half_length + 2 * cell)
         far = np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum() < self._config.ahead
         return path[np.append(True, far)]
 
     def _on_path(self, points: Points, path: Places) -> Mask:
-        """(N,) which points lie where the footprint will pass along an extended path."""
+        """(N,) which points lie in the area that the footprint will sweep along an extended path."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         distance, number = KDTree(path).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
         is_behind = (points[:, :2] - path[0]) @ (path[1] - path[0]) <= 0

@@ -24,8 +24,8 @@ class PathPlan:
 
     Attributes:
         way_points: (N, 3) ends of the drives, the goal last, m.
-        backwards: (N,) which drives are backwards.
-        nodes: ids of the nodes that the route passes.
+        backwards: (N,) which of the drives are backwards.
+        nodes: ids of the nodes that the route passes, in order.
         length: horizontal length of the path from the robot's position, m.
     """
 
@@ -49,7 +49,7 @@ class PlanningGraph(Protocol):
 
     Attributes:
         kind: ``mst``, where routes pass through the nodes, or ``roadmap``, where they need not.
-        graph: graph of node ids; the weight is the cost of each drive, s.
+        graph: graph of node ids, in which the weight of an edge is the cost of its drive, s.
     """
 
     kind: Literal["mst", "roadmap"]
@@ -98,11 +98,11 @@ TOPOLOGICAL = TopologicalPlanner()
 def plan_path(
     topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
 ) -> PathPlan | None:
-    """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
+    """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any heading.
 
-    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree, the route goes over each of
-    them, unless a single straight drive reaches the goal. On the roadmap, the route is the one that the search over
-    poses found, which is faster and goes past the nodes. Returns None if no route leads to the goal;
+    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree, the route passes through each of
+    them, unless a single straight drive reaches the goal. On the roadmap, the route is that found by the search over
+    poses, which is faster and need not pass through the nodes. Returns None if no route leads to the goal;
     :func:`obstacle_to` gives the reason.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
@@ -122,7 +122,7 @@ def plan_path(
 def _paths_over(
     places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None
 ) -> list[StraightenedPath]:
-    """The paths through the positions (2,) in turn to the goal; an empty list if any of them cannot be reached."""
+    """The paths through positions (2,) in turn to the goal; an empty list if any position cannot be reached."""
     legs: list[StraightenedPath] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):
@@ -140,7 +140,8 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         return f"{name} must have finite coordinates"
     if paths.start is None:
         return f"{name} cannot be reached: the robot cannot leave its current position"
-    # The cost is also finite where the robot is, or could escape to, even if it may not stop there otherwise.
+    # The cost is also finite where the robot is, or where it could escape to, even if it could not stop there
+    # otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
@@ -185,7 +186,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
 
 
 def _nodes_between(topology: PlanningGraph, traversability: Traversability, start: Place, goal: Place) -> list[int]:
-    """Ids of the nodes on the fastest route, by Dijkstra's algorithm; an empty list if no route leads over nodes."""
+    """Ids of the nodes on the fastest route, by Dijkstra's algorithm; empty if no route leads through nodes."""
     graph = topology.graph.copy()
     for name, xy in (("start", start), ("goal", goal)):
         graph.add_node(name)

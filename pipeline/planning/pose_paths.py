@@ -22,7 +22,7 @@ class StraightenedPath:
     Attributes:
         places: (N, 2) ends of the drives, m; a path that is only a turn has one.
         backwards: (N,) which drives are backwards.
-        heading: heading to turn to at the end, rad.
+        heading: heading to which the robot turns at the end, rad.
     """
 
     places: Places
@@ -33,13 +33,14 @@ class StraightenedPath:
 class PosePaths:
     """Cheapest paths over poses from one start, or from the nearest of several.
 
-    The search goes only as far as needed: its time depends on how far away the queried positions are, not on the map.
+    The search extends only as far as needed, so its duration depends on the distance of the queried positions, not on
+    the size of the map.
 
     Attributes:
         traversability: where the robot may drive.
-        start: (2,) the (first) start, m; None if no path can begin there or nearby.
+        start: (2,) m, position of the (first) start; None if no path can begin there or nearby.
         heading: heading of the robot at the start, rad; None for any.
-        caution: factor on the measured deviations that the costs allow for; with 0, they do not include risk.
+        caution: factor on the measured deviations that the costs allow for; with 0, the costs do not include risk.
     """
 
     def __init__(
@@ -83,7 +84,8 @@ class PosePaths:
         # This ignores the smaller minimum clearance that applies where the robot has been.
         can_escape = (t.clearance[i, j, h % STANDING] < min_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
-        # All zeros or uninitialised: the system provides memory pages only where the search touches them.
+        # The arrays are zeros or uninitialised, so that the system provides memory pages only where the search
+        # touches them.
         state, after = np.empty((2, 4 * size + count), np.int32)
         search = kernels.Search(
             starts,
@@ -130,7 +132,7 @@ class PosePaths:
         return self._known(tuple(cells.T))
 
     def min_seconds_to(self, cells: Cells) -> Values:
-        """(N,) lower bounds on the costs of paths from the start, which must be the only one, to cells (N, 2), s."""
+        """(N,) s, lower bounds on the costs of paths to cells (N, 2) from the start, which must be the only one."""
         # Nothing is cheaper than driving forwards with plenty of room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
@@ -172,7 +174,7 @@ class PosePaths:
         return float(self._settle(xy).min())
 
     def seconds_at(self, xy: ArrayLike, heading: int) -> float:
-        """Cost of reaching a point with one of the 16 headings, given by its index, s; inf if no path leads there."""
+        """Cost of reaching a point (2,), m, with the heading of a given index, s; inf if no path leads there."""
         return float(self._settle(xy, heading)[heading])
 
     def can_reach(self, states: Cells) -> Mask:
@@ -182,12 +184,12 @@ class PosePaths:
         return np.asarray(inside & bits(self.headings[i, j])[np.arange(len(states)), heading])
 
     def nearest(self, places: Places) -> int | None:
-        """Index of the cheapest position (N, 2) to reach; None if none can be reached or any is off the grid."""
+        """Index of the position (N, 2) cheapest to reach; None if none is reachable or any is off the grid."""
         cost = self._settle(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(..., 16) costs of reaching points (..., 2), m, in s; the lowest, or one for ``heading``, is known."""
+        """(..., 16) s, costs of reaching points (..., 2), m; the lowest, or one with ``heading``, is final."""
         cells, horizon = self._grid.cell_of(xy), self._costs.stop
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
@@ -253,12 +255,12 @@ def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
 
 
 def nearest_heading(heading: float) -> int:
-    """Index of the heading, of the 16, that is nearest to ``heading``, rad."""
+    """Index of the one of the 16 headings that is nearest to ``heading``, rad."""
     return int(np.cos(ANGLES - heading).argmax())
 
 
 def simplify(path: Places, traversability: Traversability) -> Places:
-    """A path (N, 2) reduced to few points; a straight drive costs at most a stop more than what it replaces."""
+    """A path (N, 2) reduced to few points; a straight drive costs at most a stop more than the part it replaces."""
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]

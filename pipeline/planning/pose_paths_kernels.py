@@ -38,7 +38,7 @@ _UNDO = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
 
 @njit(cache=True, inline="always")
 def move_from(i, j, h, move):
-    """The pose that a move from (i, j, h) leads to."""
+    """The pose to which a move from (i, j, h) leads."""
     if move == Move.FORWARD:
         return i + VECTORS[h, 0], j + VECTORS[h, 1], h
     if move == Move.BACKWARD:
@@ -93,7 +93,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
-    # A turn may sweep what the robot has never swept, even where it has been.
+    # A turn may sweep cells that the robot has never swept, even where it has been.
     if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.least)):
         return -1
     if terrain.ramp[a, b]:
@@ -104,19 +104,21 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
 class Search(NamedTuple):
     """The state of a search; the index of a pose is (i · ny + j) · 16 + h.
 
-    The queue has buckets by cost. It gets an entry each time that a pose becomes cheaper, at most one for each move.
+    The queue has buckets by cost. It gets an entry each time that a pose becomes cheaper, at most one for each move
+    that leads to the pose.
 
     Attributes:
-        starts: (K, 3) int64 cells and headings.
-        cost: (N,) int32 1 + ticks; 0 where no path has been found yet.
+        starts: (K, 3) int64 cells and headings at which the search starts.
+        cost: (N,) int32, 1 + cost of each pose in ticks; 0 where no path has been found yet.
         came_by: (N,) uint8 move that led to each pose.
-        source: (N,) int16 index of the start from which the path comes.
+        source: (N,) int16 index of the start from which the path to each pose comes.
         level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
         escape: distance from its start within which the robot may drive through poses without enough room, if its
             clearance does not decrease or it drives where it has been before, m; negative if it need not.
         first: (B,) int32 first entry of each bucket; -1 if it is empty.
         state, after: (4 N + K,) int32 pose of each entry, and next entry of the same bucket.
-        now: (3,) int64 cost up to which all poses are settled, and numbers of entries waiting and in total.
+        now: (3,) int64: the cost up to which all poses are settled, the number of waiting entries, and the number of
+            all entries.
     """
 
     starts: NDArray[np.int64]
@@ -135,8 +137,8 @@ class Search(NamedTuple):
 def extend(search, terrain, costs, until):
     """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
 
-    A pose may be entered if its clearance is large enough. A robot that starts with too little may escape, see
-    :class:`Search`.
+    A pose may be entered if its clearance is large enough. A robot that starts with too little clearance may escape,
+    see :class:`Search`.
     """
     nx, ny = terrain.least.shape
     cost, source, level, first = search.cost, search.source, search.level, search.first
@@ -183,7 +185,7 @@ def flood(seeds, free, is_open):
     """
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
-    # Each cell is at most once among those waiting.
+    # Each cell is at most once among the waiting ones.
     rows, columns = np.nonzero(seeds)
     waiting, count = np.empty((nx * ny, 2), np.int32), len(rows)
     waiting[:count, 0], waiting[:count, 1] = rows, columns
@@ -235,8 +237,9 @@ def trace(came_by, i, j, h):
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Indices of the bends of a path, both ends included, which straight drives connect.
 
-    Also which of these drives are backwards; the first value, for the start, has no meaning. A straight drive
-    replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at both ends.
+    A second array states which of these drives are backwards; its first value, for the start, has no meaning. A
+    straight drive replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at both
+    ends.
 
     Args:
         places: (N, 2) positions, m.

@@ -24,8 +24,8 @@ class ArcConfig:
 
     Attributes:
         radii: radii of the arcs, in the order in which they are tried, m.
-        widest: maximum angle of an arc, rad; for larger turns, the robot turns in place.
-        straight: angle below which the robot needs no arc to turn from one line to the next, rad.
+        widest: maximum angle of an arc, rad; for larger angles, the robot turns in place.
+        straight: angle between two lines below which the robot needs no arc, rad.
         spacing: distance between successive poses of a stretch, m.
     """
 
@@ -68,7 +68,7 @@ class Stretch:
         return float(self.along[-1])
 
     def nearest(self, place: Place, after: int) -> int:
-        """Index of the pose nearest to a position (2,), m, among the half metre of poses from index ``after``."""
+        """Index of the pose nearest to a position (2,), m, among the poses on the half metre from index ``after``."""
         ahead = self.poses[after : after + self._window, :2]
         return after + int(np.linalg.norm(ahead - place, axis=1).argmin())
 
@@ -126,7 +126,7 @@ def stretches_of(
     Args:
         way_points: (N, 2) waypoints, m.
         backwards: (N,) which waypoints the robot drives to backwards.
-        start: (3,) x and y, m, and heading, rad, of the robot.
+        start: (3,) x and y, m, and heading, rad, of the robot at the start.
         heading: heading of the robot at the end, rad; None for any. Without an arc to it, the last stretch ends with
             another heading.
         fits: whether the footprint has room.
@@ -153,7 +153,7 @@ class _Bends:
         self._now: list[Places] = []
 
     def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
-        """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2), ending in a direction or any."""
+        """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2), ending in direction ``end``."""
         places = np.array(
             [p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing]
         )
@@ -175,7 +175,7 @@ class _Bends:
         return self._done
 
     def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
-        """Add the line to a corner, and an arc around it if one fits; return where the line after it begins."""
+        """Add the line to a corner, and an arc around it if one fits; return the start of the next line."""
         before, beyond = _direction(here, corner), _direction(corner, after)
         angle = float(wrap_angle(beyond - before))
         reach = np.linalg.norm(corner - here), np.linalg.norm(after - corner) * (1.0 if is_last else 0.5)
@@ -194,7 +194,7 @@ class _Bends:
         return corner
 
     def _arc_out(self, start: Place, target: Place) -> Places | None:
-        """An arc from a pose such that a straight line leads from its end to a position; None if none fits."""
+        """An arc from a pose whose end points straight at a position; None if no arc fits."""
         for radius in self._radii(float(wrap_angle(_direction(start[:2], target) - start[2]))):
             angle = _angle_to(start, target, radius)
             if angle is None or abs(angle) > self._config.widest:
@@ -205,7 +205,7 @@ class _Bends:
         return None
 
     def _arc_in(self, before: Place, place: Place, end: float | None) -> Places | None:
-        """An arc that continues a line from ``before`` and ends at a position in a direction; None if none fits."""
+        """An arc that continues a line from ``before`` and ends at a position in a direction; None if no arc fits."""
         if end is None:
             return None
         back = self._arc_out(np.append(place, end + np.pi), before)
@@ -238,14 +238,14 @@ class _Bends:
 
 
 def _joined(parts: list[Places]) -> Places:
-    """(N, 3) poses of successive parts, without poses at the same position as the one before."""
+    """(N, 3) poses of successive parts, without poses at the same position as the previous pose."""
     poses = np.vstack(parts)
     moved = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > np.finfo(np.float32).eps
     return poses[np.append(True, moved)]
 
 
 def _angle_to(pose: Place, target: Place, radius: float) -> float | None:
-    """Angle, rad, of the arc from a pose (3,) whose end points at a position (2,); None if that is inside the arc."""
+    """Angle, rad, of the arc from a pose (3,) whose end points at a position (2,); None inside the arc's circle."""
     side = float(np.sign(wrap_angle(_direction(pose[:2], target) - pose[2]))) or 1.0
     centre = pose[:2] + side * radius * np.array([-np.sin(pose[2]), np.cos(pose[2])])
     to_target = target - centre

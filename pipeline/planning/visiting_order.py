@@ -10,19 +10,21 @@ def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
     """A cheap order in which to visit positions 1 … N - 1, starting at position 0 and ending at any of them.
 
     Args:
-        cost: (N, N) finite cost of the path from each position to each other one, m or s.
-        exact: maximum number of positions for which the order is optimal; for more, 2-opt cannot improve it.
+        cost: (N, N) finite cost of the path from each position to each other position, m or s.
+        exact: maximum number of positions for which the order is optimal; for more positions, 2-opt cannot improve
+            it.
     """
 
     def total(order: list[int]) -> float:
         return float(cost[[0, *order[:-1]], order].sum())
 
-    # Few positions: the cheapest of all orders.
+    # With few positions, choose the cheapest of all orders.
     if len(cost) - 1 <= exact:
         ways = np.array([(0, *order) for order in permutations(range(1, len(cost)))])
         best: NDArray[np.int64] = ways[cost[ways[:, :-1], ways[:, 1:]].sum(axis=1).argmin(), 1:]
         return best.tolist()
-    # Many: begin with the nearest position each time, then reverse parts as long as this makes the order cheaper.
+    # With many, begin with the order that always visits the nearest position next, then reverse parts as long as
+    # this makes the order cheaper.
     left = set(range(1, len(cost)))
     order: list[int] = []
     while left:

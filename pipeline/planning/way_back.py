@@ -1,7 +1,7 @@
-"""The way back along the robot's own track, used if no path leads to the ground that it came from.
+"""The path back along the robot's own track, used if no path leads to the ground from which it came.
 
-An error of a few centimetres, of the pose or in the height of a ramp, may show an obstacle where the robot has just
-passed. Where it has driven, it can drive back.
+An error of a few centimetres in the pose or in the height of a ramp may show an obstacle where the robot has just
+passed. Where the robot has driven, it can drive back.
 """
 
 import numpy as np
@@ -13,28 +13,28 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import yaw_of
 
 NEAR = 2
-"""Distance from a keyframe to drivable ground within which it counts as on that ground, cells."""
+"""Distance to drivable ground within which a keyframe is considered to be on it, cells."""
 MIN_DRIVE = 0.05
-"""Distance between keyframes below which the robot only turned, m."""
+"""Distance between successive keyframes below which the robot only turned, m."""
 FARTHEST = 1.0
-"""Distance between keyframes above which the robot was carried from one to the other, m."""
+"""Distance between successive keyframes above which the robot was carried from one to the other, m."""
 
 
 def is_cut_off(poses: Poses, paths: PosePaths) -> bool:
-    """Whether paths lead to less than half of the places where keyframes (K, 4, 4) were taken."""
+    """Whether paths lead to fewer than half of the places where keyframes (K, 4, 4) were taken."""
     return bool(2 * np.count_nonzero(_are_reached(poses, paths)) < len(poses))
 
 
 def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
-    """A plan back along the track to the ground on which most keyframes were taken.
+    """A plan that leads back along the track to the unreachable ground on which most keyframes were taken.
 
     Args:
         poses: (K, 4, 4) ``T_map_base`` of all keyframes, the newest last.
         paths: the paths from the robot's position.
 
     Returns:
-        The plan; None if paths lead to half of the keyframes or more, if no drivable ground is near the others, or if
-        the robot was carried from there.
+        The plan; None if paths lead to half of the keyframes or more, if no drivable ground is near the other
+        keyframes, or if the robot was carried from there.
     """
     if not is_cut_off(poses, paths):
         return None

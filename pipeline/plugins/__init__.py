@@ -1,1 +1,1 @@
-"""Parts of the robot's software that a run asks for by name; nothing of the core imports them."""
+"""Optional parts of the robot's software, which a run selects by name; no module of the core imports them."""

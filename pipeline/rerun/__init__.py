@@ -1,1 +1,1 @@
-"""The robot's knowledge, step by step, in Rerun."""
+"""The robot's maps, plans and measurements in Rerun, step by step."""

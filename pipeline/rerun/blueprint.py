@@ -9,7 +9,7 @@ from pipeline.arrays import Place
 
 _SCENE = (
     "+ $origin/**",
-    # The images have their own views; here they would hide the map.
+    # The images have their own views and would hide the map here.
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
     "- $origin/victims/photos",
@@ -66,7 +66,7 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 def eye(low: Place, high: Place) -> rrb.EyeControls3D:
     """The eye, above the box from ``low`` to ``high`` on its negative y side; the box fills the window.
 
-    It is so high that the strip of ground hidden by a wall is only a third as wide as the wall is high.
+    The eye is so high that the strip of ground hidden by a wall is only a third as wide as the wall is high.
     """
     middle = (low + high) / 2
     away = np.array([0, -1, 3]) * np.linalg.norm((high - low)[:2]) / 4

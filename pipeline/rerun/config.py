@@ -7,10 +7,11 @@ from pipeline.errors import require_at_least, require_positive
 
 @dataclass(frozen=True)
 class RerunConfig:
-    """How much is logged.
+    """Amount of logged data, and time limit of the viewer.
 
     Attributes:
-        grain: spacing of the drawn points of the semantic map and of trajectories, m: all would make a large file.
+        grain: spacing of the drawn points of the semantic map and of trajectories, m; all points would make a large
+            file.
         motion_period: minimum time between two logged poses of the moving robot, s.
         patience: maximum time that the viewer may take at the start and at the end to receive the data, s.
     """

@@ -83,7 +83,7 @@ def depth_image(frame: Frame) -> rr.EncodedDepthImage:
 
 
 def label_image(frame: Frame, labels: Labels) -> rr.SegmentationImage:
-    """The classes of a frame's returns as an image; pixels without a return are unlabelled."""
+    """The labels of a frame's returns as an image; pixels without a return are unlabelled."""
     image = np.full(frame.depth.shape, Label.UNLABELLED, np.uint8)
     image[frame.returns] = labels
     return rr.SegmentationImage(image)
@@ -171,7 +171,7 @@ def frontier_points(frontiers: Places) -> rr.Points3D:
 
 
 def keyframes(poses: Poses) -> rr.Arrows3D:
-    """An arrow at each keyframe's pose that points ahead."""
+    """An arrow at each keyframe's pose, which points forward."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + ABOVE_GROUND,
         vectors=0.12 * poses[:, :3, 0],

@@ -1,4 +1,4 @@
-"""Finds as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
+"""Drawings of finds for Rerun: in the camera's image, on the map, and as photos; lengths in m."""
 
 from collections.abc import Sequence
 
@@ -25,12 +25,12 @@ def marks(finds: Sequence[Find]) -> rr.Points3D:
 
 
 def photo_sheet(finds: Sequence[Find], side: int) -> rr.EncodedImage:
-    """The photos of all finds; ``side``: see :func:`sheet`."""
+    """The photos of all finds, with ``side`` as for :func:`sheet`."""
     return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)], side)
 
 
 def outlines(readings: Sequence[Reading]) -> rr.LineStrips2D:
-    """The outlines of everything read in an image."""
+    """The outlines of all readings in an image."""
     return rr.LineStrips2D(
         [np.vstack([reading.corners, reading.corners[:1]]) for reading in readings],
         labels=[plain_text(reading.text or reading.kind) for reading in readings],

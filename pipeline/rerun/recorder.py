@@ -1,4 +1,4 @@
-"""Logs what the robot's software knows to Rerun, step by step."""
+"""Log the state of the robot's software to Rerun, step by step."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,12 +34,12 @@ Level = Literal["INFO", "WARN", "ERROR"]
 
 
 class Recorder(Sink):
-    """Logs what the robot's software knows to a file, and to a viewer if there is one.
+    """Logs the state of the robot's software to a file, and to a viewer if there is one.
 
     Attributes:
         stream: Rerun's stream, to which others, such as a simulator, may log; its timelines are ``step`` and
             ``sim_time``.
-        viewer: viewer that shows the recording as it grows; None without one.
+        viewer: viewer that shows the recording as it grows; None if there is none.
     """
 
     finishing = "writing the recording"
@@ -58,7 +58,7 @@ class Recorder(Sink):
             path: the file, which is written as the recording grows and can be read at any time.
             viewer: viewer that shows the recording as it grows.
             layout: layout with which a viewer opens the recording; :func:`blueprint` by default.
-            config: how much is logged.
+            config: parameters of the recording.
 
         Raises:
             InputError: the file cannot be written.
@@ -72,7 +72,7 @@ class Recorder(Sink):
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
-        self._shifts = np.zeros(0)  # Maximum offset of each keyframe's view from what is drawn, m
+        self._shifts = np.zeros(0)  # m, maximum offset of each keyframe's view from its last drawing
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
@@ -109,7 +109,7 @@ class Recorder(Sink):
         """Log the robot's pose between steps, at most once per ``motion_period``; True if this one was logged.
 
         Args:
-            time: s.
+            time: time of the pose, s.
             T_odom_base: pose from the odometry; the newest keyframe's correction transforms it to ``map``.
         """
         self._move(T_odom_base)
@@ -127,7 +127,7 @@ class Recorder(Sink):
         return True
 
     def on_correction(self, moves: Moves) -> None:
-        """Log that keyframes were corrected; if anything moved visibly, all clouds are logged with the next step."""
+        """Log a correction of keyframes; if any of them moved visibly, all clouds are logged with the next step."""
         self._logged_size.pop("keyframes", None)
         ways, turns = moves.distances, moves.turns
         shifts = np.maximum(ways, turns * moves.reach)
@@ -216,7 +216,7 @@ class Recorder(Sink):
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
     def _log_maps(self, mapper: Mapper) -> None:
-        """Log all data that move when keyframes are corrected."""
+        """Log all maps and poses that change when keyframes are corrected."""
         log, localisation = self.stream.log, mapper.localisation
         self._log_clouds(mapper)
         log("world/segments", drawings.segment_boxes(mapper.segments))
@@ -262,7 +262,7 @@ class Recorder(Sink):
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
-        """Whether a size differs by more than the fraction ``growth`` from that logged last; if so, it is stored."""
+        """Whether a size differs from the last logged one by more than the fraction ``growth``; if so, store it."""
         before = self._logged_size.get(cloud, -1)
         if abs(size - before) <= growth * before:
             return False

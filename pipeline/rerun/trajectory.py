@@ -11,8 +11,8 @@ class DrawnTrajectory:
     """The trajectory driven so far, thinned.
 
     Attributes:
-        distance: its length, m.
-        positions: thinned positions; successive ones are at least ``grain`` apart.
+        distance: length of the trajectory, m.
+        positions: thinned positions, of which successive ones are at least ``grain`` apart.
     """
 
     def __init__(self, grain: float) -> None:

@@ -1,4 +1,4 @@
-"""Victims as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
+"""Drawings of victims for Rerun: in the camera's image, on the map, and as photos; lengths in m."""
 
 from collections.abc import Sequence
 
@@ -69,7 +69,7 @@ def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
 
 
 def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
-    """The victims' photos with their display ids; ``side``: see :func:`sheet`."""
+    """The victims' photos with their display ids, with ``side`` as for :func:`sheet`."""
     photos = [(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
     return sheet(photos, side)
 

@@ -23,7 +23,7 @@ import rerun as rr
 from pipeline.errors import InputError
 from pipeline.processes import end_with_parent
 
-ViewerKind = Literal["spawn", "web"]  # A separate window, or a page for the browser
+ViewerKind = Literal["spawn", "web"]  # A separate window, or a page for a browser
 
 HOST = "127.0.0.1"  # By default, Rerun listens on every interface of the machine
 LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
@@ -33,7 +33,7 @@ HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encodi
 
 
 class Viewer:
-    """A running viewer. When this process ends, a window stays open, but a page is no longer served.
+    """A running viewer; when this process ends, a window stays open, but a page is no longer served.
 
     Attributes:
         page: address of a ``web`` viewer; None for a window.
@@ -124,13 +124,13 @@ class LocalPage(ThreadingHTTPServer):
     Without the policy, the page sends telemetry, requests fonts and examples, and checks for updates (Rerun 0.41).
 
     Attributes:
-        was_opened: whether there was any request.
+        was_opened: whether the server has received a request.
     """
 
     daemon_threads = True
 
     def __init__(self, rerun: str, recording: str) -> None:
-        """``rerun``: address of Rerun's own page; ``recording``: the other address that the page may read."""
+        """Serve Rerun's page from the address ``rerun``; the page may also read from the address ``recording``."""
         self.rerun, self.was_opened = rerun, False
         self.policy = f"{LOCAL}; connect-src 'self' data: blob: {recording}"
         super().__init__((HOST, 0), _Passing)

@@ -1,1 +1,1 @@
-"""The rescue report: one page that tells rescuers what they need to know before they go in."""
+"""The rescue report: one page with the information that rescuers need before they go in."""

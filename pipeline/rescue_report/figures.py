@@ -1,11 +1,11 @@
-"""The figures of a report, however deeply they are nested."""
+"""The figures of a report, at any depth of nesting."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 
 def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The values in nested mappings, named by their path of keys, without lists of records (meant for programs)."""
+    """The values in nested mappings, named by their paths of keys; lists of records (for programs) are left out."""
     if isinstance(content, Mapping):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)

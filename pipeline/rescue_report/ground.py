@@ -1,4 +1,4 @@
-"""The ground as rescuers need to know it: slopes, drops, low ceilings, and what the robot has not seen."""
+"""Properties of the ground that rescuers need to know: slopes, drops, low ceilings, and areas not seen."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -14,17 +14,17 @@ from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.config import RescueReportConfig
 
 EDGE = 5
-"""Side of the window in which the ground in front of an edge is sought, cells; an edge is at most half as wide."""
+"""Side of the window in which the ground in front of an edge is sought, cells; edges are at most half as wide."""
 FROM_WALL = 0.15
 """Distance from walls and steps below which no ground is expected, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReportedPlace:
-    """A group of cells near each other.
+    """A group of neighbouring cells.
 
     Attributes:
-        position: centre of the cell nearest to the mean of all the cells.
+        position: centre of the cell nearest to the mean of all the cells, m.
         area: area of the cells, m².
         value: maximum of the cells' values.
     """
@@ -41,7 +41,7 @@ def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[R
         grid: grid of the cells.
         mask: the cells.
         values: (nx, ny) value of every cell.
-        apart: distance below which cells belong to one place, m; adjacent cells always do.
+        apart: distance below which cells belong to the same place, m; adjacent cells always do.
     """
     reach = 1 + 2 * round(apart / grid.cell / 2)
     pieces, _ = ndimage.label(ndimage.maximum_filter(mask, reach), np.ones((3, 3)))
@@ -82,14 +82,17 @@ class Hazards:
 def find_hazards(
     traversability: Traversability, reachable: MaskLayer, points: Points, config: RescueReportConfig
 ) -> Hazards:
-    """The hazards on the ground that the robot can reach; those closer together than its width are one place.
+    """The hazards on the ground that the robot can reach.
+
+    Drops, and low ceilings, that are closer together than the robot's width form one place.
 
     Args:
-        traversability: traversability of the robot's map. Drops count within the robot's length of reachable ground
-            unless it can roll over them. Points below its headroom are obstacles, not ceilings.
+        traversability: traversability of the robot's map. Drops are reported within the robot's length of reachable
+            ground, unless the robot can roll over them. Points below the robot's headroom are obstacles, not
+            ceilings.
         reachable: cells that the robot can reach.
         points: points of the semantic map.
-        config: what counts as a hazard.
+        config: limits from which hazards are reported.
     """
     grid = traversability.grid
     robot = traversability.robot
@@ -118,15 +121,15 @@ def _drops(traversability: Traversability, reachable: MaskLayer, least_drop: flo
     grid = traversability.grid
     robot = traversability.robot
     elevation = traversability.elevation.astype(np.float64)
-    # Edges end the ground from which they are reached. Steps are not traversable, so ground above and below a step is
-    # in different pieces.
+    # Edges border on the ground from which they are reached. Steps are not traversable, so the ground above and the
+    # ground below a step are in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), EDGE)
     is_edge = traversability.hazard & (np.abs(elevation - highest) < least_drop)
     is_edge &= grid.distance_to(reachable) <= robot.length
-    # Low ground narrower than a gap that the robot rolls over is raised, as no wheel reaches its bottom: a greyscale
-    # closing that ignores NaN.
+    # Low ground narrower than a gap that the robot rolls over is raised by a greyscale closing that ignores NaN,
+    # because no wheel reaches its bottom.
     slit = 1 + 2 * int(robot.max_gap / 2 / grid.cell)
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), slit)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), slit)
@@ -145,13 +148,13 @@ def _lowest_beyond(
 ) -> Values:
     """Height of the lowest ground within ``reach`` m beyond each of the edges, m.
 
-    The search goes as far as the robot is long because the camera often misses the nearest ground. In each direction,
-    it ends where the map is less than ``least_drop`` below the edge: at more of the same ground, or at a wall, behind
-    which no robot falls.
+    The search extends over the robot's length, because the camera often misses the nearest ground. In each direction,
+    it ends where the map is less than ``least_drop`` below the edge, which is at ground of the same height or at a
+    wall, behind which no robot falls.
     """
     height = elevation[tuple(edges.T)][:, None]
     middles = grid.centre_of(edges)[:, None]
-    count = ceil(2 * np.pi * reach / grid.cell)  # one for each cell on the circle
+    count = ceil(2 * np.pi * reach / grid.cell)  # one bearing for each cell on the circle
     bearings = np.linspace(0, 2 * np.pi, count, endpoint=False)
     ahead = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     is_open = np.ones((len(edges), count), np.bool_)
@@ -171,7 +174,7 @@ class Unseen:
     Attributes:
         places: places of unseen ground large enough for a person, the largest first.
         rest: area of smaller unseen patches, m².
-        seen: area of the ground that was seen, m²; if the robot can reach any, only of ground connected to that.
+        seen: area of the ground that was seen, m²; if any ground is reachable, only of ground connected to it.
         is_reachable: whether the robot can reach any ground; if not, it is unknown which ground is connected to it.
     """
 
@@ -198,11 +201,11 @@ def find_unseen(
     """The ground that was not seen: inside the map's outline, and beyond the reachable ground.
 
     Args:
-        traversability: traversability of the robot's map; ground within the robot's length of reachable ground counts
-            as connected.
+        traversability: traversability of the robot's map; ground within the robot's length of reachable ground is
+            connected to it.
         measured: height of the ground as measured by returns, m; NaN elsewhere.
         reachable: cells that the robot can reach.
-        config: where ground is expected.
+        config: limits of the ground that is expected, and of places that are reported.
     """
     grid = traversability.grid
     unknown = np.isnan(measured)

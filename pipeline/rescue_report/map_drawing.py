@@ -17,12 +17,11 @@ from pipeline.rescue_report.words import FILTERS
 LINES = 6
 """Minimum number of lines at round coordinates along the longer side."""
 EXTENT = 1000.0
-"""Width and height into which the drawing fits, units, unless the arena is so large that a metre would be narrower
-than a symbol."""
+"""Maximum width and height of the drawing, units, except in arenas where a metre would be narrower than a symbol."""
 SYMBOL = 30.0
 """Width of symbols, units."""
 ARROWS = 45.0
-"""Distance between arrows up a slope, units."""
+"""Distance between the arrows that point up a slope, units."""
 BORDER = 0.4
 """Margin around the mapped cells, m."""
 BAR = 0.25
@@ -91,7 +90,7 @@ def pale(label: Label) -> str:
 
 
 def _palette() -> NDArray[np.uint8]:
-    """(labels, 3) the classes' colours, mixed with a third of white so that symbols drawn on them stand out."""
+    """(N, 3) colours of the N classes, mixed with a third of white so that symbols drawn on them stand out."""
     palette = COLOURS - COLOURS // 3 + np.iinfo(np.uint8).max // 3
     palette[Label.UNLABELLED] = UNNAMED
     return palette
@@ -128,7 +127,7 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
     apart = ARROWS / paper.cell
-    for place in hazards.slopes[: situation.config.most_named]:  # keep free: the place's number is drawn there
+    for place in hazards.slopes[: situation.config.most_named]:  # kept free for the place's number
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]

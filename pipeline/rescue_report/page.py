@@ -18,7 +18,7 @@ from pipeline.rescue_report.words import FILTERS
 from pipeline.tracks.find import plain_text
 
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
-"""Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
+"""Parts of report.json that describe the run and its duration; all others but the settings need the ground truth."""
 SETTINGS = "config"
 
 
@@ -26,13 +26,13 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
     """The page as HTML.
 
     Args:
-        situation: what the robot knows.
+        situation: the robot's knowledge at the end of the run.
         report: figures of report.json; those that need the ground truth appear only in the last section and in a
-            mission's scores, which say so.
+            mission's scores, where this is stated.
         written: time of writing, for the head of the page.
     """
     drawn = np.unique(classes_from_above(situation))
-    arena = PurePath(str(report["arena"]))  # a file is called by its name
+    arena = PurePath(str(report["arena"]))  # an arena in a file is named after the file
     return render(
         "pipeline.rescue_report",
         "page.html",

@@ -18,7 +18,7 @@ COLUMNS = (
     *("length_m", "width_m", "height_m", "posture", "confidence", "keyframes", "first_s", "last_s", "photo"),
     *("arrives", "way_m", "steepest_rad", "gap_m", "drops", "deepest_m"),
 )
-"""Columns of victims.csv, with the upper triangle of the covariance, and the first and last of the times."""
+"""Columns of victims.csv, which include the upper triangle of the covariance and the first and last time."""
 
 
 def people_data(situation: Situation) -> Row:

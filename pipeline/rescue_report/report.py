@@ -21,7 +21,7 @@ class RescueReport(Sink):
 
     Attributes:
         ended: why exploration ended, see :attr:`Situation.ended`.
-        situation: the robot's knowledge at the end of the run; None before.
+        situation: the robot's knowledge at the end of the run; None before the end.
     """
 
     finishing = "planning routes to the people found"

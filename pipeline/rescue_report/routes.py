@@ -22,11 +22,11 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
 
 VIEWS = 400
-"""Maximum number of cells whose view of a person is checked: the nearest, and fewer of those farther away."""
+"""Maximum number of cells whose view of a person is checked; the farther away, the fewer cells are checked."""
 BEND = radians(20)
 """Change of direction above which a new straight part of a path begins, rad."""
 SHORTEST = 0.2
-"""Length below which a straight part of a path is told together with the next one, m."""
+"""Length below which a straight part of a path is described together with the next one, m."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class RouteLeg:
     """A straight part of a path.
 
     Attributes:
-        turn: turn to the left at its start, from the heading so far, rad.
+        turn: turn to the left at the start of the part, relative to the previous heading, rad.
         length: length along the ground, m.
-        steepest: maximum inclination of the ground under it, rad.
-        is_steep: whether it leads over a slope.
+        steepest: maximum inclination of the ground under the part, rad.
+        is_steep: whether the part leads over a slope.
     """
 
     turn: float
@@ -54,8 +54,8 @@ class Route:
         way: bends of the path, its start and end included.
         trace: the same path with points on the ground between the bends, at most a cell apart.
         drops: drops next to the path, the deepest first, with their depth, m.
-        gap: horizontal distance from the end to the person's points, m.
-        in_sight: whether the robot's map shows nothing between the end and the person.
+        gap: horizontal distance from the end of the path to the nearest of the person's points, m.
+        in_sight: whether the robot's map shows no obstacle between the end of the path and the person.
         arrives: whether the path ends next to the person.
         legs: straight parts of the path, for directions.
         heading: heading at the end of the directions, rad.
@@ -93,11 +93,11 @@ class Router:
     Attributes:
         paths: cheapest paths from the entrance.
         topology: the topological map.
-        metric_map: shows what is between a position and a person.
-        hazards: drops within the robot's length of a route are next to it.
+        metric_map: metric map in which lines of sight to a person are checked.
+        hazards: hazards on the ground; drops within the robot's length of a route are reported with the route.
         heading: heading at the entrance, rad.
-        camera_height: height from which people are seen, m.
-        config: when a route arrives.
+        camera_height: height of the camera above the ground, m.
+        config: parameters of the report.
     """
 
     paths: PosePaths
@@ -125,7 +125,7 @@ class Router:
         centres = grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
         order = np.lexsort((self.paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
-        # The first cell in sight of the person is the end, or the first of all.
+        # The path ends at the first cell in sight of the person, or else at the first of all cells.
         person = KDTree(points)
         checked = order[np.unique(np.geomspace(1, len(order), VIEWS).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
@@ -148,7 +148,7 @@ class Router:
         )
 
     def _sees(self, place: Place, person: KDTree) -> bool:
-        """Whether the metric map shows nothing between the camera at a position and the centre of a person."""
+        """Whether the metric map shows no obstacle between the camera at a position and the centre of a person."""
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self.camera_height)
         middle = person.data.mean(axis=0)
@@ -166,7 +166,7 @@ class Router:
         return legs, heading
 
     def _measure(self, points: Places) -> tuple[float, float]:
-        """Length along the ground, m, and maximum inclination, rad, of a path over points."""
+        """Length along the ground, m, and maximum inclination, rad, of a path through points."""
         grid = self._traversability.grid
         gradient = self._traversability.gradient
         length = 0.0
@@ -182,7 +182,7 @@ class Router:
         return length, steepest
 
     def _drops_beside(self, trace: Places) -> list[ReportedPlace]:
-        """Drops near a path; those closer together than the robot's width are one place."""
+        """Drops near a path; drops closer together than the robot's width form one place."""
         grid = self._traversability.grid
         robot = self._traversability.robot
         edges = np.argwhere(self.hazards.drop > 0)
@@ -197,11 +197,11 @@ class Router:
 def described_parts(path: Places) -> list[tuple[Places, Places]]:
     """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is.
 
-    What is shorter belongs to the next part, or at the end of the path to the last one. Where no bend is left between
-    two parts, they are one.
+    A shorter part is joined to the next one or, at the end of the path, to the last one. Parts without a bend between
+    them are joined as well.
 
     Returns:
-        Of each part a line with its direction at both ends, and all its points.
+        For each part, a line that has the part's direction at both ends, and all points of the part.
     """
     told = list[tuple[Places, Places]]()
     short = path[:0]

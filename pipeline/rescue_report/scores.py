@@ -11,13 +11,13 @@ LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competitio
 
 @dataclass(frozen=True)
 class LeagueScore:
-    """The value of a mission to a league.
+    """The score of a mission in a league.
 
     Attributes:
         name: the league's name.
         points: total points.
-        rules: by rule, its points and the figures that they follow from.
-        losses: what cost points, or would cost points under other rules.
+        rules: by rule, the points and the figures from which they follow.
+        losses: reasons why points were lost, or would be lost under other rules.
     """
 
     name: str
@@ -41,7 +41,7 @@ def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
 
 
 def _shown(figures: Mapping[str, float]) -> str:
-    """Points and the figures that they follow from, as in ``0.74: coverage 0.571, bonus 1.3``."""
+    """Points and the figures from which they follow, as in ``0.74: coverage 0.571, bonus 1.3``."""
     causes = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in figures.items() if name != "points")
     return f"{figures['points']:.2f}: {causes}".replace("-", "−")
 

@@ -42,7 +42,7 @@ class Posture:
 
     @property
     def name(self) -> str:
-        """How the person lies or sits; empty if the size does not determine it."""
+        """The posture in words; empty if the size does not determine it."""
         if self.length >= max(1.0, 2 * self.height):
             return "lying"
         if self.height >= max(0.6, self.length * 2 / 3):
@@ -51,7 +51,7 @@ class Posture:
 
 
 def posture_of(points: Points) -> Posture:
-    """The size of a person."""
+    """The size of a person, from the person's points."""
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
@@ -91,7 +91,7 @@ class Person:
 
     @property
     def direction_beyond_path(self) -> float:
-        """Direction from the path's end to the person, rad to the left of where the path leads; 0 without a path."""
+        """Direction from the path's end to the person, rad to the left of the final heading; 0 without a path."""
         if self.route is None:
             return 0.0
         x, y = self.victim.position[:2] - self.route.end
@@ -103,7 +103,7 @@ class Trust:
     """Evidence against the map, according to the robot's own data.
 
     Attributes:
-        contradicted: fraction of the keyframes' depth that contradicts the map, which is built from all keyframes: if
+        contradicted: fraction of the keyframes' depth that contradicts the map, which is built from all keyframes. If
             a wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
         deviation: standard deviation of the least certain keyframe's position relative to the newest keyframe, m; 0
             for a robot that relies on its odometry alone.
@@ -145,8 +145,8 @@ class Situation:
     """The content of the page, except figures that need the ground truth.
 
     Attributes:
-        poses: ``T_map_base`` of the run's keyframes; in the first, the robot was set down.
-        traversability: traversability of the ground; knows the robot for which the paths are planned.
+        poses: ``T_map_base`` of the run's keyframes; at the first, the robot was set down.
+        traversability: traversability of the ground for the robot for which the paths are planned.
         is_seen: cells where the ground was measured, not merely assumed.
         points: points of the semantic map.
         labels: labels of these points.
@@ -156,10 +156,10 @@ class Situation:
         sightings: people who are not confirmed.
         finds: signs, codes, objects and heat; people's heat comes last.
         searched: whether a detector looked for people.
-        ended: why exploration ended, as in report.json, or ``interrupted``; None without exploration: somebody else
-            moved the camera, or the robot had goals.
-        left: what was given up: viewpoints that were not worth the drive, and seen ground to which no path leads.
-        trust: how far the map can be trusted.
+        ended: why exploration ended, as in report.json, or ``interrupted``; None without exploration, because
+            somebody else moved the camera or the robot had goals.
+        left: viewpoints that were given up: those not worth the drive, and seen ground to which no path leads.
+        trust: evidence against the map.
         can_leave: whether the robot's map has a path out of the entrance.
         knows_camera: whether the camera's pose on the robot was known, not merely measured from a floor in view.
         config: parameters of the report.
@@ -190,7 +190,7 @@ class Situation:
 
     @property
     def finished(self) -> bool:
-        """Whether the robot ended exploration by itself, as no viewpoint was left that was worth the drive."""
+        """Whether the robot ended exploration by itself, because no viewpoint worth the drive was left."""
         return self.ended in ("nothing_left", "not_worth_it")
 
     @property
@@ -234,7 +234,7 @@ def situation_of(
         mapper: holds the maps and the victims; without a detector, people were not searched for.
         camera_height: height of the camera above the ground under the robot, m.
         ended: why exploration ended, see :attr:`Situation.ended`.
-        left: what was given up: viewpoints not worth the drive, and seen ground to which no path leads.
+        left: viewpoints that were given up: those not worth the drive, and seen ground to which no path leads.
         config: parameters of the report.
     """
     traversability = mapper.traversability

@@ -1,4 +1,4 @@
-"""Formats numbers for readers; each function is also a template filter."""
+"""Format numbers for readers; each function is also a template filter."""
 
 import re
 
@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from pipeline.transforms import wrap_angle
 
 LEVEL = np.deg2rad(4)
-"""Inclination up to which ground is called level, rad."""
+"""Maximum inclination of ground that is described as level, rad."""
 STRAIGHT = np.deg2rad(20)
-"""Maximum angle from straight ahead, or from straight behind, at which a direction is called so, rad."""
+"""Maximum angle from straight ahead or straight behind at which a direction is described as such, rad."""
 
 
 def number(value: float, digits: int = 1) -> str:
@@ -62,12 +62,12 @@ def breakable(text: str) -> str:
 
 
 def slope(angle: float) -> str:
-    """The steepness of a path, given its greatest inclination in rad."""
+    """The steepness of a path in words, given its maximum inclination, rad."""
     return f"steepest ground {degrees(angle)}" if angle >= LEVEL else "level ground"
 
 
 def side(angle: float) -> str:
-    """A direction ``angle`` rad to the left of straight ahead."""
+    """A direction ``angle`` rad to the left of straight ahead, in words."""
     angle = wrap_angle(angle)
     if abs(angle) <= STRAIGHT:
         return "straight ahead"

@@ -13,10 +13,10 @@ class SegmentsConfig:
     Attributes:
         angle: maximum angle between the normals of a surfel and its region, rad.
         cell: edge length of the cells in which a segment was seen, m.
-        flatness: maximum distance of the corners of a segment's box, less half its thickness, from the plane of a
-            segment that it continues, m.
+        flatness: maximum distance from the plane of a segment, m, of the corners of the box of another segment that
+            continues it, less half the thickness of the box.
         checkpoint: number of members between saved states. When a keyframe moves, members are merged again from the
-            last state saved before it.
+            last state saved before the keyframe's first member.
     """
 
     angle: float = radians(20)

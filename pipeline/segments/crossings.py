@@ -21,13 +21,13 @@ def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float =
     """Which of the straight lines from ``a`` to ``b`` pass through any of the segments.
 
     The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which replaces the plane of
-    equation 4. The part inside must also come near a cell in which the surface was seen: a line may pass through a
-    doorway although the wall's box covers it.
+    equation 4. The part inside must also come near a cell in which the surface was seen, because a line may pass
+    through a doorway that the wall's box covers.
 
     Args:
         a, b: (N, 3) start and end points.
         segments: the segments that block lines, whatever their labels.
-        margin: a line that comes this near to a surface counts as passing through it, m.
+        margin: distance from a surface, m, within which a line is taken to pass through the surface.
         height: height of the body that moves along the line, measured upwards from the line, m.
     """
     result = np.zeros(len(a), np.bool_)
@@ -50,7 +50,7 @@ def _near_boxes(a: Places, b: Places, boxes: Sequence[Box], margin: float, heigh
 
 
 def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, height: float) -> Mask:
-    """As :func:`crossings`, for lines and segments that are near each other."""
+    """The same as :func:`crossings`, for lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
     boxes, cell = [segment.box for segment in segments], segments[0].cell
     for lift in np.linspace(0, height, int(np.ceil(height / cell)) + 1):

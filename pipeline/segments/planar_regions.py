@@ -37,7 +37,8 @@ REACH = 2
 SPACING = 0.12
 """Maximum distance between neighbouring surfels one block apart, m per m of depth.
 
-It is eight times that on a surface facing the camera: surfaces stay connected down to a grazing angle of 7°.
+It is eight times the distance on a surface that faces the camera, so that surfaces stay connected down to a grazing
+angle of 7°.
 """
 STEP = 0.025
 """Maximum distance of a surfel from the plane through its neighbour, m, so that regions do not jump down steps."""
@@ -51,7 +52,7 @@ RANSAC_SAMPLES = 50
 If half of the surfels are inliers, at least one sample consists of three inliers with a probability of 0.999.
 """
 ROUNDS = 2
-"""How often surfels are reassigned to the nearest plane and the planes fitted again."""
+"""Number of times that surfels are reassigned to the nearest plane and the planes are fitted again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class Surfels:
 
     @classmethod
     def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
-        """Thin a frame, which averages out its noise; no surfel mixes two of the (H, W) labels."""
+        """Thin a frame to surfels, which averages out its noise; no surfel mixes two of the (H, W) labels."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
             frame.depth, labels, frame.intrinsics.rays, BLOCK, FEWEST_PIXELS, DEPTH_STEP, DEVIATIONS
         )
@@ -113,8 +114,8 @@ def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: fl
     order = np.argsort(variation, kind="stable")
     grown = grow_regions(points, near, normal, order, np.cos(angle), STEP)
     # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join their
-    # planes: otherwise, the surfels along the line where two walls meet, which lie between both, would form a narrow
-    # plane of their own.
+    # planes, because otherwise the surfels along the line where two walls meet, which lie between both, would form a
+    # narrow plane of their own.
     region = np.full(len(points), NONE, np.int32)
     planes = np.empty((0, 4))
     large = [members for _, members in groups(grown) if len(members) >= FEWEST_SURFELS]

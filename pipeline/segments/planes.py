@@ -23,7 +23,7 @@ from pipeline.transforms import transform_points
 STRIDE = 2
 """Step between the pixels that determine the extent of a plane, along rows and columns."""
 SHIFT, NOISE = 0.01, 0.006
-"""Such a pixel is moved onto its plane along the ray, by less than ``SHIFT + NOISE · depth²`` in depth; m, 1/m.
+"""Pixels are moved onto their planes along their rays, by less than ``SHIFT + NOISE · depth²`` in depth; m, 1/m.
 
 The noise is 3σ of a structured-light camera (Nguyen et al. 2012).
 """
@@ -95,7 +95,7 @@ def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
 
 
 def _pieces(points: Points, edge: float) -> Iterator[tuple[Indices, SurfaceCells]]:
-    """Split points into pieces whose cells, of ``edge`` m, are connected; yield each one's points and cells."""
+    """Split points into pieces whose cells, of ``edge`` m, are connected; yield the points and cells of each."""
     cells, row = cells_of(points, edge)
     piece = connected_pieces(cells, np.bincount(row))
     for number, inside in groups(piece[row]):

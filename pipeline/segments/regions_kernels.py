@@ -56,7 +56,7 @@ def least_eigenvalue(s):
 
 @njit(cache=True)
 def null_vector(s):
-    """The unit null vector of a symmetric 3×3 matrix of rank 2: the direction of two rows' longest cross product."""
+    """The unit null vector of a symmetric 3×3 matrix of rank 2: the direction of its rows' longest cross product."""
     best, longest = np.zeros(3), 0.0
     for r, q in ((0, 1), (0, 2), (1, 2)):
         x = s[r, 1] * s[q, 2] - s[r, 2] * s[q, 1]
@@ -71,7 +71,7 @@ def null_vector(s):
 
 @njit(cache=True)
 def grow_regions(points, near, normal, order, min_cosine, max_offset):
-    """(N,) int32 region of every point, or NONE; a region is connected and its normals are nearly the same.
+    """(N,) int32 region of every point, or NONE; regions are connected and have nearly constant normals.
 
     Seeds are taken in ``order``. A neighbour joins if the cosine between its normal and the region's mean normal is
     at least ``min_cosine`` (so that a region does not creep around an edge) and if its distance from the plane with

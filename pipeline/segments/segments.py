@@ -18,7 +18,7 @@ from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Member, Segment
 
 IsSurface = Callable[[Places, Direction], Mask]
-"""Takes positions and a normal; returns which are on a surface in the metric map, seen from the normal's side."""
+"""Takes positions and a normal; returns which positions lie on surfaces of the metric map that face its direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Gaps:
     """Joins segments across gaps that the metric map fills.
 
     During a drive, few keyframes are labelled, but all are in the metric map. Pieces therefore form one surface if
-    the metric map contains it along the straight lines across their gap; across a doorway, it contains none.
+    the metric map contains a surface along the straight lines across their gap; across a doorway, it contains none.
     """
 
     def __init__(self, is_surface: IsSurface | None) -> None:
@@ -122,11 +122,11 @@ def _id(segment: Segment) -> int:
 
 
 class Segments:
-    """All segments: touching patches form one, as do pieces of one plane if the metric map fills their gap.
+    """All segments; touching patches form one segment, as do pieces of one plane if the metric map fills their gap.
 
     Attributes:
         members: the patches that the segments are made of.
-        config: parameters of their planes, cells and boxes.
+        config: parameters of the segments.
     """
 
     def __init__(self, is_surface: IsSurface | None = None, *, config: SegmentsConfig = SegmentsConfig()) -> None:
@@ -178,7 +178,7 @@ class Segments:
         self._segments = self._gaps.closed(self._touching)
 
     def _add(self, number: int, T_map_base: Pose) -> None:
-        """Add a member, merged with all segments that it touches; after each merger it may touch further ones."""
+        """Add a member, merged with all segments that it touches; after each merger, it may touch further ones."""
         if number % self.config.checkpoint == 0:
             self._kept.append((list(self._touching), self._bounds))
         self._poses.append(T_map_base)

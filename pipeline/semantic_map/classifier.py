@@ -35,7 +35,7 @@ class PointClassifier(Protocol):
 
 
 def check_probabilities(probabilities: object, points: int, classifier: object) -> None:
-    """Check that a classifier has returned a class distribution (points, 8) that the map can add up.
+    """Check that a classifier has returned finite class probabilities (points, 8), which the map can add up.
 
     Raises:
         InputError: it has returned something else.

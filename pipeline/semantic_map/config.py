@@ -12,8 +12,8 @@ class RuleConfig:
 
     Attributes:
         wall_tilt: minimum tilt of a wall, rad.
-        deck: height above the ground where the robot was set down, m; level surfaces above it are decks.
-        ceiling: height above the same ground, m; level surfaces above it are ceilings.
+        deck: minimum height of a deck, m, above the ground where the robot was set down.
+        ceiling: minimum height of a ceiling, m, above the ground where the robot was set down.
     """
 
     wall_tilt: float = radians(60)
@@ -32,8 +32,8 @@ class NetworkConfig:
 
     Attributes:
         grids: number of grids of columns, shifted relative to each other; class probabilities are averaged over them.
-        plane_weight: weight of the mean log probabilities of a plane's points; a point's own log probabilities weigh
-            1.
+        plane_weight: weight of the mean log probabilities of a plane's points; a point's own log probabilities have
+            the weight 1.
     """
 
     grids: int = 3
@@ -49,7 +49,7 @@ class SemanticMapConfig:
     """All parameters of the semantic map.
 
     Attributes:
-        voxel: edge length of a voxel, m; each voxel keeps one point, whatever the number of frames.
+        voxel: edge length of a voxel, m; each voxel contains one point, whatever the number of frames.
         rules: parameters of the baseline.
         network: parameters of the network classifier.
     """

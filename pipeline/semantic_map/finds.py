@@ -18,7 +18,7 @@ from pipeline.labels import Label
 def with_finds(
     points: Points, labels: Labels, signs: Sequence[Points], people: Sequence[Points], step: float, skin: float
 ) -> Labels:
-    """Labels of a map's points in which signs are clutter, people are victims, and the boxes of people are complete.
+    """Labels of a map's points in which signs and the whole boxes around people are clutter, and people are victims.
 
     If any point is already labelled as a victim, all labels are kept.
 
@@ -27,7 +27,7 @@ def with_finds(
         labels: labels of these points.
         signs: points of each sign or code.
         people: points of each person.
-        step: height above the points below it from which an object counts as hanging, m.
+        step: minimum height of a hanging object above the points below it, m.
         skin: points within this distance of the points of a find belong to the find, m.
     """
     if (labels == Label.VICTIM).any():
@@ -53,7 +53,7 @@ def _near(points: Points, found: Points, skin: float) -> Indices:
 
 
 def _within(points: Points, found: Points, skin: float) -> Indices:
-    """Indices of the points in the bounding box of ``found``, at least one point, enlarged by ``skin`` m."""
+    """Indices of the points in the bounding box of one or more ``found`` points, enlarged by ``skin`` m."""
     return _in_box(points, found.min(axis=0) - skin, found.max(axis=0) + skin)
 
 
@@ -64,7 +64,7 @@ def _in_box(points: Points, low: NDArray[np.float32], high: NDArray[np.float32])
 
 
 def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, skin: float) -> Indices:
-    """Indices of wall points in the hull of a person and the clutter around it, if they hang and are mostly clutter.
+    """Indices of wall points in the hull of a person and the clutter around, if these hang and are mostly clutter.
 
     A box extends beyond the visible part of the person in it by at most the length of this part on each side.
     """

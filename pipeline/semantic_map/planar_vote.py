@@ -1,10 +1,11 @@
 """The points of a plane vote on their classes.
 
-A network that sees one column at a time makes scattered errors, most of all at edges, where a voxel has two surfaces.
-But a plane rarely has two classes, and the line where two planes meet follows more exactly from their equations
-than from the classes of points. Planar regions are therefore found without labels, and every pixel is assigned to the
-plane that it and its neighbours reach with the smallest shift along their rays. The class of a point depends on its
-own probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.
+A network that sees only one column of points makes scattered errors, especially at edges, where a voxel contains two
+surfaces. However, a plane rarely has two classes, and the line where two planes meet follows more exactly from their
+equations than from the classes of points. Planar regions are therefore found without labels, and every pixel is
+assigned to the plane that the pixel and its neighbours reach with the smallest shift along their rays. The class of a
+point depends on its own probabilities, those of all points on its plane, and the plane's tilt, which distinguishes
+walls, floors and ramps.
 """
 
 from math import radians
@@ -24,7 +25,7 @@ ANGLE = radians(6)
 SHIFT, NOISE = 0.02, 0.008
 """A pixel is less than ``SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
 WINDOW = 2
-"""If a pixel fits several planes, the pixels up to this far away in rows and columns help to decide."""
+"""Maximum distance, in rows and columns, of the neighbours that help to decide if a pixel fits several planes."""
 MIN_PROBABILITY = 1e-3
 """Lower limit of a class's probability; it limits the evidence against a class."""
 LEAN = radians(15)
@@ -46,7 +47,7 @@ def planar_vote(
         frame: the frame.
         T_map_camera: pose of the camera.
         probabilities: (N, 6) float32 of the frame's returns, row-major, by class of ``CLASSES``; rows sum to 1.
-        weight: weight of the plane; a point itself weighs 1.
+        weight: weight of the plane; the point itself has the weight 1.
 
     Returns:
         (N, 6) float32 probabilities.

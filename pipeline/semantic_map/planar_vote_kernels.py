@@ -15,8 +15,8 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 
     Args:
         depth, rays, of_pixel, near, region, planes: as for ``project_pixels``.
-        max_shift, noise: a pixel fits a plane if its ray meets it less than ``max_shift + noise · depth²`` m away
-            along the optical axis.
+        max_shift, noise: a pixel fits a plane if its ray meets the plane at a depth that differs from the pixel's by
+            less than ``max_shift + noise · depth²`` m.
         window: maximum distance of these neighbours in rows and columns.
     """
     choices = regions_around(near, region)
@@ -44,7 +44,7 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 def nearest_plane(depth, rays, z, ray, choices, planes, limit):
     """Of the ``choices`` of ``planes`` (P, 4) that fit the pixel ``z, ray``, the one with the smallest sum of shifts.
 
-    The sum is over the pixels of a window, each of whose shifts to the plane counts as at most ``limit`` m.
+    The sum is over the pixels of a window; the shift of each of them to the plane is limited to ``limit`` m.
     """
     least, nearest = np.inf, NONE
     for p in choices:
@@ -71,7 +71,8 @@ def shift(z, ray, plane):
 def possible_logs(probabilities, plane, possible, clutter, floor):
     """(N, C) float32 log probabilities, after moving the probabilities of impossible classes to possible ones.
 
-    The possible classes gain in proportion, except ``clutter``: a plane that cannot be a wall need not be clutter.
+    The possible classes gain in proportion to their probabilities, except ``clutter``, because a plane that cannot be
+    a wall need not be clutter.
 
     Args:
         probabilities: (N, C) float32.

@@ -1,4 +1,4 @@
-"""Revises the classes of points by the other maps."""
+"""Revises the classes of the semantic map's points with the help of the other maps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ SKIN = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Revision:
-    """The other maps at one moment; :meth:`revised` makes the labels of a semantic map consistent with them.
+    """A snapshot of the other maps; :meth:`revised` makes the labels of a semantic map consistent with them.
 
     Attributes:
-        ground: where the robot may drive.
+        ground: traversability of the ground.
         places: (K, 3) positions where the robot has been, m in ``map``.
-        highest_camera: greatest height of its camera so far, m in ``map``.
+        highest_camera: greatest height of the robot's camera so far, m in ``map``.
         signs: points of each sign or code that was found.
         people: points of each person that was found.
     """
@@ -38,7 +38,7 @@ class Revision:
         """Labels of a map's points (N, 3), m, that are consistent with each other and with the other maps."""
         robot = self.ground.robot
         labels = labels.copy()
-        # What looks like a ramp, straight or inclined, but cannot carry the robot, such as a table top, is clutter.
+        # A surface that is labelled as a ramp but cannot carry the robot, such as a table top, is clutter.
         ramps = np.flatnonzero(np.isin(labels, RAMPS))
         ramp_points = points[ramps]
         from_below = (labels[ramps] == Label.STRAIGHT_RAMP) & (ramp_points[:, 2] > self.highest_camera)

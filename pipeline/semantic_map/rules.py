@@ -15,14 +15,14 @@ VOXEL = 0.03
 NEIGHBOURS = 30
 """Number of points to which a plane is fitted for the normal."""
 ROUGHNESS = 0.03
-"""Maximum standard deviation from the plane of the neighbours, m; rougher points are clutter."""
+"""Maximum standard deviation of the neighbours from their plane, m; rougher surfaces are clutter."""
 
 
 class RuleClassifier(PointClassifier):
     """Classifies points by height and normal."""
 
     def __init__(self, *, config: RuleConfig = RuleConfig()) -> None:
-        """Set the parameters of the rules."""
+        """``config``: parameters of the rules."""
         self._config = config
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
@@ -53,7 +53,8 @@ def tilt_and_roughness(points: Points, neighbours: int) -> tuple[Values, Values]
         neighbours: number of nearest points, the point itself included; all points if there are fewer.
 
     Returns:
-        Angle between the fitted plane's normal and the vertical, 0 to π/2 rad, and standard deviation from it, m.
+        Angle between the fitted plane's normal and the vertical, 0 to π/2 rad, and standard deviation of the nearest
+        points from this plane, m.
     """
     if len(points) == 0:
         return np.empty(0), np.empty(0)

@@ -27,15 +27,15 @@ class SemanticMap:
     It keeps the most probable class of each point, and :meth:`revise` makes these labels consistent with the other
     maps.
 
-    Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
-    first hit, so the same frames in the same order give the same map.
+    Memory grows with the area of the surfaces seen, not with the number of frames. Voxels are kept in the order in
+    which they were first hit, so the same frames in the same order give the same map.
 
     Attributes:
-        config: the size of the voxels, and how labels are revised.
+        config: settings of the map, including the size of its voxels.
     """
 
     def __init__(self, *, config: SemanticMapConfig = SemanticMapConfig()) -> None:
-        """An empty map, whose labels are not revised yet."""
+        """Start with an empty map, whose labels are not revised yet."""
         self.config = config
         self._revision: Revision | None = None
         self._known_labels: Labels | None = None
@@ -61,8 +61,8 @@ class SemanticMap:
     ) -> None:
         """Add the points of a frame.
 
-        A voxel's class evidence is the sum of the probabilities of its points. They are not multiplied: errors of
-        neighbouring pixels are correlated, so a product would be overconfident.
+        A voxel's class evidence is the sum of the probabilities of its points. These are not multiplied, because the
+        errors of neighbouring pixels are correlated, and a product would be overconfident.
 
         Args:
             points: points in ``map``; those that are not finite are left out.
@@ -94,10 +94,10 @@ class SemanticMap:
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
         """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
-        It must add all frames that touch these columns, in their order. Other columns do not change.
+        The body must add all frames that touch these columns, in their order. Other columns do not change.
 
         Yields:
-            A function that tells which of other boxes touch these columns.
+            A function that returns which of other boxes touch these columns.
         """
         columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
         within, meets = columns.touched(boxes)
@@ -125,7 +125,7 @@ class SemanticMap:
             return
         self._block_keys = ensure_capacity(self._block_keys, self._blocks, more)
         self._voxels = ensure_capacity(self._voxels, self._blocks, more)
-        # Twice as many slots as blocks: linear probing is fast as long as half of the slots are empty.
+        # Twice as many slots as blocks, because linear probing is fast as long as half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
         self._shift = 64 - (size.bit_length() - 1)
@@ -161,7 +161,7 @@ class SemanticMap:
     def save(self, path: Path, has_gone: Callable[[Points], Mask] | None = None) -> None:
         """Write a binary PLY file: ``x y z``, the label's ``red green blue``, ``label``; InputError if this fails.
 
-        ``has_gone``: which points (N, 3) are left out, because what was there is gone.
+        ``has_gone``: returns which points (N, 3) are left out, because their surface is gone.
         """
         points, labels = self.points(), self.labels()
         if has_gone is not None:

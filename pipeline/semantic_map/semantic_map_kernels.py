@@ -6,9 +6,9 @@ from numba import int64, njit
 from pipeline.geometry.voxel_hash_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed, unpacked
 
 BLOCK = 4
-"""Voxels along each side of a block."""
+"""Number of voxels along each side of a block."""
 COLUMN = 4
-"""Blocks along each side of a column, which is as high as the map."""
+"""Number of blocks along each side of a column, which is as high as the map."""
 GONE = np.iinfo(np.int64).max
 """Value of ``born`` for a voxel that was removed."""
 
@@ -86,7 +86,7 @@ def _is_chosen(i, j, columns):
 
 @njit(cache=True, nogil=True)
 def forget(block_keys, blocks, born, columns):
-    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, marked as GONE.
+    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, which are marked as GONE.
 
     For the arguments, see :func:`accumulate`.
     """

@@ -1,8 +1,9 @@
-"""Upright surfaces in a labelled map, seen from above: a wall is flat and wide, a ramp's side ends at its top.
+"""Upright surfaces in a labelled map, seen from above: walls are flat and wide; a ramp's side ends at the ramp's top.
 
-A network sees only a piece of a surface at a time; the map shows the full extent. Surfaces that are round or narrower
-than half of the robot are not walls: posts, legs of tables and decks, barrels. A narrow surface labelled as a ramp is
-the side of the nearest ramp or deck, and so is a wall that ends at the height of its top.
+A network sees only a piece of each surface, whereas the map shows its full extent. Surfaces that are round or
+narrower than half of the robot, such as posts, barrels, and legs of tables and decks, are not walls. A narrow surface
+labelled as a ramp is the side of the nearest ramp or deck, and so is a wall that ends at the height of this ramp's
+top.
 """
 
 from dataclasses import dataclass
@@ -60,7 +61,7 @@ class TopDownProjection:
     def span(self, chosen: Mask) -> tuple[Layer, Layer]:
         """The heights of the lowest and the highest of the ``chosen`` points in every cell, m.
 
-        In a cell without any, the lowest is 1 m above all points and the highest 1 m below them.
+        In a cell without chosen points, the lowest is 1 m above all points and the highest 1 m below them.
         """
         beyond = self.height.max() + 1, self.height.min() - 1
         lowest, highest = (np.full(self.shape, z, np.float32) for z in beyond)
@@ -98,7 +99,7 @@ def with_whole_walls(plan: TopDownProjection, labels: Labels, width: float, gap:
     """
     is_wall, is_clutter = labels == Label.WALL, labels == Label.CLUTTER
     walls, length = plan.counts(is_wall), ceil(width / plan.cell)
-    # Cells of one run stay in line across a gap: over its length, their directions diverge by at most a cell.
+    # Cells of one run stay in line across a gap: over the gap's length, their directions diverge by at most a cell.
     tolerance, most_gap = plan.cell / gap, int(gap / plan.cell)
     reaches = REACH, length // 2
     wide = [on_long_runs(directions(walls, reach), length, most_gap, tolerance) for reach in reaches]
@@ -113,7 +114,7 @@ def with_whole_walls(plan: TopDownProjection, labels: Labels, width: float, gap:
 def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float) -> Labels:
     """Labels in which the sides of a ramp or deck have the label of its top, the nearest broad surface.
 
-    Surfaces at least ``headroom`` m high are not sides: the robot can drive under a deck of that height.
+    Surfaces at least ``headroom`` m high are not sides, because the robot can drive under a deck of this height.
     """
     is_ramp, is_wall = np.isin(labels, RAMPS), labels == Label.WALL
     low, high = plan.span(is_ramp)
@@ -125,7 +126,7 @@ def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float
     distance, (i, j) = ndimage.distance_transform_edt(~top, return_indices=True)
     surface, _ = ndimage.label(is_filled, _square(1))
     narrow = (surface == surface[i, j]) & ~top & (high - low < headroom)
-    # A side ends at the highest top around it.
+    # A side ends at the height of the highest top around it.
     edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(BLUR)))
     side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= BLUR)
     is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side)

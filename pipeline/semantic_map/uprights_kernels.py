@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of a grid seen from above: the direction of upright surfaces, and their length."""
+"""Compiled loops over the cells of a grid seen from above: the directions and lengths of upright surfaces."""
 
 import numpy as np
 from numba import njit

@@ -12,10 +12,11 @@ class TopologicalMapConfig:
     Attributes:
         sight: maximum distance at which a node sees ground, m.
         spare: maximum number of unseen cells that are not worth a node; 4 cells of 5 cm are 1 dm².
-        snap: maximum distance by which a node is moved to where the robot can stand and turn, m.
-        place_gain: area of ground that a position of the thesis's rules must add to become a node, m².
-        before_ramp: distance of the robot from the bottom edge of an inclined ramp, m, so that it does not slide.
-        max_detour: maximum ratio of the shortest path in the roadmap to that over all possible drives.
+        snap: maximum distance by which a node is moved to a position where the robot can stand and turn, m.
+        place_gain: minimum area of ground that a position by the thesis's rules must add to become a node, m².
+        before_ramp: distance of the robot at a node from the bottom edge of an inclined ramp, m, so that it does not
+            slide.
+        max_detour: maximum ratio of the length of the shortest path in the roadmap to that over all possible drives.
     """
 
     sight: float = 2.0

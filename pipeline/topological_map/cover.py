@@ -1,4 +1,4 @@
-"""The ground that the nodes must see: which cells they see, what hides cells, and where nodes may be placed."""
+"""The ground that the nodes must see: the cells that they see, the walls that hide cells, and where nodes may be."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ class NodeCover:
 
     @cached_property
     def _layers(self) -> GridMap:
-        """Start with the first ground, which determines the size of the cells."""
+        """The layers, created with the first ground, which determines the size of the cells."""
         mask = Layer(np.bool_)
         count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
         kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
@@ -67,7 +67,7 @@ class NodeCover:
         Args:
             traversability: where the robot may drive.
             reachable: cells that the robot can reach, which nodes must see.
-            walls: segments that hide what is behind them, as tall hazards do.
+            walls: segments that hide the ground behind them, as tall hazards do.
 
         Returns:
             The cells that changed.
@@ -136,7 +136,7 @@ class NodeCover:
         self._count(node, 1)
 
     def remove(self, node: int) -> None:
-        """Forget a node."""
+        """Remove a node, and no longer count the cells that it sees."""
         self._count(node, -1)
         del self._seen_by[node]
 
@@ -145,7 +145,7 @@ class NodeCover:
         return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> Cells:
-        """(N, 2) the cells that only these nodes see, outermost first."""
+        """(N, 2) the cells that only the given nodes see, outermost first."""
         seen = np.concatenate([self._seen_by[n].seen for n in nodes])
         corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
         cells = kernels.only_seen_by(seen, corners, self.count)
@@ -154,7 +154,7 @@ class NodeCover:
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
     def see_all(self, visible: VisibleCells, cells: Cells, spare: int) -> Mask:
-        """(K,) from which of the positions all but ``spare`` of the cells are seen."""
+        """(K,) whether all but ``spare`` of the cells (N, 2) are seen from each of the positions."""
         return kernels.see_all(visible.seen, visible.corners - self.grid.low, cells, spare)
 
     def is_near(self, node: int, mask: MaskLayer) -> bool:

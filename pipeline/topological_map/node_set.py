@@ -15,9 +15,9 @@ from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
 
 WALL_GAP = 0.15
-"""Distance within which a line meets a wall of the semantic map, m.
+"""Distance within which a wall of the semantic map blocks a line, m.
 
-The traversability already keeps the whole footprint away from hazards.
+The traversability already keeps the entire footprint away from hazards.
 """
 
 
@@ -57,7 +57,7 @@ class Node:
     """A position where the robot may stop and plan.
 
     Attributes:
-        id: unique in its map and never reused.
+        id: number of the node, unique in its map and never reused.
         label: label of the segment on which, or in front of whose bottom edge, the node lies.
         position: (3,) position on the ground, m.
     """
@@ -68,7 +68,7 @@ class Node:
 
 
 class NodeSet:
-    """Nodes that are added, moved and removed.
+    """The nodes of a map, which are added, moved and removed.
 
     Attributes:
         nodes: the nodes by id.
@@ -88,7 +88,7 @@ class NodeSet:
         self._moved: list[Place] = []
 
     def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
-        """Adapt the nodes to the ground: one where the robot cannot turn moves by up to ``snap`` m or is removed.
+        """Adapt the nodes to the ground: a node where the robot cannot turn moves by up to ``snap`` m or is removed.
 
         See :meth:`NodeCover.update` for the arguments and the result, the cells that changed.
         """
@@ -104,7 +104,7 @@ class NodeSet:
         return changed
 
     def _settle(self, node: Node) -> None:
-        """Move a node to where the robot can turn, or remove it; keep it if this would disconnect other nodes."""
+        """Move a node to where the robot can turn, or remove it; keep the node if this would disconnect others."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, self._config.snap)
         parts = len(self.parts())
@@ -127,13 +127,13 @@ class NodeSet:
             self._moved += [node.position, positions[k]]
 
     def add(self, label: Label, xy: Place) -> int:
-        """Add a node at (2,), m; return its id."""
+        """Add a node at a position (2,), m; return its id."""
         self._put(self._next_id, label, xy)
         self._next_id += 1
         return self._next_id - 1
 
     def remove(self, node: int) -> None:
-        """Forget a node."""
+        """Remove a node and its edges."""
         del self.nodes[node]
         self.free.remove_node(node)
         self.cover.remove(node)
@@ -148,7 +148,7 @@ class NodeSet:
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
-        # Not by networkx, which takes twenty times as long if nodes are left out.
+        # This does not use networkx, which takes twenty times as long if nodes are left out.
         near = dict(self.free.adjacency())
         parts = list[set[int]]()
         left = near.keys() - set(without)
@@ -170,7 +170,7 @@ class NodeSet:
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
     def _retest(self, changed: MaskLayer) -> None:
-        """Test again the edges whose bounding boxes overlap that of the ``changed`` cells."""
+        """Test the edges again whose bounding boxes overlap that of the ``changed`` cells."""
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)

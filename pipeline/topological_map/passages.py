@@ -26,7 +26,7 @@ class Passages:
     def renew(self, nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, changed: MaskLayer) -> None:
         """Search again for passages around ``changed`` ground and nodes that were added, removed or moved.
 
-        Nodes that straight ``drives`` join have no passages between them.
+        Nodes joined by straight ``drives`` have no passages between them.
         """
         grid = links.traversability.grid
         before = self._nodes
@@ -53,7 +53,7 @@ class Passages:
 def _free(
     edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: StraightDrives
 ) -> dict[tuple[int, int], dict[str, Any]]:
-    """The edges whose paths still meet no obstacle."""
+    """The edges whose paths are still free of obstacles."""
     ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in edges.items()]
     legs = np.array([leg for way in ways for leg in pairwise(way)]).reshape(-1, 2, 3)
     of_leg = np.repeat(np.arange(len(ways)), [len(way) - 1 for way in ways])

@@ -1,7 +1,8 @@
 """Few connected nodes that together see all the ground: a set cover, updated step by step.
 
-A greedy cover alone depends on what was in view first. Therefore nodes near new ground are thinned out afterwards: a
-node is removed if others see its cells and stay connected, and two nodes are merged if a single one can replace both.
+A greedy cover alone depends on which ground was in view first. Therefore nodes near new ground are thinned out
+afterwards: a node is removed if others see its cells and stay connected, and two nodes are merged if a single one can
+replace both.
 """
 
 from collections import deque
@@ -38,7 +39,7 @@ class NodePlace:
 
     Attributes:
         xy: (2,) position, m.
-        label: label of its segment.
+        label: label of the segment at the position.
     """
 
     xy: Place
@@ -48,7 +49,10 @@ class NodePlace:
 def thesis_places(
     patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover, config: TopologicalMapConfig
 ) -> list[NodePlace]:
-    """The positions on all segments and terrain patches that lie near where the robot can turn, moved there."""
+    """The thesis's positions on segments and terrain patches, moved to nearby ground where the robot can turn.
+
+    Positions without such ground nearby are left out.
+    """
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot, config)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
@@ -61,7 +65,7 @@ def thesis_places(
 
 
 def label_at(point: Place, segments: Segments) -> Label:
-    """The label of a node at a point on the ground: deck if one is within ``SAME_LEVEL``, else terrain."""
+    """The label of a node at a point on the ground: that of a deck within ``SAME_LEVEL``, or else terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= SAME_LEVEL:
             return Label.STRAIGHT_RAMP
@@ -82,7 +86,7 @@ def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapCon
 
 
 def _middles(segment: Segment) -> Places:
-    """(N, 3) the centre of a deck, or the centres of its two halves if it is longer than ``LARGE_RAMP``."""
+    """(N, 3) m, the centre of a deck, or the centres of its halves if it is longer than ``LARGE_RAMP``."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
     if extent[long] <= LARGE_RAMP:
@@ -102,10 +106,10 @@ def _bottom(segment: Segment, distance: float) -> Place:
 
 
 class Placement:
-    """Places the nodes of one step on the ground."""
+    """Places nodes on the ground of one step."""
 
     def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments, config: TopologicalMapConfig):
-        """``places``: positions of nodes by the thesis's rules, which take precedence over all others."""
+        """``places``: positions of nodes by the thesis's rules, which take precedence over all other positions."""
         self._nodes = nodes
         self._cover = nodes.cover
         self._places = places
@@ -113,14 +117,14 @@ class Placement:
         self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the positions of the thesis's rules that gain at least ``place_gain``."""
+        """Add nodes at the positions of the thesis's rules at which at least ``place_gain`` is gained."""
         least = self._config.place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
-        """Add nodes for the cells that no node sees, starting with the node of greatest gain."""
+        """Add nodes for the cells that no node sees, starting with the node with the greatest gain."""
         cover = self._cover
         spare = self._config.spare
         visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
@@ -133,7 +137,7 @@ class Placement:
         cover.leave_rest()
 
     def _best(self, places: Places, gains: Indices) -> int:
-        """The index of the position with the greatest gain, or of one with slightly less that is linked to a node."""
+        """Index of the position with the greatest gain, or of one with slightly less and a link to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= LINKED * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
@@ -153,7 +157,7 @@ class Placement:
                 return
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
-        """(N, 2) positions that join a group of nodes to another one: a single one, or else the path's bends."""
+        """(N, 2) positions that join a group of nodes to another: a single position, or else the path's bends."""
         traversability = self._cover.traversability
         nodes = self._nodes.nodes
         # The search starts from the smaller groups, so that its front is smaller.
@@ -174,7 +178,8 @@ class Placement:
     def thin_out(self, active: set[int]) -> None:
         """Remove ``active`` nodes or merge them with others, as long as no ground and no connection is lost."""
         cover = self._cover
-        # Remove nodes that add hardly any ground to the others' and connect nothing; those that see least first.
+        # Remove nodes that add hardly any ground to that of the others and connect nothing, those that see least
+        # first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.spare
             if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
@@ -215,7 +220,7 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
-        """(K, 2) positions that see the cells only these two nodes see: first the thesis's, then by cells seen."""
+        """(K, 2) positions that can replace two nodes: first the thesis's, then by the number of cells seen."""
         sight = self._config.sight
         spare = self._config.spare
         cell = self._cover.grid.cell
@@ -235,7 +240,7 @@ class Placement:
         return visible.places[good][np.lexsort([-seen, is_other])]
 
     def _label(self, xy: Place) -> Label:
-        """The label of a position (2,): that of the thesis's position there, if any, else that of the ground."""
+        """The label of a position (2,): that of the thesis's position there, if any, or else that of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label

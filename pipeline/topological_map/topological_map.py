@@ -62,7 +62,8 @@ class TopologicalMap:
         # Adapt the nodes to the ground where it changed.
         nodes = self._set
         changed = nodes.renew(paths.traversability, self._reachable(paths), segments.of(Label.WALL))
-        # Place nodes by the thesis's rules, then for unseen ground, then to connect groups; finally, thin them out.
+        # Place nodes by the thesis's rules, then for ground that no node sees, then to connect groups, and thin
+        # them out.
         places = thesis_places(patches, segments, nodes.cover, self._config)
         placement = Placement(nodes, places, segments, self._config)
         old = set(nodes.nodes)
@@ -137,8 +138,8 @@ def collision_free_tree(free: nx.Graph) -> nx.Graph:
     """The minimum spanning tree of the edges that meet no obstacle, one for each group of nodes that they connect.
 
     The thesis computes the tree of the complete graph, adds a huge number to the weight of each of its edges that
-    meets a wall, and repeats this until none does. This ends with the same tree. Because all edges are tested anyway,
-    one pass over the free ones is enough.
+    meets a wall, and repeats this until no edge meets one, which results in the same tree. Because all edges are
+    tested anyway, one pass over the free ones is enough.
 
     Args:
         free: graph of all nodes and of the edges that can be driven, with ``weight``.

@@ -7,7 +7,7 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True, kw_only=True)
 class Confirmation:
-    """When a track is reported; each detection has a confidence from 0 to 1, and each miss counts as 0.
+    """When a track is reported; each detection has a confidence from 0 to 1, and each miss a confidence of 0.
 
     Attributes:
         confidence: the mean over detections and misses must exceed this; 0.5 means more likely real than not.
@@ -15,8 +15,8 @@ class Confirmation:
         whole: visible size of most objects of the kind, m; anything smaller may be part of another object.
         evidence_of_part: minimum sum of the confidences if less than ``whole`` is seen.
         misses: maximum number of misses per detection, exclusive; None for no limit.
-        baseline: minimum distance between the two camera positions farthest apart, m: from a single position, the
-            edge of an object may look like another object.
+        baseline: minimum distance between the two camera positions farthest apart, m, because from a single position,
+            the edge of an object may look like another object.
     """
 
     confidence: float = 0.0
@@ -59,15 +59,16 @@ class ObjectConfig:
     """How one kind of sign, code, object or heat is tracked.
 
     Attributes:
-        confirmation: when it is reported.
-        across: width of the object that must be in the image when it is looked at again, m; by default
-            that of the largest signs.
-        readable: side length from which signs and codes are reliably read, pixels: two per module of a small QR code.
+        confirmation: when an object is reported.
+        across: width of the object that must be in the image when it is looked at again, m; by default, the width of
+            the largest signs.
+        readable: minimum side length at which signs and codes are reliably read, pixels; the default is two pixels
+            per module of a small QR code.
         of_person: maximum distance from a person at which a find belongs to that person, m.
-        is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
-        has_checksum: whether it is decoded correctly or not at all; if not decoded, it is not reported.
-        extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
-            background.
+        is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
+        has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
+            not decoded is not reported.
+        extents: median extents of each form of the kind, m; without any, the kind is not weighed against background.
     """
 
     confirmation: Confirmation = Confirmation(confidence=0.5)
@@ -87,7 +88,7 @@ class ObjectConfig:
 
 @dataclass(frozen=True)
 class ReobservationConfig:
-    """What another look is worth, and how often it is tried.
+    """The reward for another look at an object, and the number of tries.
 
     Attributes:
         reward: area of unseen ground to which a viewpoint towards an object is equivalent, m².
@@ -103,7 +104,7 @@ class ReobservationConfig:
 
 @dataclass(frozen=True)
 class TracksConfig:
-    """How people and heat are tracked, and when they are looked at again; other kinds are their readers' own."""
+    """How people and heat are tracked, and when they are looked at again; readers have settings for other kinds."""
 
     victim: PeopleConfig = PeopleConfig()
     heat: ObjectConfig = ObjectConfig(of_person=0.4)

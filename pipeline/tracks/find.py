@@ -1,4 +1,4 @@
-"""Objects that are found: by a reader in one image, and on the map."""
+"""Objects as a reader finds them in one image, and as they are reported on the map."""
 
 import re
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ FIND_KINDS = KINDS[1:]
 SHAPED = ("fire_extinguisher", "door_lever")
 """Kinds that are recognised by their shape."""
 OWN_KIND = re.compile(r"[a-z][a-z0-9_]{0,39}")
-"""Valid names for the kinds of a user's own readers, in the style of those above."""
+"""Pattern of valid names for the kinds of a user's own readers, in the style of the names above."""
 HAZMAT_CLASSES = (
     "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
     "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
     "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
 )  # fmt: skip
-"""The classes of hazmat signs, in the words that rescue teams use."""
+"""The classes of hazmat signs, as rescue teams name them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Reading:
 
     Attributes:
         kind: one of ``KINDS``, or a kind of a user's own reader.
-        text: the class of a sign or the content of a code; empty if it cannot be read, or there is none.
+        text: the class of a sign or the content of a code; empty if the text cannot be read, or if there is none.
         corners: corners of the outline.
         confidence: 0 to 1.
     """
@@ -103,6 +103,6 @@ def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
 
 
 def plain_text(text: str, max_length: int = 40) -> str:
-    """A code's text on one line of at most ``max_length`` printable characters; "…" replaces what is cut off."""
+    """A code's text on one line of at most ``max_length`` printable characters; "…" replaces the rest."""
     shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: max_length + 1])
     return shown if len(shown) <= max_length else shown[: max_length - 1] + "…"

@@ -20,7 +20,7 @@ class Finds(Tracks):
     """All finds except people, confirmed or not.
 
     Attributes:
-        readings: what was read in the last frame.
+        readings: readings in the last frame.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Finds(Tracks):
         return self._policies[kind]
 
     def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:
-        """Add what was read in a keyframe, and count misses of finds that it should have shown.
+        """Add the readings of a keyframe, and count misses of finds that the keyframe should have shown.
 
         Args:
             frame: the keyframe's frame, with its depth.
@@ -85,9 +85,9 @@ def one_per_person(
 ) -> Iterator[Find]:
     """The finds, with the heat that parts of one person give off merged into one find in the middle of the person.
 
-    Clothes, blankets and objects in front leave several warm regions of a person. A warm region where no person was
+    Clothes, blankets and objects in front of a person leave several warm regions. A warm region where no person was
     seen stays where it is. An extinguisher or lever on a person is left out, because it is a part of the person. The
-    heat of a person who is only ``suspected`` is merged too, because it supports the suspicion.
+    heat of a person who is only ``suspected`` is merged, too, because it supports the suspicion.
 
     Args:
         finds: finds to report; none of them are people.

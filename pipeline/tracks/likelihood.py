@@ -1,8 +1,8 @@
-"""How much better the depth returns of a detection agree with its kind than with background.
+"""Bayes factors: how much better the depth returns of a detection agree with its kind than with background.
 
 For every kind of find, one Bayes factor combines the extents of the returns, their height, and the fraction of the
-box that they fill. An object shows any part of each of its extents, which are log-normal; the extents of background
-are scale-free, with uniform logarithms.
+box that they fill. An object may show any part of each of its extents, which are log-normal; the extents of
+background are scale-free, with uniform logarithms.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ from pipeline.geometry.parts import parts
 from pipeline.tracks.config import Extents
 
 THINNEST = 0.02
-"""Noise of a depth camera at its usual range, m; nothing seems thinner."""
+"""Noise of a depth camera at its usual range, m, and thus the minimum of a visible extent."""
 SPREAD = log(1.5) / 2
 """Standard deviation of the logarithm of an extent of a kind: 95% lie within a factor of 1.5 of the median."""
 HIGHEST = 2.0
@@ -45,10 +45,10 @@ def weigh(
     background: Mask | None = None,
     camera: Place | None = None,
 ) -> Weighed:
-    """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or background.
+    """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or of background.
 
     Args:
-        extents: median extents of the kind in the forms that it takes, m.
+        extents: median extents of each form of the kind, m.
         points: points of the detection or the find.
         ground: height of the ground, m in ``map``.
         background: which points are returns of something else, such as a wall.

@@ -1,4 +1,4 @@
-"""Signs, codes, objects and heat: how they are located in an image's depth, and how they are tracked."""
+"""Signs, codes, objects and heat: how they are located with the depth of an image, and how they are tracked."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,11 +22,11 @@ from pipeline.transforms import inverse, transform_points
 NEARER = 0.5
 """Minimum distance of another look, as a fraction of the nearest so far."""
 SAME_SIDE = radians(40)
-"""Maximum angle to an earlier line of sight, rad; from farther to the side, a sign looks narrower or is hidden."""
+"""Maximum angle to an earlier line of sight, rad; at greater angles, a sign looks narrower or is hidden."""
 SIGMAS = 3.0
-"""A return is of the object, not in front of it, within this many standard deviations of its position."""
+"""Maximum difference in depth between an object and its return, in standard deviations of the object's position."""
 GAP = 0.3
-"""Difference in depth between an object and others in front of or behind it, m."""
+"""Minimum difference in depth between an object and others in front of or behind it, m."""
 POSE_SIGMA = 0.03
 """Standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas."""
 KEPT_VOXEL = 0.025
@@ -85,17 +85,17 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return measured > 0 and abs(measured - point[0, 2]) < SIGMAS * np.sqrt(track.covariance.trace())
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """Whether it never had depth, could not be read or always looked small, and was missed less often than seen.
+        """Whether an object had no depth, was not read or always looked small, and was missed less often than seen.
 
-        The robot does not drive anywhere to see a shape again: in arenas with nothing to find, that took a quarter
-        more time than exploration alone.
+        The robot does not drive anywhere to see a shape again, because in arenas with nothing to find, such drives
+        took a quarter more time than exploration alone.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
         return (is_unread or not track.is_placed) and len(track.missed) < len(track.seen)
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
-        """Minimum and maximum distance, m, at which it is in range and, if it was too small, near enough to read."""
+        """Minimum and maximum distance, m, at which an object is in range and, if it looked small, can be read."""
         nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
         way = float(np.linalg.norm(nearest.position - nearest.camera))
         share = max(nearest.reading.side / self.readable, NEARER)
@@ -104,7 +104,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
 
 
 def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
-    """The observations with depth, or all if there are none: without depth, the object's distance is a guess."""
+    """The observations with depth, or all if none has depth, because the object's distance is then a guess."""
     return [seen for seen in placed if seen.has_depth] or placed
 
 
@@ -118,7 +118,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
 
     A flat object's depth is the median within its outline. Another object is located at the middle of its own
     returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction; so may
-    one with returns in at most half of its outline, because these may be from the rim of something nearer.
+    one with returns in at most half of its outline, because these may be from the rim of a nearer object.
     """
     outline = _inside(frame, reading)
     inside = outline & frame.returns

@@ -20,14 +20,15 @@ from pipeline.transforms import wrap_angle
 NEW_SIDE = radians(40)
 """Minimum angle between a viewpoint and earlier ones, as seen from the object, for the full reward, rad.
 
-Within this angle of one that showed nothing, there is no reward: a person in a box is seen only from its open side.
+Within this angle of a viewpoint that showed nothing, there is no reward, because a person in a box is seen only from
+the open side of the box.
 """
 SPACING = 0.3
-"""Viewpoints closer together than this show the same, m."""
+"""Distance between two viewpoints below which both show the same side of an object, m."""
 MARGIN = 0.3
-"""Distance before the object at which the line of sight to it may end, m."""
+"""Distance from the object at which the line of sight to it may end, m."""
 BESIDE_CAMERA = 0.3
-"""Length at the start of a line of sight that counts as free, m, since the robot will be there."""
+"""Length at the start of a line of sight that is assumed to be free, m, because the robot will be there."""
 
 
 class Reobservation:

@@ -1,4 +1,4 @@
-"""Tracks of objects over frames: what keyframes have shown of an object, and the rules for its kind."""
+"""Tracks of objects over frames: the observations of an object by keyframes, and the rules for its kind."""
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -19,9 +19,9 @@ from pipeline.tracks.likelihood import extents_of
 from pipeline.transforms import transform_places
 
 GATE = chi2_gate(3, 0.99)
-"""Squared Mahalanobis distance up to which two measured positions are taken for one object's: 99% of them are."""
+"""Maximum squared Mahalanobis distance between two measured positions of one object; 99% are within this distance."""
 MAX_MISSES = 2.0
-"""A track with more misses than this per detection is given up."""
+"""Maximum number of misses per detection; a track with more is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Observation:
     """An object as one keyframe shows it, in the keyframe's ``base_link`` or, once placed, in ``map``.
 
     Attributes:
-        reading: what the image shows.
+        reading: reading of the object in the image.
         keyframe: index of the keyframe.
         position: middle of the object; without depth, the end of the camera's range in its direction.
         information: inverse of the position's covariance.
@@ -60,7 +60,7 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Where an object is according to all of its observations, in ``map``.
+    """The location of an object according to all of its observations, in ``map``.
 
     Attributes:
         position: middle of the object.
@@ -81,10 +81,10 @@ class TrackPolicy(ABC):
         kind: one of :data:`pipeline.tracks.find.KINDS`, or a kind of a user's own reader.
         confirmation: when a track is reported.
         across: width of the object that must be in the image when it is looked at again, m.
-        extents: median extents of the kind in the forms that it takes, m; without any, it is not weighed against
-            background.
-        is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
-        has_checksum: whether it is decoded correctly or not at all; if not decoded, it is not reported.
+        extents: median extents of each form of the kind, m; without any, the kind is not weighed against background.
+        is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
+        has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
+            not decoded is not reported.
     """
 
     kind: str
@@ -96,10 +96,10 @@ class TrackPolicy(ABC):
 
     @abstractmethod
     def locate(self, placed: Sequence[Observation]) -> Location:
-        """Where an object is according to its observations in ``map``, at least one."""
+        """The location of an object according to its observations in ``map``, at least one."""
 
     def joined(self, one: "Track", other: "Track") -> Location:
-        """Where an object is according to the observations of both tracks."""
+        """The location of an object according to the observations of both tracks."""
         return self.locate([*one.placed, *other.placed])
 
     @abstractmethod
@@ -116,7 +116,7 @@ class TrackPolicy(ABC):
 
     @abstractmethod
     def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
-        """Whether a frame should have shown the object; if it did not, this counts as a miss."""
+        """Whether a frame should have shown the object; a frame that should have but did not is a miss."""
 
     @abstractmethod
     def is_worth_a_look(self, track: "Track") -> bool:
@@ -158,7 +158,7 @@ class Track:
         self.where = self.policy.locate(self.placed)
 
     def place(self, poses: Poses) -> None:
-        """Locate it again, with the keyframes at these ``poses`` in ``map``."""
+        """Locate the object again, with the keyframes at these ``poses`` in ``map``."""
         self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
         self.tried_at = list(Places.joined(self.tried).at(poses))
@@ -170,7 +170,7 @@ class Track:
         self.seen += other.seen
         self.placed += other.placed
         self.ground = min(self.ground, other.ground)
-        self.missed = (self.missed | other.missed) - self.keyframes  # one that shows a part of it shows it
+        self.missed = (self.missed | other.missed) - self.keyframes  # a keyframe that shows a part shows the object
         self.tried += other.tried
         self.tried_at += other.tried_at
         best = self.best
@@ -232,7 +232,7 @@ class Track:
 
     @property
     def confidence(self) -> float:
-        """1 if it was decoded; else the mean confidence over the detections and the misses, which count as 0."""
+        """1 if it was decoded; else the mean confidence of detections and misses, whose confidence is 0."""
         return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + len(self.missed))
 
     @property
@@ -271,13 +271,13 @@ class Track:
             return False
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False
-        # Distances and sizes come last: they take longest, and this is called several times a step.
+        # Distances and sizes come last, because they take longest, and this is called several times a step.
         if self.baseline < least.baseline or (self.evidence < least.evidence_of_part and self.size < least.whole):
             return False
         return self.policy.has_shape(self)
 
     def find(self) -> Find:
-        """The find to report; its time is that of this run's first frame that shows it, NaN without one."""
+        """The find to report; its time is that of this run's first frame with the object, or NaN if there is none."""
         first, confidence = min(self.times, default=np.nan), min(1.0, self.confidence)
         return Find(self.policy.kind, self.text, self.position, self.covariance, first, confidence, self.photo)
 

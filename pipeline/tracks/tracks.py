@@ -43,13 +43,13 @@ class Tracks:
         self._merge()
 
     def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose, keyframe: int) -> None:
-        """Add what a keyframe shows, count misses of what it should have shown, and give up tracks missed too often.
+        """Add a keyframe's observations, count misses of tracks that it should show, and drop those missed too often.
 
         Args:
             new: one track per observation.
             frame: the keyframe's frame, with its depth.
             T_map_camera: pose of ``camera_optical``.
-            keyframe: its index.
+            keyframe: index of the keyframe.
         """
         before, T_camera_map = list(self.all), inverse(T_map_camera)
         seen = self._join(self.all, new)
@@ -72,7 +72,7 @@ class Tracks:
 
 
 def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Add each observation to its nearest track: several observations in a frame may be parts of one object."""
+    """Add each observation to its nearest track, as several observations in a frame may be parts of one object."""
     seen = []
     for one in new:
         distances = [_of_kind(one.policy.distance, track, one) for track in tracks]
@@ -86,7 +86,7 @@ def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
 
 
 def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Add observations to tracks one to one, with minimum total distance: a frame shows each object only once."""
+    """Add observations to tracks one to one, with minimum total distance, as a frame shows each object only once."""
     before = list(tracks)
     cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))

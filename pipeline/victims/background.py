@@ -1,4 +1,4 @@
-"""The planes in the background of a person: what the person lies on, leans against or is seen in front of."""
+"""The planes in the background of a person, on which the person lies or against which the person leans or is seen."""
 
 from dataclasses import dataclass, replace
 
@@ -15,8 +15,8 @@ SAMPLES = 3000
 TRIALS = 200
 """Number of point triples that RANSAC draws for each plane."""
 CANDIDATES = 12
-"""Random samples from which each further point of a triple is chosen, as the nearest to its first point in the image:
-planes are small and far apart."""
+"""Number of random samples among which each further point of a triple is the nearest to the first point in the image;
+nearby points are preferred because planes are small and far apart."""
 MIN_SHARE = 0.02
 """Minimum fraction of all samples that must lie on a plane."""
 BEYOND = 0.25
@@ -24,11 +24,11 @@ BEYOND = 0.25
 TOLERANCE = 0.012
 """Maximum distance of a point from its plane, in addition to the sensor's noise, m."""
 SIGMAS = 2.0
-"""Number of standard deviations of the sensor's noise that is added."""
+"""Number of standard deviations of the sensor's noise that are added to ``TOLERANCE``."""
 FLAT = 0.6
 """Minimum fraction of a plane's samples within ``FLAT_TOLERANCE`` for it to be flatter than any person."""
 FLAT_TOLERANCE = 0.002
-"""Maximum distance of these samples, in addition to one standard deviation of the noise, m."""
+"""Maximum distance of these samples from the plane, in addition to one standard deviation of the noise, m."""
 FLAT_AREA = 0.04
 """Minimum area of the plane's samples across the line of sight, m²."""
 
@@ -38,7 +38,7 @@ class _Samples:
     """Sampled pixels with depth.
 
     Attributes:
-        points: in ``camera_optical``.
+        points: points of the samples, in ``camera_optical``.
         pixels: (N, 2) row and column.
         inside: whether each lies in the box.
         solid_angle: solid angle that each sample represents, sr.
@@ -76,7 +76,7 @@ def background_planes(frame: Frame, box: tuple[float, float, float, float], rng:
 
 
 def _is_flat(samples: _Samples, plane: Planes) -> bool:
-    """Whether the samples of a plane are too flat, over too large an area, to be of a round body."""
+    """Whether the samples of a plane are too flat, over too large an area, to belong to a round body."""
     points = samples.points
     near = np.abs(distances(points, plane)) < FLAT_TOLERANCE + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle

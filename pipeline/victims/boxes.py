@@ -1,4 +1,4 @@
-"""Boxes as rows of x0, y0, x1, y1 in pixels: their overlap, and which of several boxes of one object is kept."""
+"""Boxes as rows of x0, y0, x1, y1 in pixels: their overlap, and the choice among several boxes of one object."""
 
 from collections.abc import Iterable
 
@@ -26,7 +26,7 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 MAX_BOXES = 3000
-"""Maximum number of boxes that are compared: a network that sees a person in every cell would take minutes."""
+"""Maximum number of boxes that are compared, because a network that sees people everywhere would take minutes."""
 
 
 def best_boxes(

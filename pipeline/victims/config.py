@@ -10,14 +10,15 @@ class DetectorConfig:
     """Which of the networks' boxes are detections.
 
     Attributes:
-        confidence: minimum confidence of a detection; one this low counts only together with others.
+        confidence: minimum confidence of a detection; a detection this uncertain suffices only together with others.
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
         size: width and height of the shipped networks' input for a whole image, pixels, multiples of 32.
         most_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
             the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
             people, all have more.
-        witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even this low, it sees
-            people in hardly any image without people, and two networks rarely make the same mistake.
+        witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even with a minimum this
+            low, the network sees people in hardly any image without people, and two networks rarely make the same
+            mistake.
     """
 
     confidence: float = 0.25
@@ -52,7 +53,7 @@ class HeatConfig:
 
 @dataclass(frozen=True)
 class VictimsConfig:
-    """All parameters of this package; the parts document their own."""
+    """All parameters of the detection of people, one group per part."""
 
     detector: DetectorConfig = DetectorConfig()
     heat: HeatConfig = HeatConfig()

@@ -25,7 +25,7 @@ WHOLE = re.compile(
 )
 PLACES = re.compile("mask|layers|from")
 DECIMAL = re.compile("anchors|scale_x_y")
-"""Settings of one whole number (WHOLE); of whole numbers (PLACES) or decimals (DECIMAL), separated by commas."""
+"""Names of settings that hold one whole number (WHOLE), or several whole numbers (PLACES) or decimals (DECIMAL)."""
 DEFAULTS = {
     "convolutional": {"filters": "1", "size": "1", "activation": "logistic"},
     "maxpool": {"stride": "1"},
@@ -51,10 +51,10 @@ class DarknetNetwork(OpenCvNetwork):
     """A Darknet network with [yolo] or [region] layers."""
 
     def __init__(self, sections: "Sequence[Section]", weights: bytes, header: int) -> None:
-        """From the sections of a ``.cfg`` and the content of its weights, whose first ``header`` bytes are none.
+        """From the sections of a ``.cfg`` and the content of its weights file, whose header has ``header`` bytes.
 
         Raises:
-            cv2.error: OpenCV cannot read it.
+            cv2.error: OpenCV cannot read the network.
         """
         net = sections[0].settings
         self.size = int(net["width"]), int(net["height"])
@@ -154,7 +154,7 @@ def read_sections(path: Path) -> list[Section]:
     """The sections of a ``.cfg``; the first is taken for [net].
 
     Raises:
-        InputError: it cannot be read, is not a ``.cfg``, or has a setting that OpenCV would misread or ignore.
+        InputError: the file cannot be read, is not a ``.cfg``, or has a setting that OpenCV would misread or ignore.
     """
     sections: list[Section] = []
     for number, raw in enumerate(read_text(path).splitlines(), 1):
@@ -176,7 +176,7 @@ def read_sections(path: Path) -> list[Section]:
 
 
 def _class_count(cfg: Path, sections: Sequence[Section]) -> int:
-    """The number of the network's classes; InputError if it is not a network of this kind."""
+    """The number of the network's classes; InputError if it is not a network that finds boxes in colour images."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
     if not counts:
         raise InputError(f"{cfg}: not a YOLO network: it has no [yolo] or [region] section")
@@ -190,9 +190,10 @@ def _class_count(cfg: Path, sections: Sequence[Section]) -> int:
 
 
 def header_size(content: bytes, path: Path) -> int:
-    """Size of the header of a file of weights, bytes; InputError if it has none.
+    """Size of the header of a weights file, bytes; InputError if it has none.
 
-    It is three int32 (major, minor, revision) and the number of images seen, int64 (int32 before version 0.2).
+    The header consists of three int32 (major, minor, revision) and the number of images seen, int64 (int32 before
+    version 0.2).
     """
     try:
         major, minor, _ = struct.unpack_from("<iii", content)

@@ -1,4 +1,4 @@
-"""Detections of what a rescue robot looks for, and the interface of detectors."""
+"""Detections of the objects that a rescue robot looks for, and the interface of detectors."""
 
 from dataclasses import dataclass
 from typing import Protocol

@@ -86,7 +86,7 @@ class VictimDetector:
 
 
 def _class_names(network: Path, names: Path | None) -> tuple[list[str], str]:
-    """The names of a network's classes in the file ``names`` or in one next to the network; and which file it is."""
+    """The names of a network's classes, from the file ``names`` or one next to the network, and the file's name."""
     beside = network.with_suffix(".names")
     if names is not None:
         return read_text(names).split("\n"), str(names)

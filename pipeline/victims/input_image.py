@@ -1,6 +1,6 @@
 """Prepare a camera image for the network: compensate uneven lighting, and fit the image into the network's input.
 
-Parts of the image with dark surroundings are raised to a common brightness, so that people look alike in daylight, in
+Parts of the image with dark surroundings are brightened to a common level, so that people look alike in daylight, in
 dim light and at the edge of a lamp's cone. This is a retinex method (Land, "The retinex theory of color vision",
 Scientific American 237, 1977), with the cells of a coarse grid as the surroundings.
 """
@@ -59,7 +59,7 @@ class Letterbox:
 
     @classmethod
     def fit(cls, image: Rgb, width: int, height: int) -> tuple[Self, Rgb]:
-        """Fit an image into the middle of an input, width × height pixels, which is returned too."""
+        """Fit an image into the middle of an input of width × height pixels, and return the input, too."""
         rows, columns = image.shape[:2]
         small = scaled(image, min(width / columns, height / rows))
         h, w = small.shape[:2]

@@ -1,4 +1,4 @@
-"""Turn a detection and its depth into an observation of a person, or into the reason why it is not one."""
+"""Turn a detection and its depth into an observation of a person, or state why the detection is not a person."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from pipeline.victims.detection import Detection
 from pipeline.victims.people import SKIN_TO_MIDDLE, PeoplePolicy, middle
 
 PHOTO_MARGIN = 0.2
-"""Margin of a photo around a person's box, as a fraction of the box's longer side: surroundings help recognition."""
+"""Margin of a photo around a person's box, relative to the box's longer side; surroundings help recognition."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
 GRIDS = (8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32)
 """Pixels per cell of the grids that detectors of the YOLO family have."""
 ANCHORS = 3
-"""Boxes per cell of YOLOv5; v8 and later have one."""
+"""Number of boxes per cell of YOLOv5; v8 and later have one."""
 EXPORT = "yolo export model=FILE.pt format=onnx opset=17 dynamic=False nms=False end2end=False"
-"""The command of Ultralytics that exports what OpenCV reads."""
+"""The command of Ultralytics that exports a network in a form that OpenCV reads."""
 REMEDY = f"; export it without end-to-end detection and without NMS: {EXPORT}"
 
 
@@ -26,7 +26,7 @@ class OnnxNetwork(OpenCvNetwork):
     """A detector with a box for each cell of its grids, in the layout of YOLOv5, or of v8, v9 and v11."""
 
     def __init__(self, content: bytes, size: tuple[int, int]) -> None:
-        """Read it from the content of its file; cv2.error if OpenCV cannot."""
+        """Read the network from the content of its file; cv2.error if OpenCV cannot read it."""
         self.net = cv2.dnn.readNetFromONNX(np.frombuffer(content, np.uint8))
         self.size = size
         self.outputs = self.net.getUnconnectedOutLayersNames()[:1]
@@ -52,10 +52,11 @@ class OnnxNetwork(OpenCvNetwork):
         self.layout()
 
     def layout(self) -> tuple[bool, int]:
-        """Whether each box has a column, as in YOLOv8, not a row, as in YOLOv5; and the number of classes.
+        """Whether boxes are columns of the output, as in YOLOv8, rather than rows, and the number of classes.
 
         Raises:
-            InputError: neither; for example, an end-to-end network has a row for each of 300 detections.
+            InputError: the output has neither layout; for example, an end-to-end network has a row for each of 300
+                detections.
         """
         ids, _, shapes = self.net.getLayersShapes([1, 3, *self.size[::-1]])
         last = list(ids).index(self.net.getUnconnectedOutLayers()[0])
@@ -90,7 +91,7 @@ def input_size(content: bytes, path: Path) -> tuple[int, int]:
     """Width and height of the first input of an ONNX file, pixels, which OpenCV knows but does not return.
 
     Raises:
-        InputError: it is not an ONNX file, or its input is not a colour image of a fixed size.
+        InputError: the content is not that of an ONNX file, or its input is not a colour image of a fixed size.
     """
     try:
         message: Any = content
@@ -110,7 +111,7 @@ def _fields(message: bytes) -> Iterator[tuple[int, Any]]:
     """The numbers and values (int or bytes) of the fields of a message in protobuf's wire format.
 
     Raises:
-        IndexError, ValueError: it is not such a message.
+        IndexError, ValueError: the bytes are not such a message.
     """
     at = 0
 

@@ -1,4 +1,4 @@
-"""Networks from any source that OpenCV runs: the common part of those of Darknet and of ONNX.
+"""Networks from any source that OpenCV runs: the common part of Darknet and ONNX networks.
 
 OpenCV trusts the files and may crash on them. Therefore a network is first tried in a separate process.
 """
@@ -25,7 +25,7 @@ PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
 """Kind of each known class by name, with underscores for spaces; other classes are ignored."""
 SECONDS, MEMORY = 60, 3_000_000_000
-"""Limits for reading a network: processor time, s, and memory, bytes; MEMORY also limits its layers' outputs."""
+"""Limits for reading a network: processor time, s, and memory, bytes, which also limits the outputs of its layers."""
 CRASHED = f"OpenCV crashed on this network, or needed more than {SECONDS} s or {MEMORY / 1e9:g} GB to read it"
 
 
@@ -79,7 +79,7 @@ def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
     Args:
         files: its files, for errors.
         make: makes the network; it must be picklable.
-        remedy: what may help if OpenCV cannot run it, to end the error with.
+        remedy: advice at the end of the error message if OpenCV cannot run the network.
 
     Raises:
         InputError: OpenCV cannot run the network, or its outputs are not finite; the message names the ``files``.
@@ -98,7 +98,7 @@ def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
 
 
 def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
-    """The error in a network, or GOOD."""
+    """The error message if a network is invalid, or GOOD."""
     try:
         network = make()
         outputs = sum(4 * prod(shape) for layer in network.shapes() for shape in layer)
@@ -125,11 +125,11 @@ def kinds_of(path: Path, count: int, names: Sequence[str], where: str) -> dict[s
     Args:
         path: file of the network.
         count: number of its classes.
-        names: their names, in order; none if unknown.
-        where: where the names come from, for errors.
+        names: their names, in order; empty if unknown.
+        where: source of the names, for errors.
 
     Raises:
-        InputError: there are more or fewer names, or none is known.
+        InputError: there are more or fewer names than classes, or none of the names is known.
     """
     words = ["_".join(word.split()).casefold() for word in names if word.strip()]
     if not words and count in PERSON:

@@ -31,18 +31,18 @@ designer.
 TOUCH = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
 OPEN_SHARE = 0.7
-"""A person is in view if, at more than this fraction of the points, no return is nearer by ``TOUCH`` or more."""
+"""Minimum fraction of a person's points that must be in view, without a return nearer by ``TOUCH`` or more."""
 VOXEL = 0.03
 """Edge length of a person's voxels, m."""
 AGREED = 0.2
-"""Minimum fraction of the keyframes showing a person that must show a voxel for it to count."""
+"""Minimum fraction of the keyframes showing a person that must show a voxel for the voxel to belong to the person."""
 SKIN_TO_MIDDLE = 0.08
 """Standard deviation due to the distance from the visible skin to the middle of the body, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class PersonVoxels:
-    """The voxels that observations of one person show; voxels that only a few show belong to something else.
+    """The voxels that observations of one person show; voxels that only a few of them show belong to something else.
 
     Attributes:
         edge: edge length of a voxel, m.
@@ -83,24 +83,24 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     extents: tuple[Extents, ...] = EXTENTS
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
-        """Where a person is, from the voxels and the information of all observations."""
+        """The location of a person, from the voxels and the information of all observations."""
         voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, VOXEL) for seen in placed])
         information = reduce(self.informed, [seen.information for seen in placed])
         return self.body(voxels, information, frozenset(seen.keyframe for seen in placed))
 
     def joined(self, one: Track, other: Track) -> "PersonBody":
-        """Where a person is, from the voxels and the information of both tracks."""
+        """The location of a person, from the voxels and the information of both tracks."""
         a, b = cast(PersonBody, one.where), cast(PersonBody, other.where)
         voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom the keyframes show in these voxels; voxels that only a few show are something else."""
+        """A person whom the keyframes show in these voxels, without the voxels that only a few of them show."""
         points = voxels.agreed(AGREED * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
     def informed(self, one: Information, other: Information) -> Information:
-        """The information of both; errors from one viewpoint are correlated, so the covariance has a lower bound."""
+        """The sum of both, with a lower bound of the covariance, as errors from one viewpoint are correlated."""
         return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
@@ -118,12 +118,12 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
 
     def _touch(self, one: Points, other: Points) -> bool:
-        """Whether the nearest points of both are at most ``touch`` apart."""
+        """Whether the nearest points of both are at most ``TOUCH`` apart."""
         small, large = sorted((one, other), key=len)
         return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
-        """Whether a frame shows both without contact: they are then two people, however near."""
+        """Whether a frame shows both without contact, so that they are two people, however near."""
         both = one.keyframes & other.keyframes
         return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
 
@@ -155,7 +155,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
 @dataclass(frozen=True, eq=False)
 class PersonBody(Location):
-    """Where a person is.
+    """The location of a person, with the data that locate the person again as observations are added.
 
     Attributes:
         voxels: the voxels that the observations show.
@@ -174,7 +174,7 @@ def middle(points: Points) -> Place:
 
 
 def _in_frame(track: Track, keyframe: int) -> Points:
-    """A track's points as a keyframe shows them, in the keyframe's ``base_link``; it must show some."""
+    """A track's points as a keyframe shows them, in its ``base_link``; the keyframe must show some."""
     return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
 
 

@@ -1,4 +1,4 @@
-"""Read frames in a separate thread, while they are added to the maps and the robot drives on."""
+"""Find objects in frames in a separate thread, while the frames are added to the maps and the robot drives."""
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -23,8 +23,8 @@ MIN_OUTLINE = 4
 class FindReader(Protocol):
     """Finds objects of some kinds in a frame; users may write their own.
 
-    It may have an attribute ``kinds``: by kind, a :class:`pipeline.tracks.config.ObjectConfig` that says how objects
-    of this kind are tracked.
+    A reader may have an attribute ``kinds``: by kind, a :class:`pipeline.tracks.config.ObjectConfig` that defines how
+    objects of this kind are tracked.
     """
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
@@ -33,7 +33,7 @@ class FindReader(Protocol):
 
 
 class SeveralReaders:
-    """Combines several readers; of an object that several find, the first one's reading counts."""
+    """Combines several readers; if several find the same object, the reading of the first one is kept."""
 
     def __init__(self, readers: Sequence[FindReader]):
         """``readers``: in the order in which they read."""
@@ -41,7 +41,7 @@ class SeveralReaders:
 
     @property
     def kinds(self) -> dict[str, ObjectConfig]:
-        """How each kind is tracked; the first reader's settings count."""
+        """How each kind is tracked; the settings of earlier readers take precedence."""
         every = [getattr(reader, "kinds", {}) for reader in self._readers]
         return {kind: numbers for kinds in reversed(every) for kind, numbers in kinds.items()}
 
@@ -60,7 +60,7 @@ def not_among(readings: Sequence[Reading], read: Sequence[Reading]) -> list[Read
 
 @dataclass(frozen=True, eq=False)
 class ReadFrame:
-    """A frame and what it shows.
+    """A frame and the objects found in it.
 
     Attributes:
         frame: the frame of a keyframe.
@@ -76,7 +76,7 @@ class ReadFrame:
 
 
 class BackgroundReader:
-    """Reads one frame at a time; the caller decides when to take the result, so that episodes repeat exactly."""
+    """Reads one frame at a time; the caller decides when to take the result, so that episodes are reproducible."""
 
     def __init__(self, heat: HeatConfig = HeatConfig()) -> None:
         """``heat``: which regions of a thermal image are warm."""
@@ -93,7 +93,7 @@ class BackgroundReader:
         self._begun = self._thread.submit(_read, frame, keyframe, detector, readers, self._heat)
 
     def end(self) -> ReadFrame | None:
-        """Wait until the frame that was begun has been read, and return what it shows; None if none was begun."""
+        """Wait until the frame that was begun has been read, and return its objects; None if none was begun."""
         begun, self._begun = self._begun, None
         return None if begun is None else begun.result()
 
@@ -121,11 +121,11 @@ def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) 
 
 
 def _compute_alone() -> None:
-    """Make OpenCV and PyTorch start no threads of their own for this one: those wait for work in a busy loop.
+    """Make OpenCV and PyTorch start no threads of their own for this one, because those wait for work in a busy loop.
 
-    On two cores, while another thread computes as well, that makes an image take up to seven times as long. PyTorch
-    counts threads for each thread that calls it, OpenCV for the whole process: from now on, it computes everything
-    in the thread that calls it.
+    On two cores, while another thread computes as well, such loops make an image take up to seven times as long.
+    PyTorch's setting applies to the thread that calls it. OpenCV's applies to the whole process, so that OpenCV then
+    computes everything in the thread that calls it.
     """
     torch.set_num_threads(1)
     cv2.setNumThreads(1)

@@ -23,15 +23,15 @@ NEAR_SIZE = 224, 160
 LARGE_BOX = 0.15
 """Minimum longer side of a box found in the second input, relative to the image's longer side."""
 HINT = 0.02
-"""Minimum confidence of a box that counts as a hint of a person."""
+"""Minimum confidence of a box that is a hint of a person."""
 WITNESS_IOU = 0.3
-"""The intersection over union of a suspect's box and of the one that corroborates it is greater."""
+"""Minimum intersection over union, exclusive, of a suspect's box and a box that corroborates it."""
 VIEW = 128, 128
 """Size of the COCO network's input for a suspect, pixels, multiples of 32."""
 CONTEXT = 1.25
-"""Side of the square that it shows, relative to the suspect's longer side."""
+"""Side of the square that this input shows, relative to the suspect's longer side."""
 LYING = 0.8
-"""Minimum width of a suspect, relative to its height, for the square to be rotated: photos show few people lying."""
+"""Minimum width of a suspect, relative to its height, for its square to be rotated; few photos show people lying."""
 NOTHING: Boxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
@@ -41,7 +41,7 @@ class TwoStages:
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
     def __init__(self, arena: Yolo, coco: Yolo, config: DetectorConfig) -> None:
-        """Detect with the network that proposes candidates, and the one that verifies them."""
+        """``arena``: the network that finds suspects; ``coco``: the network that must corroborate them."""
         self._arena = arena
         self._coco = coco
         self._config = config
@@ -59,7 +59,7 @@ class TwoStages:
         return joined([(boxes[witnessed], scores[witnessed]), seen])
 
     def _suspects(self, image: Rgb, min_confidence: float) -> tuple[Boxes, int]:
-        """Where the arena network sees people, the most confident first, and the number of hints of people."""
+        """The suspects that the arena network finds, the most confident first, and the number of hints of people."""
         config = self._config
         far = self._arena.boxes(image, config.size, min(HINT, min_confidence))
         hints = len(self._best(far, HINT)[0])
@@ -74,7 +74,7 @@ class TwoStages:
         return boxes[is_near], scores[is_near]
 
     def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
-        """Which (N, 4) suspects are corroborated in a square around them, and all that is seen in the squares."""
+        """Which (N, 4) suspects are corroborated in a square around them, and all boxes seen in the squares."""
         seen, witnessed = NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
             witnessed[number] = self._are_witnessed(suspect, seen)
@@ -89,13 +89,13 @@ class TwoStages:
         return witnessed, seen
 
     def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
-        """Which (N, 4) suspects are corroborated in the whole image, and all that is seen in it."""
+        """Which (N, 4) suspects are corroborated in the whole image, and all boxes seen in it."""
         least = self._config.witness
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
 
     def _lying(self, image: Rgb) -> Boxes:
-        """Boxes that the COCO network sees in an image rotated by 90° either way: few photos show people lying."""
+        """Boxes that the COCO network sees in an image rotated by 90° either way, as few photos show people lying."""
         sides = ((turns, np.rot90(image, turns)) for turns in (1, -1))
         return joined(
             (turned_back(boxes, turns, image.shape), scores)
@@ -104,7 +104,7 @@ class TwoStages:
         )
 
     def _are_witnessed(self, suspects: NDArray[np.float32], seen: Boxes) -> Mask:
-        """(N,) whether each of (N, 4) suspects overlaps something that was seen."""
+        """(N,) whether each of (N, 4) suspects overlaps a box that was seen."""
         boxes, _ = self._best(seen, self._config.witness)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
 

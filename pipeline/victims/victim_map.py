@@ -19,7 +19,7 @@ class Victims(Tracks):
     """All people, confirmed or not.
 
     Attributes:
-        policy: how they are tracked.
+        policy: how people are tracked.
         refusals: detections in the last frame that are not people.
     """
 
@@ -29,7 +29,7 @@ class Victims(Tracks):
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:
-        """Add the observations of a keyframe's detections, and count misses of people whom it should have shown.
+        """Add observations of a keyframe's detections, and count misses of people whom the keyframe should show.
 
         Args:
             frame: the keyframe's frame, with its depth.
@@ -48,5 +48,5 @@ class Victims(Tracks):
         """A track of a single observation in ``map``."""
         thinned = replace(observation, points=PersonVoxels.of(observation.points, VOXEL).seen)
         seen = thinned.moved(inverse(T_map_base))
-        # Placed from what is kept, so that a rebuilt map is identical.
+        # Placed from the stored observation, so that a rebuilt map is identical.
         return Track(self.policy, [seen], [seen.moved(T_map_base)], float(T_map_base[2, 3]))

@@ -3,9 +3,9 @@
 Both follow Redmon and Farhadi, arXiv:1804.02767: the first is YOLOv3 with a quarter of Darknet-53's channels and one
 residual block per stage; the second is as published, but with only the classes person and teddy bear.
 
-Both run on the robot's CPU: batch normalization is folded into the convolution, which also applies the activation;
-kernels are stored in oneDNN's layout, and images have their channels last. These are the operators that torch.compile
-calls on a CPU; calling them directly needs no C++ compiler on the robot, and saves a minute of compiling.
+Both run on the robot's CPU: batch normalisation is folded into the convolution, which also applies the activation;
+kernels are stored in oneDNN's layout, and images have their channels last. torch.compile calls the same operators on
+a CPU, but calling them directly needs no C++ compiler on the robot, and saves a minute of compiling.
 """
 
 from abc import ABC, abstractmethod
@@ -30,7 +30,7 @@ from pipeline.victims.input_image import Letterbox
 BATCH_NORM_EPSILON = 1e-6  # as in Darknet's batchnorm_layer.c on a CPU, and in OpenCV's reader
 LEAKY_SLOPE = 0.1  # as in Darknet's activations.h
 OBJECTNESS = 4
-"""Index among an anchor's numbers in a cell: after x, y, width and height, before the only class."""
+"""Index of the objectness among an anchor's numbers in a cell: after x, y, width and height, before the class."""
 LARGEST_EXPONENT = 20.0
 """Limit of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
 Anchors = tuple[tuple[float, float], ...]
@@ -38,7 +38,7 @@ Anchors = tuple[tuple[float, float], ...]
 
 
 class Convolution:
-    """Convolution, batch normalization and leaky ReLU as one operator; before a grid, a convolution with a bias."""
+    """Convolution, batch normalisation and leaky ReLU as one operator; before a grid, a convolution with a bias."""
 
     def __init__(self, tensors: Mapping[str, Tensor], stride: int) -> None:
         """From the float32 tensors of a layer: its kernel (filters, channels, size, size) and (filters,) others."""
@@ -46,7 +46,7 @@ class Convolution:
         self._activation: tuple[str, list[float]] = ("none", [])
         bias = tensors.get("conv.bias")
         if bias is None:
-            # In double precision: a variance close to 0 gives factors that float32 rounds badly.
+            # In double precision, because a variance close to 0 gives factors that float32 rounds badly.
             variance = tensors["norm.running_var"].double()
             scale = tensors["norm.weight"].double() / (variance + BATCH_NORM_EPSILON).sqrt()
             bias = (tensors["norm.bias"].double() - scale * tensors["norm.running_mean"].double()).float()
@@ -59,7 +59,7 @@ class Convolution:
         self._kernels: dict[torch.Size, Tensor] = {}  # By shape of the input
 
     def __call__(self, x: Tensor) -> Tensor:
-        """(N, C, H, W) in and out."""
+        """Apply the layer to features (N, C, H, W)."""
         if x.shape not in self._kernels:  # oneDNN would convert the layout for another shape at every call
             reorder = torch.ops.mkldnn._reorder_convolution_weight
             self._kernels[x.shape] = reorder(self._kernel, *self._window, list(x.shape))
@@ -69,7 +69,7 @@ class Convolution:
 
 
 class Yolo(ABC):
-    """A network that finds people in one image at a time, of any size.
+    """A network that finds people in single images of any size.
 
     Attributes:
         LAYERS: for each convolution, by its number in the shipped file, which counts the layers of both networks as
@@ -185,13 +185,13 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
     check_hash(path)
     wanted: dict[str, Tensor] = {}
     for number, (channels, filters, size, _) in (YoloSmall.LAYERS | YoloTiny.LAYERS).items():
-        # The last layers before a grid have a bias for each number of each anchor, the others batch normalization.
+        # The last layers before a grid have a bias for each number of each anchor, the others batch normalisation.
         is_last = filters in (3 * (OBJECTNESS + 2), 6 * (OBJECTNESS + 2))
         norm = ("norm.bias", "norm.weight", "norm.running_mean", "norm.running_var")
         wanted[f"layers.{number}.conv.weight"] = torch.empty(filters, channels, size, size)
         for name in ("conv.bias",) if is_last else norm:
             wanted[f"layers.{number}.{name}"] = torch.empty(filters)
-    # Layer 0 copied the image.
+    # Layer 0 only copies the image.
     tensors = {name: tensor for name, tensor in read_tensors(path)[0].items() if not name.startswith("layers.0.")}
     copy_tensors(tensors, wanted, path)
     return YoloSmall(wanted), YoloTiny(wanted)

@@ -15,7 +15,7 @@ from sarsim.ground_truth.shapes import rotation
 
 @contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Prefix the message of an InputError with a name, if there is one."""
+    """Prefix the message of an InputError raised in the context with ``name``, unless it is empty."""
     try:
         yield
     except InputError as error:
@@ -26,7 +26,7 @@ class RescueArena(composer.Arena):
     """An arena whose site ``start`` marks where the robot starts."""
 
     def _build(self, root: mjcf.RootElement, called: str = "") -> None:
-        """``root``: the MJCF; ``called``: the arena's name in error messages. InputError if it has no start."""
+        """Use the MJCF ``root`` as an arena named ``called`` in messages; InputError if it has no site ``start``."""
         self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
             raise InputError("the arena has no start; add a site named 'start' or use --start X Y YAW")
@@ -40,13 +40,13 @@ class RescueArena(composer.Arena):
         """Start pose of the robot's ``base_link``."""
         start = self._mjcf_root.find("site", "start")
         quat = np.array([1.0, 0, 0, 0] if start.quat is None else start.quat)
-        quat = quat / np.linalg.norm(quat)  # as MuJoCo does: numbers in files are rounded
+        quat = quat / np.linalg.norm(quat)  # as MuJoCo does, because numbers in files are rounded
         return from_rotation(rotation(quat), np.zeros(3) if start.pos is None else start.pos)
 
     def to_xml(self) -> str:
         """The arena's MJCF, in a form that :func:`~sarsim.arenas.load.load_arena` can read.
 
-        PyMJCF writes the global default class with the name ``/``, but refuses to read a file in which it has a name.
+        PyMJCF gives the global default class the name ``/`` in a file, but refuses to read a file that names it.
         """
         root = self.mjcf_model.to_xml(precision=17)
         for top in root.iterfind("default/default[@class='/']"):

@@ -22,12 +22,14 @@ VIEW_SPACING = 4  # cells between the camera positions that are tried
 
 
 def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterator[str]:
-    """Describe the checks that an arena's MJCF with a site ``start`` fails, each as soon as it is known.
+    """Describe each check that an arena fails, as soon as its result is known.
 
-    ``files``: contents of the files to which the MJCF refers, by name.
+    An arena passes if its start is free, if drivable ground connects all ground on which a P3-AT can stand, and if a
+    camera at the height of the P3-AT's camera can see every victim from that ground.
 
-    The checks: the start is free; all ground on which a P3-AT can stand is connected by drivable ground; a camera at
-    the height of the P3-AT's camera can see every victim from that ground.
+    Args:
+        mjcf: the arena, with a site ``start``.
+        files: contents of the files to which the MJCF refers, by name.
     """
     model = mujoco.MjModel.from_xml_string(mjcf, files)
     data = mujoco.MjData(model)
@@ -47,7 +49,7 @@ def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterat
 
 
 def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
-    """Area, m², of each piece of ground larger than ``SPECK``, except the one in which the robot starts."""
+    """Area, m², of each piece of ground larger than ``SPECK``, except the one on which the robot starts."""
     beside = np.where(ground.pieces == piece, 0, ground.pieces)
     grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
     elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
@@ -57,14 +59,14 @@ def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
 
 
 def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
-    """Camera positions above drivable ground."""
+    """(N, 3) m, camera positions above drivable ground, at intervals of ``VIEW_SPACING`` cells."""
     cells = np.argwhere(drivable)
     cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
 
 
 def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, places: NDArray[np.float64]) -> bool:
-    """Whether enough of a victim is visible from at least one of the camera positions ``places`` (N, 3), m."""
+    """Whether at least ``VISIBLE_SHARE`` of a victim is visible from one camera position in ``places`` (N, 3) m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
     in_range = (distance >= XTION.nearest) & (distance <= XTION.farthest)

@@ -1,8 +1,9 @@
-"""The things to find that library elements represent; ``.raf`` files and furnished arenas contain such elements.
+"""The objects to find that library elements represent; ``.raf`` files and furnished arenas contain such elements.
 
-The following rules are ours, because the format leaves them open. In a victim's type, the letter t (thermal) or the
-word heat means that the doll is warm, and q or qr that its box contains a code; a doll without such a suffix is warm.
-A plain ``hazmat``, or one of an unknown class, takes the next class in the list of all classes.
+The following rules are sarsim's own, because the format leaves these points open. The suffix of a victim's type
+states the contents of its box: the letter t (thermal) or the word heat means a warm doll, and q or qr means a code. A
+doll without a suffix is warm. A sign whose type gives no class or an unknown one gets the next class in the list of
+all classes.
 """
 
 from collections.abc import Iterator
@@ -25,17 +26,21 @@ OTHER_WORDS = {
 }
 """Class names that the arena designer uses, and the names under which teams report these classes."""
 TOWARDS_VIEWER = np.array([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])
-"""Axes of a thing that hangs on an element's back wall, in the element's frame: x right, y up, z along -y."""
-SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # m, of signs as in the arena designer
-WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # m, of the codes of ``small_wall_qr``
-BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # m, of codes in dolls' boxes, in a corner at the back
+"""Axes of an object that hangs on an element's back wall, in the element's frame: x right, y up, z along -y."""
+# Side and position of objects in the element's frame, m.
+SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # Signs, as in the arena designer
+WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # Codes of ``small_wall_qr``
+BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of dolls' boxes
 BOTTLE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
 _Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
-"""A thing, with its position (3,) m and axes (3, 3) in the frame of its element."""
+"""An object to find, with its position (3,) m and axes (3, 3) in the frame of its element."""
 
 
 def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], yaw_deg: float) -> None:
-    """Add the things that belong to an element of type ``kind`` whose origin is at ``position`` (3,) m."""
+    """Add the objects to find that an element of type ``kind`` represents.
+
+    ``position``: (3,) m, origin of the element; ``yaw_deg``: angle by which it is turned to the left, degrees.
+    """
     cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
     R = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
     for thing, place, turn in _things(builder, kind):
@@ -45,7 +50,7 @@ def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], 
 def _things(
     builder: ArenaBuilder, kind: str
 ) -> Iterator[tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]]:
-    """The things of an element."""
+    """Yield the objects to find that an element of type ``kind`` represents."""
     number = builder.next_thing
     if kind.startswith("hazmat"):
         sign = hazmat_sign(f"hazmat_sign_{number}", _class(kind, number), SIGN_SIDE, SignStyle())
@@ -60,7 +65,7 @@ def _things(
 
 
 def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
-    """The doll in a box, and the code next to it, if any."""
+    """Yield the doll in a box and, if the element's type asks for one, the code next to the doll."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
     yield doll(builder.next_victim, ALIVE if is_warm else DEAD, np.random.default_rng(number)), np.zeros(3), np.eye(3)
@@ -69,6 +74,6 @@ def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
 
 
 def _class(kind: str, number: int) -> str:
-    """The class of a sign of type ``hazmat_CLASS``."""
+    """The hazmat class of a sign whose element type is ``hazmat_CLASS``."""
     word = kind.removeprefix("hazmat").strip("_")
     return OTHER_WORDS.get(word, word if word in HAZMAT_CLASSES else HAZMAT_CLASSES[number % len(HAZMAT_CLASSES)])

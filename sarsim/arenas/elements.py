@@ -1,8 +1,8 @@
 """The element library, and the builder that assembles its elements into one plain MJCF document.
 
-All static geoms belong to the world body, so hundreds of elements do not slow down the physics. Each victim is a body
-``victim_<id>`` of its own, and so is each thing to find. The document refers to no files except pictures of signs and
-codes; if there are none, MuJoCo's viewer opens it as it is.
+All static geoms belong to the world body, so that hundreds of elements do not slow down the physics. Each victim is a
+separate body ``victim_<id>``, and each object to find is a separate body, too. The document refers to no files except
+pictures of signs and codes; without such pictures, MuJoCo's viewer opens it as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ Attributes = Mapping[str, str | ArrayLike]
 """MJCF attributes by name, as text or as numbers."""
 FLAT = 1e-9  # m; heights that differ by less are considered equal
 DRAWN = ("hazmat_sign", "fire_extinguisher")
-"""Elements whose geoms only give the size of the thing that is shown in their place."""
+"""Elements whose geoms only give the size of the object that is shown in their place."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -43,7 +43,7 @@ class ElementLibrary:
     """The elements of ``assets/arenas/elements.xml``.
 
     Attributes:
-        types: names of the elements.
+        types: names of all elements.
     """
 
     def __init__(self) -> None:
@@ -54,15 +54,15 @@ class ElementLibrary:
         self.types = frozenset(self._bodies)
 
     def header(self) -> list[Element]:
-        """Copies of the settings, assets and default classes: all children except the worldbody and statistic."""
+        """Copies of the file's settings, assets and default classes: all children except worldbody and statistic."""
         return [deepcopy(child) for child in self._root if child.tag not in ("worldbody", "statistic")]
 
     def geoms(self, kind: str) -> list[Element]:
-        """The geoms of an element."""
+        """The ``<geom>`` elements of the library element ``kind``."""
         return self._bodies[kind].findall("geom")
 
     def mount_points(self, kind: str) -> NDArray[np.float64]:
-        """(N, 2) x and z of the element's mount points in its frame, m."""
+        """(N, 2) m, x and z of an element's mount points in its frame."""
         sites = [numbers_of(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
         return np.array(sites).reshape(-1, 3)[:, [0, 2]]
 
@@ -84,7 +84,7 @@ def element_library() -> ElementLibrary:
 
 
 class ArenaBuilder:
-    """Makes an arena's MJCF.
+    """Builds an arena's MJCF document.
 
     Attributes:
         root: the ``<mujoco>`` element built so far; callers may add their own geoms.
@@ -105,8 +105,8 @@ class ArenaBuilder:
 
         Elements in ``DRAWN`` only extend the arena's bounds.
 
-        A geom that coincides with an earlier one is left out: two neighbouring tiles may both have the wall between
-        them.
+        A geom that coincides with an earlier one is left out, because two neighbouring tiles may both include the
+        wall between them.
         """
         pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
         geoms = element_library().geoms(kind)
@@ -119,13 +119,13 @@ class ArenaBuilder:
             self._add_victim(victim, pose)
 
     def add_thing(self, thing: ThingModel, position: ArrayLike, R: Rotation3) -> None:
-        """Add a thing to find with its origin at ``position`` (3,) m and orientation ``R`` (3, 3)."""
+        """Add an object to find with its origin at ``position`` (3,) m and orientation ``R`` (3, 3)."""
         thing.add_to(self.root, position, R)
         self.files |= thing.files
 
     @property
     def next_thing(self) -> int:
-        """The number of the next thing to find: one more than there are so far, victims included."""
+        """The number of the next object to find, counted from 1 over all objects so far, victims included."""
         return 1 + len(self.root.findall("custom/text"))
 
     @property
@@ -152,7 +152,7 @@ class ArenaBuilder:
         declare(self.root, name, VICTIM, state=state)
 
     def settle_states(self, state: str) -> int:
-        """Give a state to the victims that have none; returns the number of these victims."""
+        """Set the state of the victims that have none; returns their number."""
         unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]
         for text in unsettled:
             text.set("data", data_of(VICTIM, state=state))
@@ -188,7 +188,7 @@ class ArenaBuilder:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
-        declare(self.root, name, VICTIM, state=DEAD)  # a picture, as cold as the wall
+        declare(self.root, name, VICTIM, state=DEAD)  # the library has only a picture, which is as cold as the wall
 
     def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
         """Add a geom that belongs to no element.
@@ -196,7 +196,7 @@ class ArenaBuilder:
         Args:
             label: default class of the geom.
             geom: MJCF attributes of the geom.
-            colour: red, green, blue, from 0 to 1; by default, the label's material.
+            colour: red, green, blue, from 0 to 1; by default, that of the label's material.
         """
         # PyMJCF's run time grows with the square of the number of unnamed geoms.
         named = {"name": f"{label}_{len(self._world)}", "class": label}
@@ -204,15 +204,17 @@ class ArenaBuilder:
         self._world.append(Element("geom", named | _written(geom) | paint))
 
     def add_mesh(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64] | None = None) -> str:
-        """Add a mesh of vertices (N, 3) m and triangles (M, 3), by default their convex hull; returns its name."""
+        """Add a mesh of vertices (N, 3) m and triangles (M, 3), by default of the convex hull; returns its name."""
         faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
         return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
 
     def add_height_field(self, heights: NDArray[np.float64], size: ArrayLike) -> str:
-        """Add a height field of heights (rows, columns), with y increasing with the row; returns its name.
+        """Add a height field and return its name.
 
-        ``size``: (4,) m, half size along x and y, height from the lowest to the highest point, and thickness below
-        the lowest.
+        Args:
+            heights: (rows, columns) heights, whose y increases with the row.
+            size: (4,) m, half size along x and y, height from the lowest to the highest point, and thickness below
+                the lowest point.
         """
         rows, columns = heights.shape
         shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
@@ -238,7 +240,7 @@ class ArenaBuilder:
             element.set(key, value if isinstance(value, str) else _text(value))
 
     def drop_covered_panels(self) -> None:
-        """Remove the wall panels that lie inside others: their faces coincide."""
+        """Remove the wall panels that lie inside other panels, because their faces coincide."""
         for geom in covered_panels(self._world.findall("geom")):
             self._world.remove(geom)
 
@@ -264,7 +266,7 @@ class ArenaBuilder:
     def add_surroundings(self, low: ArrayLike, high: ArrayLike, ceiling: bool = False) -> None:
         """Add lights, cameras and the model's extent for an arena between two corners (x, y), m.
 
-        Under a ceiling no light casts shadows: the lights represent many lamps below the ceiling.
+        Under a ceiling, no light casts shadows, because the lights represent many lamps below the ceiling.
         """
         (x, y), extent = np.add(low, high) / 2, float(np.linalg.norm(np.subtract(high, low))) / 2
         SubElement(self.root, "statistic", center=_text((x, y, 0.3)), extent=_text([extent]))
@@ -292,7 +294,7 @@ class ArenaBuilder:
         return self._world.find("site[@name='start']") is not None
 
     def set_start(self, position: ArrayLike, yaw: float) -> None:
-        """Mark the robot's start, replacing any earlier one: ``position`` (3,) m, heading ``yaw`` rad."""
+        """Mark the robot's start at ``position`` (3,) m with heading ``yaw`` rad, replacing any earlier start."""
         for site in self._world.findall("site[@name='start']"):
             self._world.remove(site)
         pose = {"pos": _text(position), "quat": _text((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}

@@ -1,4 +1,4 @@
-"""The plan of a random arena as a grid of tiles: walls, ground and elements, all in integers."""
+"""The plan of a random arena as a grid of tiles, with walls, ground and elements described by integers."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -12,7 +12,7 @@ Edge = tuple[Tile, Side]
 
 NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
-YAW = (270, 0, 90, 180)  # Yaw, degrees, that points an element's +y side, where its wall stands, to each side
+YAW = (270, 0, 90, 180)  # Yaw, degrees, at which an element's +y side, where its wall stands, faces each side
 
 
 def opposite(side: Side) -> Side:
@@ -96,7 +96,7 @@ class Layout:
         return [(t, s) for t in self.tiles() for s in (0, 1) if self.neighbour(t, s) is not None]
 
     def neighbour(self, tile: Tile, side: Side) -> Tile | None:
-        """The tile next to a side; None if that is outside the arena."""
+        """The neighbouring tile on a side; None if it would be outside the arena."""
         i, j = self.next(tile, side)
         return (i, j) if 0 <= i < self.columns and 0 <= j < self.rows else None
 
@@ -135,15 +135,16 @@ class Layout:
         return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
 
     def is_explorable(self) -> bool:
-        """Whether a robot that drives only over ground it has seen reaches all tiles but ridges and blocked ones."""
+        """Whether a robot that drives only over seen ground reaches all tiles except ridges and blocked tiles."""
         seen = set() if self.start is None else self._reach(self.start, self._in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 
     def _in_sight(self, tile: Tile, side: Side) -> bool:
         """Whether the robot can drive over this side and sees the ground beyond it in advance.
 
-        Its camera sees nothing nearer than 0.8 m, so the tile before a ramp must itself be preceded by a floor tile,
-        from which the robot can see. The far slope of the last of several ridges is hidden.
+        The robot's camera sees nothing nearer than 0.8 m, so the tile before a ramp must itself be preceded by a
+        floor tile, from which the robot can see the ramp. From one ridge to the next, the result is False, because
+        the far slope of the last of several ridges is hidden.
         """
         if not self.passable(tile, side):
             return False
@@ -164,7 +165,7 @@ class Layout:
         return seen
 
     def next(self, tile: Tile, side: Side) -> Tile:
-        """The tile next to a side, whether inside the arena or not."""
+        """The neighbouring tile on a side, which may be outside the arena."""
         return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
     def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
@@ -187,7 +188,7 @@ class Layout:
     def block(self, tiles: list[Tile]) -> bool:
         """Block free tiles if they can be seen from open floor and the robot can still explore all others.
 
-        Walls between the blocked tiles are removed. Returns whether it was done.
+        Walls between the blocked tiles are removed. Returns whether the tiles were blocked.
         """
         if not all(self.is_free(t) for t in tiles) or not self.views(tiles):
             return False

@@ -29,10 +29,10 @@ from sarsim.vetting.trial import check_model, is_shipped, read_mjcf
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,
 }  # fmt: skip
-"""The builder of each kind of file."""
-LEANING = 0.1  # Greatest ratio of gravity's horizontal to its vertical part
-MAX_TOLD = 5  # Greatest number of bodies that a line names
-DRAWN = 3  # Groups of geoms below this are drawn
+"""The function that builds an arena from each type of file, by the file's extension."""
+LEANING = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
+MAX_TOLD = 5  # Maximum number of bodies that a warning names
+DRAWN = 3  # Geoms of groups below this number are drawn
 _log = logging.getLogger(__name__)
 
 
@@ -42,7 +42,7 @@ def load_arena(
     random: RandomArenaConfig | None = None,
     victims: WorldVictims | None = None,
 ) -> RescueArena:
-    """The arena that a command's ``--arena`` names.
+    """Load the arena that a command's ``--arena`` names.
 
     Args:
         name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
@@ -72,11 +72,11 @@ def load_arena(
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
-    """A checked copy of an arena that other code has made, with the requested start or else its own.
+    """A checked copy of an arena that was made by other code, with the requested start or else the arena's own.
 
     Raises:
-        InputError: it is not an arena, MuJoCo cannot build it, or the robot cannot stand at the start. The message
-            begins with ``name``.
+        InputError: ``arena`` is not an arena, MuJoCo cannot build it, or the robot cannot stand at the start. The
+            message begins with ``name``.
     """
     if not isinstance(arena, RescueArena):
         raise InputError(
@@ -91,7 +91,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
 
 
 def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> StartPose | None:
-    """Add the people of the list of placements, and settle who is alive; returns the list's start, if any."""
+    """Add the people in the list of placements, and set unknown victim states; returns the list's start, if any."""
     listed = read_placements(victims.placements) if victims.placements else None
     for pose in listed.victims if listed else ():
         add_person(builder, pose)
@@ -116,10 +116,10 @@ def _from_mjcf(path: Path, requested: StartPose | None) -> RescueArena:
 
 
 def _check_rules(model: mujoco.MjModel, name: str) -> None:
-    """Warn of the rules for third-party arenas that a model breaks; InputError if nothing could drive in it.
+    """Warn of each rule for third-party arenas that a model breaks; InputError if gravity does not point downwards.
 
-    For the scores and the true ground, movable bodies count where they are at the start, and drawn shapes without a
-    label do not count.
+    The scores and the true ground assume that movable bodies stay where they are at the start, and ignore drawn
+    shapes without a label.
     """
     x, y, z = model.opt.gravity
     if z >= 0 or np.hypot(x, y) > -z * LEANING:
@@ -156,7 +156,7 @@ def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, requested: StartPo
 
 
 def _from_builder(name: str, builder: ArenaBuilder, requested: StartPose | None) -> RescueArena:
-    """The arena of a builder, with the requested start, or else its own, or else the best one."""
+    """The arena of a builder, with the requested start, or else the builder's own, or else the best one."""
     if requested is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
         with naming(name):

@@ -1,10 +1,10 @@
-"""Arenas from 2D maps, ``map.yaml`` with its image, as ROS's map_server reads and writes them.
+"""Arenas from 2D maps in the format of ROS's map_server: a file ``map.yaml`` and its image.
 
 Occupied pixels become walls, and the ground fills the smallest rectangle around all occupied and free pixels.
 ``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the top one. In the
-modes ``trinary`` and ``scale``, a pixel's occupancy is its darkness (its brightness if ``negate`` is set); in the
-mode ``raw``, its value is a percentage, or unknown if above 100. A pixel is occupied if its occupancy is above
-``occupied_thresh``. In the mode ``trinary``, alpha is averaged with the colours, as in ROS
+modes ``trinary`` and ``scale``, a pixel's occupancy is its darkness (its brightness if ``negate`` is set). In the
+mode ``raw``, a pixel's value is its occupancy in percent; above 100, the occupancy is unknown. A pixel is occupied if
+its occupancy is above ``occupied_thresh``. In the mode ``trinary``, alpha is averaged with the colours, as in ROS
 (http://wiki.ros.org/map_server, image_loader.cpp).
 """
 
@@ -31,16 +31,16 @@ MAX_PIXELS = 60_000_000  # 6,000 m², the maximum area of an arena, in pixels of
 WALL_HEIGHT = TILE_SIZE  # m; a NIST wall is as high as it is wide
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": MODES[0]}
-"""Values for keys that a file leaves out; map_saver writes the same."""
+"""Values of keys that a file leaves out; map_saver writes the same values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Map2D:
-    """A 2D map.
+    """A 2D occupancy map, seen from above.
 
     Attributes:
         occupied: occupied pixels; row 0 is the bottom one, column 0 the leftmost.
-        free: free pixels; those that are neither are unknown.
+        free: free pixels; pixels that are neither occupied nor free are unknown.
         resolution: side of a pixel, m.
         origin: pose of the outer corner of pixel (0, 0): x and y in m, yaw in rad.
     """
@@ -51,7 +51,7 @@ class Map2D:
     origin: tuple[float, float, float]
 
     def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centre (2,) m and half size (2,) m of the rectangle with first and end corner ``cells`` (2, 2)."""
+        """Centre (2,) m in the world and half size (2,) m of the rectangle ``cells`` (2, 2), as in :attr:`known`."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
@@ -59,7 +59,10 @@ class Map2D:
 
     @property
     def known(self) -> NDArray[np.int64]:
-        """(2, 2) first and end corner (row, column) of the smallest rectangle around all occupied and free cells."""
+        """(2, 2) first and end cell (row, column) of the smallest rectangle around all occupied and free cells.
+
+        The end cell is excluded.
+        """
         seen = np.argwhere(self.occupied | self.free)
         return np.stack([seen.min(axis=0), seen.max(axis=0) + 1])
 
@@ -89,10 +92,10 @@ def read_map(path: Path) -> Map2D:
 
 
 def build_map(path: Path) -> ArenaBuilder:
-    """The arena of a map, not yet with a start.
+    """Build the arena of a map, without a start.
 
     Raises:
-        InputError: see :func:`read_map`; or the map has no walls, or needs more boxes than the limit.
+        InputError: the map is invalid (see :func:`read_map`), has no walls, or needs more than ``MAX_GEOMS`` boxes.
     """
     plan = read_map(path)
     boxes = rectangles(plan.occupied)
@@ -117,7 +120,7 @@ def build_map(path: Path) -> ArenaBuilder:
 
 
 def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(N, 2, 2) first and end corner (row, column) of disjoint rectangles that fill the set cells (H, W).
+    """(N, 2, 2) first and end cell (row, column; end excluded) of disjoint rectangles that cover the True cells.
 
     Runs of cells with the same ends in consecutive rows form one rectangle. The same is done with columns, and the
     result with fewer rectangles is returned.
@@ -127,9 +130,9 @@ def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _runs(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(N, 2, 2) as in :func:`rectangles`, from runs along rows."""
+    """(N, 2, 2) rectangles as in :func:`rectangles`, from runs along rows only."""
     done: list[tuple[tuple[int, int], tuple[int, int]]] = []
-    growing: dict[tuple[int, int], int] = {}  # ends of a run: its first row
+    growing: dict[tuple[int, int], int] = {}  # first row of each run, by the ends of the run
     for row, line in enumerate([*cells, np.zeros(cells.shape[1], np.bool_)]):
         edges = np.flatnonzero(np.diff(line, prepend=False, append=False)).reshape(-1, 2)
         runs = {(start, end) for start, end in edges.tolist()}
@@ -159,7 +162,7 @@ def _checked(path: Path, name: str, value: object, low: float, high: float) -> f
 
 
 def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
-    """(H, W, C) channels of the image, from 0 to 255; the last of two or four is alpha."""
+    """(H, W, C) channels of the image, from 0 to 255; the last of two or four channels is alpha."""
     file = path.parent / str(values["image"])
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
@@ -181,7 +184,7 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
 
 
 def _mode(image: Image.Image) -> str:
-    """The mode with plain channels to which an image with a palette, of one bit, or in another mode is converted."""
+    """The mode (L, RGB or RGBA) to which an image with a palette, one bit per pixel or another mode is converted."""
     return "L" if image.mode == "1" else "RGBA" if "transparency" in image.info else "RGB"
 
 

@@ -1,4 +1,4 @@
-"""Wall panels that lie inside other panels: two neighbouring tiles may both have the wall between them."""
+"""Finds wall panels that lie inside others, because two neighbouring tiles may both include the wall between them."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Values
 
-SLACK = 1e-4  # m by which a panel may protrude from another and still count as inside it
+SLACK = 1e-4  # m, maximum distance by which a panel inside another may protrude from it
 
 
 def covered_panels(geoms: list[Element]) -> list[Element]:
-    """The wall panels that lie inside another one; removing them avoids coincident faces and changes nothing else.
+    """The wall panels that lie inside another panel; removing them only avoids coincident faces.
 
     ``geoms``: all static geoms, in the world frame; boxes of class ``wall`` are the panels.
     """
@@ -26,7 +26,10 @@ def covered_panels(geoms: list[Element]) -> list[Element]:
 
 
 def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
-    """The plane of a panel, and its extent in the plane: (4,) m, backwards, forwards, downwards and upwards."""
+    """The plane of a panel, and the panel's extent in it: (4,) m, backwards, forwards, downwards and upwards.
+
+    The plane is given by the panel's yaw in degrees, its offset along the normal and its half thickness, m.
+    """
     (x, y, z), (along, thick, up) = numbers_of(geom, "pos"), numbers_of(geom, "size")
     w, *_, sin = numbers_of(geom, "quat")
     # A panel turned by 180° fills the same space.
@@ -38,7 +41,7 @@ def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
 
 
 def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]:
-    """The panels in a plane that lie inside a larger one."""
+    """The panels in a plane that lie inside a larger panel."""
     panels = sorted(panels, key=lambda panel: -float(panel[1].sum()))
     outlines = np.array([outline for _, outline in panels])
     inside = [(outlines[:n] >= outline - SLACK).all(axis=1).any() for n, outline in enumerate(outlines)]
@@ -46,6 +49,6 @@ def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]
 
 
 def numbers_of(element: Element, attribute: str, default: Sequence[float] = ()) -> Values:
-    """The numbers of an attribute."""
+    """The numbers in an attribute of an element; ``default`` if the attribute is missing."""
     text = element.get(attribute)
     return np.array(default if text is None else text.split(), np.float64)

@@ -1,9 +1,10 @@
-"""Victims and starts in arena files, from the names of models and from the lists of placements that leagues publish.
+"""Victims and starts in arena files, found by model names or in the lists of placements that leagues publish.
 
 A line of a list is ``NAME x y z roll pitch yaw``, in m and rad in the world frame, as Gazebo prints poses. The name
 may be missing or be a line number, and the last three numbers may be missing. Commas, semicolons, colons, equals
-signs and brackets count as spaces, and ``#`` begins a comment. Lines whose name contains ``start`` or ``robot`` are
-starts, all others are victims. A line without numbers gives its name to the lines below it that have none.
+signs and brackets are treated as spaces, and ``#`` begins a comment. Lines whose name contains ``start`` or ``robot``
+are starts; all other lines are victims. The name on a line without numbers applies to the lines below it that have no
+name.
 """
 
 import re
@@ -26,7 +27,7 @@ VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
 STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "cold": DEAD, "dead": DEAD}
 """States of victims by words in their names; the Virtual Robot league has hot, cold and moving victims."""
 START_WORDS = ("start", "robot")
-"""Words that mark the name of a line as a start of the robot."""
+"""Words in the name on a line that mark the line as a start of the robot."""
 ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
 """Postures of people for whom an arena file gives only a position."""
 MAX_LINES = 1000
@@ -36,7 +37,7 @@ _SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
 
 @dataclass(frozen=True)
 class WorldPose:
-    """A line of a list of placements.
+    """The name and pose on a line of a list of placements.
 
     Attributes:
         name: name of the victim or start; empty if the list gives none.
@@ -53,7 +54,7 @@ class WorldPose:
 
 @dataclass(frozen=True)
 class Placements:
-    """A list of placements.
+    """The victims and starts in a list of placements.
 
     Attributes:
         victims: poses of people.
@@ -65,7 +66,7 @@ class Placements:
 
     @property
     def start(self) -> StartPose | None:
-        """The first start, as ``--start`` takes it; None if there is none."""
+        """The first start, in the units of ``--start`` (m, m, degrees); None if the list has no start."""
         return next(((s.x, s.y, float(np.degrees(s.yaw))) for s in self.starts), None)
 
 
@@ -75,7 +76,7 @@ def is_victim(name: str) -> bool:
 
 
 def state_of(name: str) -> str:
-    """Alive or dead, if a victim's name says so; otherwise empty."""
+    """The state in a victim's name, alive or dead; empty if the name contains none."""
     return next((STATE_WORDS[word] for word in reversed(_words(name)) if word in STATE_WORDS), "")
 
 
@@ -88,8 +89,8 @@ def read_placements(path: Path) -> Placements:
     """Read a list of placements.
 
     Raises:
-        InputError: the file is missing or too long, has no pose, or a line has the wrong count of numbers or a number
-            out of range.
+        InputError: the file is missing or too long or contains no pose, or a line has a wrong number of values or a
+            value out of range.
     """
     lines = read_text(path).splitlines()
     if len(lines) > MAX_LINES:
@@ -132,7 +133,7 @@ def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
 
 
 def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
-    """Add a person who lies with the head along the pose's x axis; their looks depend only on the victim's number."""
+    """Add a person who lies with the head along the pose's x axis; the victim's number determines their looks."""
     name = builder.next_victim
     number = name.removeprefix(PREFIX)
     rng = np.random.default_rng(int(number))

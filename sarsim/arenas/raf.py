@@ -54,14 +54,14 @@ ATTRIBUTES = "type", "x", "y", "rotation", "mount-point", "offset-x", "offset-y"
 
 @dataclass(frozen=True)
 class RafElement:
-    """One element of a file.
+    """An ``<element>`` of a ``.raf`` file.
 
     Attributes:
         type: type as written in the file.
         x, y: position in tiles, including the offset.
         rotation: clockwise rotation, degrees.
         mount_point: index into the mount points of the element's wall.
-        tile: tile and rotation without the offset, which identify the element's wall.
+        tile: x and y of the tile without the offset, and rotation, degrees, which identify the element's wall.
     """
 
     type: str
@@ -105,7 +105,7 @@ def read_raf(path: Path) -> list[RafElement]:
 
 
 def build_raf(path: Path) -> ArenaBuilder:
-    """The arena of a file, not yet with a start; InputError if the file is invalid or too large."""
+    """Build the arena of a file, without a start; InputError if the file is invalid or too large."""
     elements = read_raf(path)
     _check_geoms(path, elements)
     builder = ArenaBuilder(path.stem)
@@ -123,7 +123,7 @@ def build_raf(path: Path) -> ArenaBuilder:
 
 
 def _element(where: str, line: "Element") -> RafElement:
-    """Parse an ``<element>``; ``where`` locates it in error messages."""
+    """Parse an ``<element>``; ``where``: its location for error messages."""
     for name in sorted(set(line.attrib) - set(ATTRIBUTES)):
         raise InputError(f"{where}: unknown attribute {name[:40]!r}{_meant(name, ATTRIBUTES)}")
     type_ = _text(where, line, "type")
@@ -184,7 +184,7 @@ def _check_geoms(path: Path, elements: list[RafElement]) -> None:
 
 
 def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:
-    """Each element with its origin, m; repeated elements only once."""
+    """Yield each element with its origin (3,) m; repeated elements are yielded only once."""
     library = element_library()
     walls: dict[tuple[float, float, float], NDArray[np.float64]] = {}
     for element in elements:
@@ -197,7 +197,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
 
 
 def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> Place:
-    """(3,) m, offset from an element's tile to the mount point on its wall; 0 for elements that do not hang."""
+    """(3,) m, offset from an element's tile to the mount point on its wall; zero if it does not hang on a wall."""
     if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
         return np.zeros(3)
     along, up = mounts[element.mount_point]

@@ -1,8 +1,8 @@
-"""Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
+"""Random rescue arenas of NIST-like tiles; the same seed gives the same arena on any machine.
 
 The plan consists of integers (:mod:`sarsim.arenas.layout`). By construction, the start is free, the robot can drive
-to every open tile, and each victim lies next to one. The true geometry of the finished arena is checked as well; an
-arena that fails is drawn again with other random numbers.
+to every open tile, and each victim lies next to an open tile. The true geometry of the finished arena is checked as
+well; an arena that fails a check is drawn again with other random numbers.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ from sarsim.arenas.settings import SHARES, RandomArenaConfig
 from sarsim.arenas.things.thing import ALIVE, declare
 from sarsim.victims.victims import PREFIX
 
-CEILING = 2.4  # m, height of the ceiling; under it, all walls have this height
+CEILING = 2.4  # m, height of the ceiling and of all walls under it
 FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ARENA_ATTEMPTS = 30
 _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "things": (0, 100), "difficulty": (0, 3)}
@@ -42,7 +42,7 @@ _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
-    """The arena of a seed, including the start.
+    """Build the arena of a seed, including the start.
 
     Raises:
         InputError: the seed or a setting is out of bounds, or the contents do not fit into the tiles.

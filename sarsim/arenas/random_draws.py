@@ -9,13 +9,13 @@ T = TypeVar("T")
 
 
 class RandomDraws:
-    """Random draws from a generator."""
+    """Draws random integers, events and elements from a NumPy generator."""
 
     def __init__(self, rng: np.random.Generator):
         self.rng = rng
 
     def number(self, low: int, high: int) -> int:
-        """An integer from ``low`` to ``high``, both included."""
+        """A random integer from ``low`` to ``high``, both included."""
         return int(self.rng.integers(low, high + 1))
 
     def chance(self, probability: float) -> bool:
@@ -23,7 +23,7 @@ class RandomDraws:
         return self.number(0, 99) < round(100 * probability)
 
     def pick(self, choice: Sequence[T]) -> T:
-        """One element of ``choice``."""
+        """A random element of ``choice``."""
         return choice[self.number(0, len(choice) - 1)]
 
     def shuffled(self, choice: Sequence[T]) -> list[T]:

@@ -1,6 +1,6 @@
 """Draws the obstacles, clutter, furniture and rescue elements of a random arena.
 
-The robot cannot drive over these elements, and they are easily confused with others.
+The robot cannot drive over these elements, and they are easily mistaken for others.
 """
 
 from sarsim.arenas.layout import SIDES, YAW, Item, Layout, Side, Tile, opposite, shift
@@ -13,9 +13,9 @@ OBSTACLES: dict[int, tuple[str, ...]] = {
     2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
     3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
 }
-"""Elements that take a whole tile, by difficulty; those listed twice are drawn more often."""
+"""Elements that occupy a whole tile, by difficulty; those listed twice are drawn twice as often."""
 BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
-"""Elements that lie along walls, with their distance from the tile's centre, cm; it leaves a lane of 1 m free."""
+"""Elements that lie along walls, with their distance from the tile's centre, cm, which keeps a lane of 1 m free."""
 AGAINST_WALL = (
     ("cabinet_low", 14), ("cabinet_tall", 14), ("cabinet_narrow", 34), ("bookshelf", 9), ("desk", 4), ("seat", 19),
     ("crate", 29), ("column", 39), ("motor", 8), ("gas_bottles", 34), ("pipes", 4), ("sacks", 2), ("sacks", 2),
@@ -30,19 +30,19 @@ BULKY = (
     *("raised_floor_120",) * 4, *("simple_elev_ramp",) * 3, "wardrobe", "wardrobe", "cupboards", "machine",
     "cabinet_tall",
 )  # fmt: skip
-"""Elements that block much of the view. The robot can drive under the first, which may span several tiles."""
+"""Elements that block much of the view. The robot can drive under the first kind, which may span several tiles."""
 SPREAD = 0.5  # Fraction of a raised floor's free neighbouring tiles that get a raised floor as well
 CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """Small elements that may stand in front of another one, at any angle."""
-ACCOMPANIED = 0.4  # Fraction of the tiles that get a small element as well
+ACCOMPANIED = 0.4  # Fraction of the tiles with furniture that also get a small element
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """Elements that hang on walls."""
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
 def place_obstacles(layout: Layout, draws: RandomDraws, fraction: float, difficulty: int) -> list[Item]:
-    """Obstacles of one tile each, until they fill their fraction of tiles or no further tile can be blocked."""
+    """Place obstacles of one tile each until they fill a ``fraction`` of tiles or no more tiles can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -63,7 +63,7 @@ def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool
 
 
 def scatter_clutter(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Blocks and pipes along the walls of a fraction of the tiles."""
+    """Place blocks and pipes along walls on a ``fraction`` of the tiles."""
     tiles = [t for t in layout.tiles() if layout.is_free(t) and layout.walls_of(t)]
     wanted = round(fraction * len(layout.tiles()))
     items = []
@@ -75,7 +75,7 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, fraction: float) -> list
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Furniture that blocks whole tiles, until it fills its fraction of tiles or no further tile can be blocked."""
+    """Block whole tiles with furniture until it fills a ``fraction`` of the tiles or no more tiles can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
@@ -88,7 +88,7 @@ def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list
 
 
 def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Raised floors over free tiles, and boards and cupboards that block a tile, until they fill their fraction."""
+    """Place raised floors over free tiles, and boards and cupboards that block a tile, on a ``fraction`` of tiles."""
     wanted = round(fraction * len(layout.tiles()))
     items: dict[Tile, Item] = {}
     for tile in draws.shuffled(layout.tiles()):
@@ -111,7 +111,7 @@ def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]
 
 
 def hang_on_walls(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Barrels, boxes and signs on tiles with exactly one wall; between two walls the lane would be too narrow."""
+    """Hang barrels, boxes and signs on tiles with one wall, because a lane between two walls would be too narrow."""
     places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
     single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
     wanted = round(fraction * len(layout.tiles()))

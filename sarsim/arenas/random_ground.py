@@ -6,16 +6,16 @@ from sarsim.arenas.layout import FLOOR, SIDES, YAW, Item, Layout, Side, Tile, Ti
 from sarsim.arenas.random_draws import RandomDraws
 
 DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
-RIDGE = 17
+RIDGE = 17  # cm, height of ridges
 FENCED = 0.5  # Fraction of the sides with a drop to the floor that get a wall
-HOLED = 0.15  # Fraction of the inner walls with holes, if the arena has any
+HOLED = 0.15  # Fraction of the inner walls with holes, if the arena has such walls
 TALL = 0.25  # Fraction of the other walls that are twice as high
 OTHER = 0.25  # Fraction of the inner walls that are not panels, if the arena has any such walls
-MAX_WAY = 4  # tiles; more open floor ahead than this does not make a start better
+MAX_WAY = 4  # tiles; open floor ahead beyond this does not make a start better
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
-    """Make a perfect maze by depth-first search, then keep only a fraction of its inner walls."""
+    """Make a perfect maze by depth-first search, then keep only the fraction ``density`` of its inner walls."""
     layout.walls.update(layout.inner_edges())
     path = [draws.pick(layout.tiles())]
     seen = set(path)
@@ -34,9 +34,9 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
 
 
 def lay_ramps(layout: Layout, draws: RandomDraws, fraction: float, fields: bool) -> None:
-    """Lay runs of ramps and decks until they fill their fraction of the tiles or nothing more fits.
+    """Lay runs of ramps and decks until they fill a ``fraction`` of the tiles or no further run fits.
 
-    ``fields``: also lay fields of several ridges in a row, beginning with one of these.
+    If ``fields`` is set, fields of several ridges in a row are laid as well, beginning with one field.
     """
     tries, left = 10 * len(layout.tiles()), round(fraction * len(layout.tiles()))
     for _ in range(tries if fields else 0):
@@ -51,7 +51,7 @@ def lay_ramps(layout: Layout, draws: RandomDraws, fraction: float, fields: bool)
 
 
 def _lay_run(layout: Layout, draws: RandomDraws, kind: str, max_tiles: int) -> int:
-    """Try to lay one run from a random tile in a random direction; returns the number of tiles that it took."""
+    """Try to lay one run from a random tile in a random direction; returns the number of tiles that it occupies."""
     first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
     grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
     tiles = layout.run(first, side, 1 + len(grounds) + beyond)
@@ -77,7 +77,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on sides with a drop: on all of them between ramps and decks, on some of those to the floor."""
+    """Put walls on all sides with a drop to a ramp or deck, and on the fraction ``FENCED`` of those to the floor."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
@@ -95,7 +95,7 @@ def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
 
 
 def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
-    """The row of open floor tiles that starts at a tile and leads towards a side, at most ``MAX_WAY``."""
+    """The row of at most ``MAX_WAY`` open floor tiles that starts at a tile and leads towards a side."""
     corridor = [tile]
     while len(corridor) < MAX_WAY and layout.passable(corridor[-1], side):
         after = layout.next(corridor[-1], side)
@@ -106,7 +106,7 @@ def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
 
 
 def ground_items(layout: Layout) -> list[Item]:
-    """The elements of ramps, ridges and decks."""
+    """The library elements of all ramps, ridges and decks."""
     items = []
     for tile in layout.tiles():
         ground = layout.ground(tile)
@@ -122,7 +122,15 @@ def ground_items(layout: Layout) -> list[Item]:
 
 
 def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
-    """All walls, some with ``holes``; if ``tall``, all panels reach the ceiling; some inner walls are ``others``."""
+    """The library elements of all walls.
+
+    Args:
+        layout: the plan.
+        draws: random draws.
+        holes: whether some inner walls have holes.
+        tall: whether all panels reach the ceiling.
+        others: elements that replace some of the inner walls.
+    """
     items = []
     for tile in layout.tiles():
         for side in SIDES:

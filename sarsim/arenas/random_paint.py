@@ -1,4 +1,4 @@
-"""Random colours and patterns for an arena's materials, so that a network learns shapes instead of plywood."""
+"""Random colours and patterns for an arena's materials, so that a network learns shapes, not the look of plywood."""
 
 import colorsys
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
 
 Colour = tuple[float, float, float]  # Red, green, blue, from 0 to 1
-_TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}  # Of the materials that have one
+_TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}  # Texture by material
 _PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
 _PATTERNS = ("none", "random", "edge", "cross")
 """MuJoCo's texture marks; edges and crosses make a wall or a floor look tiled."""

@@ -1,4 +1,4 @@
-"""Draws furniture of many sizes and colours in rows along walls, easily confused with walls, ramps and decks.
+"""Draws rows of furniture of many sizes and colours, which is easily confused with walls, ramps and decks.
 
 A piece consists of boxes in the frame of a tile, in whole cm, with its back at +y. The headroom under tables is too
 low for the robot, and only stairs have a surface as low as a deck.
@@ -20,11 +20,11 @@ LONGEST_ROW = 4  # Maximum number of tiles with the same piece side by side
 
 @dataclass(frozen=True)
 class Piece:
-    """Furniture on a tile.
+    """A piece of furniture on a tile.
 
     Attributes:
         tile: the tile on which the piece stands.
-        yaw: angle by which it is turned to the left, degrees.
+        yaw: angle by which the piece is turned to the left, degrees.
         boxes: boxes that make up the piece.
         colours: colours of the boxes, used in turn.
     """
@@ -44,7 +44,7 @@ class Piece:
 
 
 def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
-    """Pieces that block a tile each, until they fill their fraction of tiles or no further tile can be blocked."""
+    """Place pieces of one tile each until they fill a ``fraction`` of the tiles or no more tiles can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -62,7 +62,7 @@ def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
 
 
 def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Tile]:
-    """Neighbouring tiles along a wall, with no wall between them."""
+    """A tile and a random number of its neighbours along a wall, with no wall between them."""
     row, along = [tile], draws.pick(((back + 1) % 4, (back + 3) % 4))
     for _ in range(draws.number(0, LONGEST_ROW - 1)):
         if layout.has_wall(row[-1], along) or not layout.is_free(layout.next(row[-1], along)):
@@ -72,7 +72,7 @@ def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Til
 
 
 def _cupboard(draws: RandomDraws) -> list[Box]:
-    """Lockers, cupboards, counters: upright boxes, most with one to four slightly protruding doors."""
+    """A locker, cupboard or counter: an upright box, which usually has one to four slightly protruding doors."""
     half, height = draws.pick((HALF, HALF, draws.number(25, HALF))), draws.number(70, 200)
     front, doors = BACK - draws.number(25, 65), draws.number(1, 4)
     width, slit, relief = 2 * half // doors, draws.number(1, 3), draws.number(1, 3)
@@ -84,7 +84,7 @@ def _cupboard(draws: RandomDraws) -> list[Box]:
 
 
 def _shelf(draws: RandomDraws) -> list[Box]:
-    """An open shelf with boxes on its boards, some with a back."""
+    """An open shelf, with or without a back, with boxes on some of its boards."""
     half, height, depth, board = (
         draws.number(35, HALF),
         draws.number(90, 200),
@@ -104,7 +104,7 @@ def _shelf(draws: RandomDraws) -> list[Box]:
 
 
 def _wall_shelf(draws: RandomDraws) -> list[Box]:
-    """Boards or cupboards on the wall, at various heights."""
+    """Boards or a cupboard on the wall, at a random height."""
     half, front, low = draws.number(30, HALF), BACK - draws.number(18, 42), draws.number(35, 110)
     if draws.chance(0.4):
         return [(-half, half, front, BACK, low, low + draws.number(30, 80))]
@@ -113,7 +113,7 @@ def _wall_shelf(draws: RandomDraws) -> list[Box]:
 
 
 def _table(draws: RandomDraws) -> list[Box]:
-    """Tables, desks, benches: low as coffee tables to high as counters, on legs or panels, some with an apron."""
+    """A table, desk or bench between coffee table and counter height, on legs or panels, with or without an apron."""
     half, depth, height = draws.number(35, HALF), draws.number(40, 110), draws.number(40, 95)
     front, leg, top = BACK - depth, draws.number(3, 8), draws.number(2, 5)
     below = min(height - top - draws.number(0, 10), 60)
@@ -131,7 +131,7 @@ def _table(draws: RandomDraws) -> list[Box]:
 
 
 def _sofa(draws: RandomDraws) -> list[Box]:
-    """Sofas and armchairs; without arms they are benches with a back."""
+    """A sofa or armchair or, without arms, a bench with a back."""
     half, seat, arm = draws.number(30, HALF), draws.number(38, 50), draws.number(8, 20)
     front, thick = BACK - draws.number(55, 100), draws.number(8, 25)
     boxes = [(-half, half, front, BACK, draws.pick((0, 8)), seat)]
@@ -143,7 +143,7 @@ def _sofa(draws: RandomDraws) -> list[Box]:
 
 
 def _bed(draws: RandomDraws) -> list[Box]:
-    """Beds and stretchers, with or without a headboard."""
+    """A bed or stretcher, with or without a headboard."""
     front, top, legs = BACK - draws.number(70, 110), draws.number(40, 65), draws.number(0, 25)
     boxes = [(-HALF, HALF, front, BACK, legs, top)]
     if legs:

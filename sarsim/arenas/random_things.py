@@ -1,4 +1,4 @@
-"""Hangs things to find on the walls of a random arena."""
+"""Hangs objects to find on the walls of a random arena."""
 
 from collections.abc import Callable
 from itertools import islice
@@ -28,13 +28,13 @@ from sarsim.arenas.walls import STAND, Walls, facing
 from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall on all sides: half a doll's box, and more than half of the largest sign's diagonal
-THING_SPACING = 0.6  # m between things, so that they do not touch
+THING_SPACING = 0.6  # m between objects, so that they do not touch
 HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; limited by the camera's view
 DEAD_SHARE = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
 FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
-"""Axes of a thing that stands with its back to a wall (x right, z up) in the frame of one that hangs on the wall."""
+"""Axes of an object that stands with its back to a wall (x right, z up) in the frame of one that hangs on it."""
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
 BRACKET = 0.11  # m from the wall to the axis of a fire extinguisher
@@ -42,7 +42,10 @@ TILTED = 0.3  # Fraction of the signs that hang at a random angle instead of on 
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
-    """Hang up to ``number`` things, of all kinds in turn, on walls next to drivable ground; make some people dead."""
+    """Hang up to ``number`` objects, of all kinds in turn, on walls next to drivable ground.
+
+    Also declare some of the people dead.
+    """
     if not number:
         return
     draws = RandomDraws(rng)
@@ -73,7 +76,7 @@ def _let_die(builder: ArenaBuilder, draws: RandomDraws) -> None:
 def _hang(
     builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> None:
-    """Hang thing number ``turn`` at ``point`` (3,) m of a wall with ``normal`` (3,)."""
+    """Hang object number ``turn``, counted from 0, at ``point`` (3,) m of a wall with ``normal`` (3,)."""
     kind, R = TURNS[turn % len(TURNS)], facing(normal)
     if kind == "doll":
         _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
@@ -87,7 +90,7 @@ def _hang(
 
 
 def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
-    """Hang a box with a doll in it, with origin ``position`` (3,) m and axes ``R`` (3, 3)."""
+    """Hang a box that contains a doll, with its origin at ``position`` (3,) m and axes ``R`` (3, 3)."""
     state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
     builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
     builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
@@ -125,4 +128,4 @@ MODELS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
     "door_lever": _lever,
 }
 TURNS = ("hazmat_sign", "qr_code", "doll", "april_tag", "hazmat_sign", "fire_extinguisher", "door_lever")
-"""The kinds in the order in which they are hung."""
+"""The kinds of objects in the order in which they are hung."""

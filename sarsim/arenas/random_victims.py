@@ -14,7 +14,7 @@ from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, Vic
 ROOM = 0.04  # m between a victim and the edges of its tiles
 DRAWS = 10  # Maximum number of people drawn to find one that fits
 OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
-"""Postures drawn for the placement "open"; for the other placements, all their postures in ``SUITABLE`` are drawn."""
+"""Postures drawn for the placement "open"; for the other placements, those in ``SUITABLE`` are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class _Spot:
 
     @property
     def room(self) -> NDArray[np.float64]:
-        """(2,) m, sizes along the direction that the victim faces, and across it."""
+        """(2,) m, size of the rectangle along the direction that the victim faces, and across it."""
         count = np.ptp(self.tiles, axis=0) + 1
         return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE_SIZE
 
@@ -48,7 +48,7 @@ class _Spot:
 def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
     """Draw people until one fits on free tiles, and block these tiles; None if none fits.
 
-    ``hidden``: some people are half buried in rubble, in a box or behind a hole.
+    If ``hidden`` is set, some people are half buried in rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
@@ -84,10 +84,10 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
 
 
 def _position(victim: VictimModel, spot: _Spot) -> Place:
-    """The victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
+    """(3,) m, the victim's origin, at the foot of its wall or such that its footprint is centred on the tiles."""
     forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
     if victim.needs_wall:
-        # 6 mm are half the wall's thickness and a clearance of 1 mm.
+        # 6 mm is half the wall's thickness plus a clearance of 1 mm.
         xy = (np.array(spot.back) + 0.5) * TILE_SIZE - (TILE_SIZE / 2 - 0.006) * forward
     else:
         ahead, aside = victim.footprint.mean(axis=0)

@@ -18,8 +18,8 @@ class WorldVictims:
     """Victims in a third-party world.
 
     Attributes:
-        placements: list of victims, and of starts if none is given, which a league publishes beside its world.
-        state: state of victims whose name does not say whether they are alive.
+        placements: list of victims, and of starts if none is given, that a league publishes with its world.
+        state: state of victims whose names do not state whether they are alive.
     """
 
     placements: Path | None = None
@@ -47,8 +47,8 @@ class RandomArenaConfig:
         furnished: fraction of the tiles with furniture of varied size and colour in rows along walls: lockers,
             shelves, tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.
-        things: number of objects to find besides people, 0 to 100, as many as fit: in turn hazmat signs, codes,
-            dolls, tags, fire extinguishers and door levers. If there are any, a third of the people are dead.
+        things: maximum number of objects to find other than people, 0 to 100: in turn hazmat signs, codes, dolls,
+            tags, fire extinguishers and door levers. If there are any, a third of the people are dead.
     """
 
     columns: int = 7

@@ -25,10 +25,10 @@ ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belong
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MAX_PLACES = 2000  # Maximum number of positions that are compared
 MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
-ABOVE = 0.3  # m above a start from which the ground below it is looked for
-ON_GROUND = 0.005  # m; a start at most this far from the ground is on it
+ABOVE = 0.3  # m, height above a start from which the ground below is searched for
+ON_GROUND = 0.005  # m; a start at most this far from the ground is considered to be on it
 SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
-UPRIGHT = np.radians(0.5)  # Largest tilt of a start that counts as upright, rad
+UPRIGHT = np.radians(0.5)  # Maximum tilt of a start that is considered upright, rad
 START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
 
 
@@ -57,7 +57,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
 
 
 def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -> tuple[Pose, str]:
-    """A marked start, upright on the ground nearest to it, and a line that says what was changed, empty if nothing.
+    """A marked start, moved upright onto the nearest ground, and a description of the change, empty if there is none.
 
     Raises:
         InputError: there is no ground with headroom below or above the start.
@@ -69,7 +69,7 @@ def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -
         - ABOVE
         for off in SLOPE * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     )
-    # On a slope, upright is what stands on it.
+    # On a slope, a start that is perpendicular to the slope is upright, too.
     up = np.array([ahead - over, beside - over, SLOPE])
     on_slope = float(np.arccos(np.clip(T_world_start[:3, 2] @ up / np.linalg.norm(up), -1, 1)))
     tilt = min(float(np.arccos(np.clip(T_world_start[2, 2], -1, 1))), on_slope)
@@ -91,7 +91,8 @@ def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -
 def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """The best start on the floor of the largest connected piece of drivable ground.
 
-    It has an open view ahead and room to turn: it maximises the free, level floor ahead plus twice the clearance.
+    For an open view ahead and room to turn, it maximises the length of free, level floor ahead plus twice the
+    clearance.
 
     Raises:
         InputError: there is no free floor.
@@ -120,7 +121,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
 
 
 def _is_inside(ground: FreeGround) -> MaskLayer:
-    """Cells with an obstacle in each of the four axis directions."""
+    """(nx, ny) bool, cells with an obstacle in each of the four axis directions."""
     solid = ground.to_obstacle < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):
@@ -148,7 +149,7 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
 
 
 def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cells (N, 2), thinned to every second one along both axes until at most ``MAX_PLACES`` are left."""
+    """Cells (N, 2), thinned repeatedly to every second one along both axes until at most ``MAX_PLACES`` are left."""
     spacing = 1
     while len(cells) > MAX_PLACES:
         spacing *= 2
@@ -160,7 +161,7 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _clearance(ground: FreeGround, level: float) -> Layer:
-    """Distance from each cell to the nearest cell that is not free, level floor, m."""
+    """(nx, ny) m, distance from each cell to the nearest cell that is not free, level floor."""
     free = (np.abs(ground.height - level) <= LEVEL_START) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 

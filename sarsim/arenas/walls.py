@@ -1,4 +1,4 @@
-"""Places on an arena's walls, in front of drivable ground, where something can be hung."""
+"""Finds places on an arena's walls, in front of drivable ground, where objects can be hung."""
 
 from collections.abc import Callable, Iterator
 
@@ -13,10 +13,10 @@ from sarsim.sensors.camera import geom_labels
 
 SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
 STAND = 0.8  # m in front of the wall at which the robot must be able to stand; a lane of 1.2 m is wide enough
-MAX_STEP = 0.05  # m, maximum height difference between the ground there and the ground from which the wall was found
+MAX_STEP = 0.05  # m, maximum height difference between that ground and the ground from which the wall was found
 PLACES, DIRECTIONS = 2000, 8
 """Maximum number of drivable positions from which walls are searched for, and number of directions from each."""
-WALL_REACH = 2.5  # m, maximum distance of these walls
+WALL_REACH = 2.5  # m, maximum distance of these walls from such a position
 FLAT = 0.001  # m by which a wall may deviate from a plane
 _SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible geom groups
 
@@ -37,10 +37,10 @@ class Walls:
         spacing: float,
         fits: Callable[[NDArray[np.float64], NDArray[np.float64]], bool],
     ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Places on walls for which ``fits`` is true, each as far as possible from the earlier ones.
+        """Yield places on walls for which ``fits`` is true, each as far as possible from the earlier ones.
 
-        Each is a point (3,) m at ``SIGHT_HEIGHT``, and the wall's normal (3,). The first place is random; all are
-        more than ``spacing`` m apart.
+        A place is a point (3,) m at ``SIGHT_HEIGHT``, and the wall's normal (3,). The first place is random; all
+        places are more than ``spacing`` m apart.
         """
         point, normal = self.hits(rng)
         to_others = np.full(len(point), np.inf)
@@ -52,7 +52,7 @@ class Walls:
             to_others[farthest] = 0.0
 
     def hits(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N, 3) m, points on walls at ``SIGHT_HEIGHT``, and the normals (N, 3) there, in random order."""
+        """(N, 3) m, points on walls at ``SIGHT_HEIGHT``, and (N, 3), the walls' normals there, in random order."""
         surface = self._surface
         cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
         eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + SIGHT_HEIGHT])
@@ -78,7 +78,7 @@ class Walls:
         return all(self._meets(start, -normal) for start in starts)
 
     def _cast(self, eye: NDArray[np.float64], rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Points where rays (N, 3) of length 1 from ``eye`` (3,) m hit upright walls, and the normals there."""
+        """(M, 3) m, points where unit rays (N, 3) from ``eye`` (3,) m hit upright walls, and the normals (M, 3)."""
         count = len(rays)
         geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
         flat = normal.ravel()
@@ -102,5 +102,5 @@ def along(normal: NDArray[np.float64]) -> Direction:
 
 
 def facing(normal: NDArray[np.float64]) -> Rotation3:
-    """Axes of a thing that hangs on a wall with this horizontal normal (3,): right, up and towards the viewer."""
+    """Axes of an object that hangs on a wall with this horizontal normal (3,): right, up and towards the viewer."""
     return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

@@ -1,4 +1,4 @@
-"""What all commands share: flags from typed parameters, and one-line messages on stderr for wrong input."""
+"""Common parts of all commands: flags from typed parameters, and one-line messages on stderr for wrong input."""
 
 import argparse
 import functools
@@ -35,9 +35,9 @@ from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, the signal of service managers and containers, and a closed terminal: all end a command in the same way."""
-SIGNALLED = 128  # plus the number of the signal, as in shells
-UNREAD = 141  # 128 + SIGPIPE
+"""Signals of Ctrl-C, of service managers and containers, and of a closed terminal; all end a command alike."""
+SIGNALLED = 128  # Exit status after a signal, to which the signal's number is added, as in shells
+UNREAD = 141  # Exit status if the output has no reader: 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # Indent of a flag's help in tyro's messages about wrong flags
 COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
@@ -50,7 +50,7 @@ _quiet = _verbose = False
 
 
 def is_verbose() -> bool:
-    """Whether the command line asks for every figure."""
+    """Whether the command line contains ``--verbose``."""
     return _verbose
 
 
@@ -113,13 +113,13 @@ def common(args: Sequence[str] | None = None) -> list[str]:
 
 
 def program() -> str:
-    """Name of the command for messages: as it was called, but without the place of an installation."""
+    """Name of the command in messages: as it was called, but without the folder of an installation."""
     called = Path(sys.argv[0])
     return called.name if called.is_absolute() else str(called)
 
 
 def _is_text(word: str) -> bool:
-    """Whether a word of the command line could be decoded; other programs would not find the file that it names."""
+    """Whether a word of the command line could be decoded; other programs cannot open a file with any other name."""
     try:
         word.encode()
     except UnicodeEncodeError:
@@ -154,7 +154,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
 
 
 def parse(command_line: Callable[[], Any]) -> Any:
-    """Call one of tyro's parsers; its boxed messages about wrong flags become InputError."""
+    """Call one of tyro's parsers, whose boxed messages about wrong flags become InputError."""
     message = io.StringIO()
     try:
         with redirect_stderr(message), VALUES:
@@ -227,7 +227,7 @@ def check_folder_of(flag: str, path: Path) -> None:
 
 
 def guarded(action: Callable[[], object]) -> None:
-    """Prepare the process and run ``action``; bad input and each of :data:`ENDINGS` become one line and a status.
+    """Run ``action`` in a prepared process; bad input or one of :data:`ENDINGS` ends it with a line and a status.
 
     If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
@@ -260,7 +260,7 @@ def guarded(action: Callable[[], object]) -> None:
 
 
 def _is_unread() -> bool:
-    """Whether stdout no longer has a reader; the broken pipe may be a different one."""
+    """Whether stdout has lost its reader; the broken pipe may also be another one."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # poll always reports errors
     return bool(poll.poll(0))
@@ -292,7 +292,7 @@ def interrupt(number: int, frame: FrameType | None = None) -> None:
 
 
 def forget_terminal() -> None:
-    """Redirect output from the terminal to /dev/null: the terminal is closed, and writing to it would fail."""
+    """Redirect output from the terminal to /dev/null, because writing to a closed terminal would fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty is false for a closed terminal

@@ -17,7 +17,7 @@ from sarsim.opengl import without_opengl
 
 @dataclass(frozen=True)
 class ExportArena:
-    """What to write, and where.
+    """The arena to export, and the file to write.
 
     Attributes:
         arena: nist_6x4, esogu_52x15, lanes/NAME or random:SEED; the path of a .raf, MJCF, SDF or map file; or your
@@ -53,5 +53,5 @@ def export_arena(settings: ExportArena) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-export-arena``."""
     run_with_settings(export_arena, ExportArena)

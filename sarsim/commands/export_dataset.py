@@ -26,7 +26,7 @@ EXPORTS = {
 
 @dataclass(frozen=True)
 class ExportDataset:
-    """What to export, and how.
+    """The dataset to export, the format, and the options of the formats.
 
     Attributes:
         format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files for training point networks; tum:
@@ -72,5 +72,5 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-export-dataset``."""
     run(export_dataset)

@@ -98,7 +98,7 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
 
 
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
-    """Classes of the occupied voxels, from a semantic map if there is one."""
+    """Classes of the occupied voxels, from the semantic map at ``path``; None if there is none."""
     if not path.exists():
         return None
     import numpy as np
@@ -118,5 +118,5 @@ def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-export-map``."""
     run(export_map)

@@ -20,7 +20,7 @@ from sarsim.opengl import check_rendering, without_opengl
 
 @dataclass(frozen=True, kw_only=True)
 class GenerateDataset(DatasetConfig):
-    """What to generate, and how.
+    """Settings of a dataset, and of the processes that generate it.
 
     Attributes:
         out: folder for the dataset. An incomplete dataset in it is completed.
@@ -41,7 +41,7 @@ class GenerateDataset(DatasetConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class GenerateHarder(HarderDatasetConfig, GenerateDataset):
-    """The same, with the defaults of the harder mix."""
+    """Settings as in :class:`GenerateDataset`, with the defaults of the harder mix."""
 
 
 def generate_dataset(settings: GenerateDataset) -> None:
@@ -81,5 +81,5 @@ def generate_dataset(settings: GenerateDataset) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-dataset``."""
     run_with_settings(generate_dataset, GenerateHarder if "--harder" in sys.argv[1:] else GenerateDataset)

@@ -39,7 +39,7 @@ def map_recording(config: MapRecording) -> None:
 
 
 def open_recording(config: MapRecording) -> "Recording":
-    """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
+    """The recording that ``config.path`` names; InputError if the recording does not exist or is broken."""
     from pipeline.datasets.image_pairs import holds_images
     from pipeline.datasets.recording import holds_bag
     from pipeline.datasets.tum_folder import read_tum_folder
@@ -74,7 +74,7 @@ def set_sensor(recording: "Recording", config: MapRecording) -> None:
     """Complete the recording's camera from the flags, the robot's file or else the defaults.
 
     Raises:
-        InputError: no camera can measure as the flags say.
+        InputError: the flags give a range or noise that no camera can have.
     """
     from pipeline.datasets.depth_cameras import UNNAMED, with_flags
     from sarsim.robots.model import robot_sensor
@@ -97,5 +97,5 @@ def _without(recording: "Recording", config: MapRecording, kind: str, *useless: 
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-map-recording``."""
     run_with_settings(map_recording, MapRecording)

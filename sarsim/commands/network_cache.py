@@ -18,19 +18,19 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.tracks.find import KINDS
 from pipeline.victims.detection import Detection, Detector
 
-MAX_ROWS = 3000  # Maximum number of detections in an image: a damaged file must not fill the memory
+MAX_ROWS = 3000  # Maximum number of detections in an image, so that a damaged file cannot fill the memory
 
 
 class OutputCache:
     """A folder with one file per output, named by the digest of the inputs.
 
     Attributes:
-        folder: the folder; it is made if it does not exist.
+        folder: the folder; it is created if it does not exist.
         hits: number of outputs that were read from the folder.
     """
 
     def __init__(self, folder: Path):
-        """Make the folder; InputError if that fails."""
+        """Create the folder; InputError if that fails."""
         self.folder, self.hits = folder, 0
         try:
             folder.mkdir(exist_ok=True)
@@ -40,7 +40,9 @@ class OutputCache:
     def get(
         self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]
     ) -> NDArray:
-        """The cached output of ``kind`` and ``shape`` (rows, columns); if missing, that of ``run``, then cached.
+        """The cached output for these inputs; if it is missing, ``run`` computes it, and the output is cached.
+
+        The output has the dtype ``kind`` and the shape ``shape`` (rows, columns); -1 rows stands for any number.
 
         Raises:
             InputError: the output cannot be written.

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 ROOT = Path(__file__).resolve().parents[2]
 UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
 CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements*.txt", *UNRELATED)
-"""Git pathspecs of what figures depend on: a change elsewhere leaves them valid."""
+"""Git pathspecs of the files on which figures depend; a change elsewhere leaves the figures valid."""
 
 
 def state_of_code() -> str:
@@ -35,7 +35,7 @@ def _git(*words: str) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """The machine and the packages used to measure the figures."""
+    """Properties of this machine, and versions of the packages, with which figures are measured."""
     return {
         "system": platform.platform(),
         "processor": processor(),

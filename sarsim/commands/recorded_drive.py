@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 
 
 def camera_pose(recording: Recording, config: MapRecording) -> Matrix | None:
-    """The pose of the camera on the robot that ``--camera`` gives, completed from the recording; None without it.
+    """The 4×4 pose of the camera on the robot from ``--camera``, completed from the recording; None without the flag.
 
     Raises:
         InputError: a number is not finite, or the recording lacks the pose that completes the given one.
@@ -45,7 +45,7 @@ def camera_pose(recording: Recording, config: MapRecording) -> Matrix | None:
         raise InputError(f"{words}: {recording.path} lacks the camera's pose; give all six numbers")
     left_out = dict(recording.left_out)
     first = next(recording.frames(), None)
-    recording.left_out = left_out  # The frames are yet to be counted
+    recording.left_out = left_out  # The frames skipped here will be counted when the recording is mapped
     return None if first is None else CameraPose.of(first.T_base_camera)._replace(**given).T_base_camera
 
 
@@ -66,11 +66,11 @@ class RecordedDrive(MappingRun):
 
     Attributes:
         frames: number of frames processed so far.
-        error: why the recording could not be mapped to its end; empty otherwise.
+        error: reason why the recording could not be mapped to its end; empty otherwise.
     """
 
     def __init__(self, recording: Recording, config: MapRecording):
-        """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
+        """Raises InputError if the recording lacks the requested poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
         plugins = make_plugins(config)
@@ -91,7 +91,7 @@ class RecordedDrive(MappingRun):
         interrupted: Callable[[], bool] = lambda: False,
         on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> None:
-        """Map until the recording ends or breaks, or ``interrupted`` returns True; then write the results."""
+        """Map until the recording ends or proves broken, or ``interrupted`` returns True; then write the results."""
         self._watch = on_progress
         self.start_clock()
         try:
@@ -129,7 +129,7 @@ class RecordedDrive(MappingRun):
             self.show(keyframe)
 
     def _leave_nothing(self) -> None:
-        """Remove the files that were started, since no frame could be used."""
+        """Remove the files that were started, because no frame could be used."""
         self.recorder.close()
         (self.parts.folder / "episode.rrd").unlink()
         with suppress(OSError):  # the folder holds earlier results

@@ -27,7 +27,7 @@ CONFIG = tyro.conf.arg(
     help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
 )
 RESULTS = ("out", "resume", "tum", "json")
-"""Where results go: only flags may set these, because a settings file may come from someone else."""
+"""Settings that say where results go; only flags may set them, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
 NO_DETECTOR = "--no-detector"
@@ -55,7 +55,7 @@ def run_with_settings(
 
 
 def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
-    """Like :func:`run_with_settings`, for the command that the first word of the command line names."""
+    """Like :func:`run_with_settings`, for the subcommand that the first word of the command line names."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:
         run_with_settings(*commands[name], words, f"{program()} {name}")
@@ -76,7 +76,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
 def settings_from(
     kind: type[Settings], args: Sequence[str], description: str | None = None, prog: str | None = None
 ) -> Settings:
-    """The settings that ``args`` give; the defaults are those in the file of ``--config`` or ``--resume``, if given.
+    """The settings from ``args``; the defaults are those in the file that ``--config`` or ``--resume`` names, if any.
 
     Raises:
         InputError: a flag or the file is wrong.
@@ -105,7 +105,7 @@ def settings_from(
 
 
 def _without_detector(args: Sequence[str]) -> list[str]:
-    """The words of a command line with ``--no-detector`` spelled out, which tyro has for switches alone.
+    """The words of a command line with ``--detector None`` in place of ``--no-detector``, which tyro does not know.
 
     Raises:
         InputError: a detector is given as well.
@@ -145,11 +145,11 @@ def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    User code is accepted only as a flag in ``args``: a file must not choose code to run.
+    User code is accepted only as a flag in ``args``, because a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or contains an unknown key or a value of the wrong type, or
-            sets what only a flag may set.
+            sets a value that only a flag may set.
     """
     where = f"--{flag} {path}"
     content = _yaml(path, where)
@@ -184,7 +184,8 @@ def _instance(kind: type[Settings], given: Mapping[str, Any], where: str) -> Set
                 for one, own in value.items()
             }
             continue
-        try:  # In JSON, unlike YAML, types are strict but for tuples and paths, and all numbers are finite
+        # In JSON, unlike YAML, types are strict except for tuples and paths, and all numbers are finite.
+        try:
             text = json.dumps(value, allow_nan=False, default=str)
             values[name] = TypeAdapter(hints[name]).validate_json(text, strict=True, extra="forbid")
         except ValidationError as error:
@@ -196,7 +197,7 @@ def _instance(kind: type[Settings], given: Mapping[str, Any], where: str) -> Set
 
 
 def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
-    """The error in the setting ``name`` of a dataclass, and its place in it."""
+    """The message for an error in the setting ``name`` of a dataclass, with the path of the wrong value."""
     place, inner = [name], get_type_hints(kind)[name]
     for part in error["loc"]:
         if is_dataclass(inner):
@@ -212,7 +213,7 @@ def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
 
 
 def _unknown(place: Sequence[str], names: Collection[str]) -> str:
-    """That there is no such setting, and which one may be meant."""
+    """The message that there is no such setting, with the name of a similar one."""
     meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(place[-1], names, n=1))
     return f"unknown setting {'.'.join(place)}{meant}"
 
@@ -235,7 +236,7 @@ def _yaml(path: Path, where: str) -> Any:
 
 
 class _UniqueLoader(yaml.SafeLoader):
-    """Refuses a key that is given twice, of which YAML would take the last."""
+    """Refuses a mapping with a repeated key, whose last value PyYAML would take."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """The mapping; ValueError if a key occurs twice."""

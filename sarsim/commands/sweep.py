@@ -48,15 +48,15 @@ MANIFEST = "sweep.json"
 """File that records the version, code and settings with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
-"""Columns of a leaderboard's table that are printed, because all of them would not fit; the page has them all."""
+"""Columns of a leaderboard's table that are printed; all of them would not fit, but the page has them all."""
 EPISODES = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
-"""Settings of a sweep that are those of its episodes."""
+"""Settings that a sweep passes on to its episodes."""
 FAILED = 1  # Exit status if every episode failed
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSettings:
-    """Which episodes to run, and how.
+    """Settings of a sweep: its episodes, and the processes that run them.
 
     Attributes:
         methods: methods as in --exploration. By default all that sarsim ships.
@@ -96,7 +96,10 @@ class SweepSettings:
 
 
 def sweep(settings: SweepSettings) -> None:
-    """Run exploration methods on the same arenas and seeds, and compare them. Finished episodes are not repeated."""
+    """Run exploration methods on the same arenas and seeds, and compare them.
+
+    Finished episodes are not repeated.
+    """
     if not settings.seeds:
         raise InputError("--seeds: give at least one seed")
     if min(settings.seeds) < 0:
@@ -201,7 +204,7 @@ def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: Folde
 
 
 def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob", str]) -> list["EpisodeResult"]:
-    """The results of all episodes; those that failed get the arena's checksum from the other methods' rows."""
+    """The results of all episodes; failed episodes get the arena's checksum from the rows of other episodes."""
     from sarsim.commands.sweeps.episodes import EpisodeResult, result_of
 
     found = [
@@ -230,5 +233,5 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-sweep``."""
     run_with_settings(sweep, SweepSettings)

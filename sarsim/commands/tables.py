@@ -16,7 +16,7 @@ from pipeline.rescue_report.figures import figures
 
 SKIPPED = ("config", "timing_ms")
 VIEW = "sarsim-view"
-STILL = 0.05  # m; a robot that has driven less has at most turned
+STILL = 0.05  # m; a robot that has driven less has only turned in place
 ENDINGS = {
     "nothing_left": "nothing was left to explore",
     "not_worth_it": "no remaining viewpoint was worth the drive",
@@ -27,7 +27,7 @@ ENDINGS = {
     "time": "the time limit was reached",
     "steps": "the step limit was reached",
 }
-"""Texts for why exploration ended, by the value of ``exploration.ended``."""
+"""Reasons for the end of exploration, as text, by the value of ``exploration.ended``."""
 
 
 def report_table(report: dict[str, Any]) -> Table:
@@ -47,7 +47,7 @@ def report_table(report: dict[str, Any]) -> Table:
 
 
 def summary(report: Mapping[str, Any]) -> dict[str, str]:
-    """The outcome of a run, a few words per topic; topics that did not run, or lack ground truth, are left out."""
+    """The outcome of a run, a few words per topic; topics without figures in the report are left out."""
     lines = {
         "explored": _explored(report),
         "legs": _legs(report),

@@ -32,5 +32,5 @@ def teleop(config: TeleopConfig) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-teleop``."""
     run_with_settings(teleop, TeleopConfig)

@@ -153,12 +153,12 @@ def _train(training: "Training", settings: TrainPoints) -> None:
 
 
 def _scored(training: "Training", before: str) -> str:
-    """The score of the last validation, if there was one that had points of these classes."""
+    """The score of the last validation as text; empty if there was none, or it had no points of these classes."""
     return f"{before}mIoU of the thesis's four classes {training.score:.4f}" if isfinite(training.score) else ""
 
 
 def _events(folder: Path) -> "Callable[[Training], None]":
-    """A function that writes to TensorBoard all validations since it was last called."""
+    """A function that writes to TensorBoard all validations since the function was last called."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
@@ -182,6 +182,6 @@ def _events(folder: Path) -> "Callable[[Training], None]":
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-train``."""
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
     run_one_of(networks, str(__doc__))

@@ -53,5 +53,5 @@ def find_recording(path: Path) -> Path:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-view``."""
     run(view)

@@ -48,7 +48,7 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
     """Write ``croissant.json`` into a dataset's folder: its files, its scenes and its labels.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     scenes = [manifest.scenes[index] for index in sorted(manifest.scenes)]
     files = [_file(FILE, sha256_of(folder / FILE)), *(_file(scene.file, scene.sha256) for scene in scenes)]
@@ -66,7 +66,7 @@ def describe_export(folder: Path, name: str, layout: str, generator: str) -> Non
     """Write ``croissant.json`` into the folder of an otherwise complete export: its files and its labels.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     top = sorted(path for path in folder.iterdir() if path.is_file())
     below = sorted({path.suffix for path in folder.glob("*/**/*") if path.is_file()})
@@ -116,7 +116,7 @@ def _file_set(suffix: str) -> dict[str, Any]:
 
 
 def _records(name: str, columns: Mapping[str, type], source: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
-    """A record set with these columns; ``source`` gives the entries that say where a column's values are found."""
+    """A record set with these columns; ``source`` returns the entries that locate a column's values."""
     kinds = {int: "sc:Integer", str: "sc:Text"}
     fields = [
         {"@type": "cr:Field", "@id": f"{name}/{column}", "name": column, "dataType": kinds[kind], **source(column)}

@@ -30,7 +30,7 @@ PERIOD = 0.3
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
 """Standard deviations of roll and pitch (rad), and of height (m), at a keyframe."""
 CANDIDATES = 12
-"""Number of random goals drawn; the robot drives to the one farthest from the places that it has visited."""
+"""Number of random goals drawn for a leg; the robot drives to the goal farthest from all visited places."""
 MAX_FAILURES = 50
 """Maximum number of consecutive legs without a keyframe."""
 WHEEL_RADIUS = 0.1105
@@ -41,14 +41,14 @@ RADIUS = 0.110  # m; a tyre with a radius of 0.111 m is compressed by 1 mm under
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) lowest points of the chassis in ``base_link``, m."""
-CONTACT_REACH = 0.2  # m; surfaces higher than this above the ground at the robot's centre do not count as ground
+CONTACT_REACH = 0.2  # m; surfaces higher than this above the ground at the robot's centre are not ground
 
 
 class WheelContact:
     """The contact of the robot's wheels with the ground of an arena."""
 
     def __init__(self, bodies: ConvexBodies, grid: Grid):
-        """``bodies``: the arena without the robot; they are indexed by the cells of ``grid`` over which they lie."""
+        """Index ``bodies``, the arena without the robot, by the cells of ``grid`` over which they lie."""
         number = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
         cells = [number[i0:i1, j0:j1].ravel() for i0, i1, j0, j1 in bodies.windows(grid)]
         cell, body = np.concatenate(cells), np.repeat(np.arange(len(cells)), [len(c) for c in cells])
@@ -74,7 +74,7 @@ class WheelContact:
 
 
 class EndlessDrive:
-    """An endless drive of a robot, leg by leg, to places far from those that it has visited."""
+    """An endless drive of a robot, leg by leg, to places far from all visited ones."""
 
     def __init__(
         self,
@@ -85,9 +85,10 @@ class EndlessDrive:
         keyframes: tuple[float, float] = KEYFRAME_WAY,
         frames_per_second: float | None = None,
     ):
-        """``T_world_start``: ``base_link`` on drivable ground; ``keyframes``: m and rad between two keyframes.
+        """Start at ``T_world_start``, a 4×4 pose of ``base_link`` on drivable ground.
 
-        With ``frames_per_second``, keyframes are taken at this rate instead, whether or not the robot has moved.
+        ``keyframes``: distance, m, or turn, rad, after which the next keyframe is taken. With ``frames_per_second``,
+        keyframes are taken at this rate instead, whether or not the robot has moved.
         """
         self._distance, self._turn_angle = (0.0, 0.0) if frames_per_second else keyframes
         self._period = 1 / frames_per_second if frames_per_second else PERIOD
@@ -119,7 +120,7 @@ class EndlessDrive:
         return found[:count]
 
     def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
-        """Drive along a leg, (K, 3) x, y, yaw, until the robot cannot stand; append the keyframes to ``found``."""
+        """Drive a leg, (K, 3) x, y and yaw, m and rad, until the robot cannot stand; add keyframes to ``found``."""
         for x, y, yaw in leg:
             height = self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan)
             T = self._contact.stand(x, y, yaw, float(height))
@@ -144,7 +145,7 @@ class EndlessDrive:
         return from_rotation(Rotation.from_euler("xyz", [roll, pitch, 0]).as_matrix(), (0, 0, height))
 
     def _leg(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw, one per period: a path to another place, then a turn on the spot."""
+        """(K, 3) x, y and yaw, m and rad, one row per period: a path to another place, then a turn in place."""
         path = self._path(visited)
         parts, yaw = [self._at[None]], float(self._at[2])
         for a, b in pairwise(path):
@@ -155,7 +156,7 @@ class EndlessDrive:
         return np.concatenate(parts)
 
     def _path(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 2) corners of the path to the candidate goal that is farthest from the visited places."""
+        """(K, 2) m, corners of the path to the candidate goal that is farthest from the visited places."""
         here = self._at[:2]
         paths = PosePaths(self._roads, here)
         # A robot does not turn on a ramp, so the drive does not end there.
@@ -166,18 +167,18 @@ class EndlessDrive:
         been = np.array([here, *visited])
         nearest = np.linalg.norm(places[:, None] - been, axis=2).min(axis=1)
         path = simplify(paths.path_to(places[nearest.argmax()]), self._roads)
-        # The path begins at the centre of the robot's cell, or of the nearest free cell.
+        # The path begins at the centre of the robot's cell or of the nearest free cell, not at the robot's position.
         return np.concatenate([here[None], path[1:]])
 
     def _turn(self, at: NDArray[np.float64], yaw: float, heading: float) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw of the shorter turn on the spot from ``yaw`` to ``heading``."""
+        """(K, 3) x, y and yaw, m and rad, of the shorter turn in place from ``yaw`` to ``heading``."""
         angle = wrap_angle(heading - yaw)
         steps = int(np.ceil(abs(angle) / (TURN_RATE * self._period)))
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
     def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw on the straight line from ``a`` to ``b``."""
+        """(K, 3) x, y and yaw, m and rad, on the straight line from ``a`` to ``b``, each (2,) m."""
         steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * self._period)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         return np.column_stack([a + share * (b - a), np.full(steps, heading)])

@@ -1,4 +1,4 @@
-"""HDF5 files: write errors are never lost, and files are checked before they are read."""
+"""HDF5 files, which are written without losing errors and checked before they are read."""
 
 import io
 import zlib
@@ -23,14 +23,14 @@ _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
 
 def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) -> None:
-    """Write one image in the format of the shuffle and gzip filters, in a fifth of the time that they take.
+    """Write one image in the format of the shuffle and gzip filters, in a fifth of the time of these filters.
 
-    The low bytes of a noisy image hardly compress, so they are stored as they are in the stream (RFC 1951, 3.2.4).
+    The low bytes of a noisy image hardly compress, so the stream stores them uncompressed (RFC 1951, 3.2.4).
 
     Args:
         dataset: (M, H, W) uint16 with these filters, in chunks of one image.
         index: index of the image.
-        image: (H, W).
+        image: (H, W) pixel values.
     """
     low, high = np.ascontiguousarray(image.astype("<u2").view(np.uint8).reshape(-1, 2).T)
     keep, shrink = (zlib.compressobj(level, wbits=_RAW) for level in (0, 1))
@@ -44,7 +44,7 @@ class NewFile(ExitStack):
 
     Attributes:
         file: h5py's file; create datasets with ``track_times=False``.
-        check: raises the OSError of an earlier write; the end of the ``with`` block raises it as well.
+        check: function that raises the OSError of an earlier write; the end of the ``with`` block also raises it.
     """
 
     def __init__(self, path: Path):
@@ -94,8 +94,8 @@ def open_file(path: Path) -> h5py.File:
     """Open a file for reading.
 
     Raises:
-        InputError: the file is missing, not HDF5, damaged or malicious; some such files make HDF5's library hang, or
-            fill all memory when they are decompressed.
+        InputError: the file is missing, not HDF5, damaged or malicious; some such files make HDF5's library hang or
+            fill all memory.
     """
     check_regular(path)
     if (said := run_isolated(_looked_through, path, seconds=SECONDS, memory=MEMORY)) != GOOD:

@@ -32,8 +32,8 @@ def to_millimetres(depth, label, millimetres, label_points):
 
     Args:
         depth: (H, W) float32 m, 0 = no return.
-        label: (H, W) uint8.
-        millimetres: (H, W) uint16, output.
+        label: (H, W) uint8 labels.
+        millimetres: (H, W) uint16, output: depth, mm.
         label_points: (L,) int64; each return adds 1 to the count of its label.
     """
     for v in range(depth.shape[0]):

@@ -22,7 +22,7 @@ SPLITS = ("train", "val", "test")
 MAX_SCENES = 10**9
 _REMEDY = "generate the dataset again in another folder"
 _HELD_OUT = {4: "val", 9: "test"}
-"""Split by the last digit of a scene's index, so that scenes keep their split when a dataset grows."""
+"""Split by the last digit of a scene's index (others: train), so that scenes keep their split as a dataset grows."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Manifest:
     Attributes:
         recipe: the settings that determine every byte of the scenes, as JSON values.
         scenes: the complete scenes, by index.
-        generator: program and version that made them.
+        generator: program and version that made the scenes.
     """
 
     recipe: dict[str, Any]
@@ -137,7 +137,7 @@ class Dataset:
     Attributes:
         folder: folder of the dataset.
         entries: the scenes listed in ``dataset.json``, in order of their index.
-        recipe, generator: the recipe of the scenes, and the program and version that made them.
+        recipe, generator: as in :class:`Manifest`.
     """
 
     def __init__(self, folder: Path):
@@ -165,7 +165,7 @@ class Dataset:
 
 
 def _entry(row: dict[str, Any]) -> SceneEntry:
-    """A scene in the file; ValueError if a field is invalid, because exports build paths from the fields."""
+    """The entry of a scene in the file; ValueError if a field is invalid, because exports build paths from fields."""
     keys = [f.name for f in fields(SceneEntry)]
     if not isinstance(row, dict) or row.keys() != {*keys}:
         raise ValueError(f"each scene must have exactly the keys {', '.join(keys)}")

@@ -63,7 +63,7 @@ class Recipe(DatasetConfig):
         return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
     def conditions(self, index: int) -> Conditions:
-        """The conditions of scene ``index``."""
+        """The light, the air and the depth sensor of scene ``index``, drawn at random."""
         rng = self.rng(index, "conditions")
         noisy = Xtion(lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4))
         sensor = Xtion.ideal() if rng.random() < self.ideal else noisy

@@ -34,7 +34,7 @@ from sarsim.sensors.rendering import Renderer, hidden
 from sarsim.victims.victims import victims_of
 
 PLUGIN_HOOKS = ("scene", "dataset")
-"""What a plug-in may add to a dataset."""
+"""Names of the plug-in methods that may add files to a dataset."""
 ATTEMPTS = 10
 """Maximum number of random arenas drawn for a scene."""
 
@@ -76,8 +76,11 @@ def render_scene(
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
-    Returns the recipe of the scene, and (8,) the number of depth returns of each label; ``on_frame`` is called after
-    every frame; the functions that ``watchers`` returns, with the robot's pose while it stands there.
+    ``on_frame`` is called after every frame. The functions that ``watchers`` returns are called with the robot's pose
+    while the robot is at this pose.
+
+    Returns:
+        The recipe of the scene, and the (8,) numbers of depth returns of each label.
 
     Raises:
         InputError: the arena cannot be loaded or built, or the robot cannot drive in it.
@@ -131,7 +134,7 @@ class World(ExitStack):
 
     Attributes:
         model: MuJoCo model of arena and robot.
-        data: the model's data.
+        data: the model's state.
         camera: the robot's RGB-D camera.
     """
 

@@ -25,11 +25,11 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-PER_METRE = np.float32(1000)  # Depth units per metre; dividing by it, depth is as exact as from other formats
+PER_METRE = np.float32(1000)  # Depth units per metre; depth divided by this is as exact as from other formats
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
-"""Shape and type of a pixel of each image. Colour images are not compressed, because noise hardly compresses."""
+"""Shape and type of a pixel of each image; colour images are not compressed, because noise hardly compresses."""
 
 _CONTENT = {
     name: name.replace("s/", "_")
@@ -69,7 +69,7 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
 LATER = ("geoms/object",)
 """Datasets that older files of this version lack."""
 MAX_BYTES = 2**28
-"""Maximum bytes of a frame's image, and of any other dataset, because a small file may claim to hold terabytes."""
+"""Maximum size of a frame's image or of any other dataset, bytes; a small file may claim to hold terabytes."""
 MAX_FRAMES = 100_000
 
 
@@ -82,11 +82,11 @@ class SceneContent:
         mjcf: the arena's MJCF, without the robot.
         intrinsics: camera intrinsics of all images.
         geom_name: (G,) names of the geoms, by instance id.
-        geom_label: (G,) uint8.
+        geom_label: (G,) uint8 labels of the geoms.
         geom_victim: (G,) int16 index of the victim to which each geom belongs; -1 = none.
-        geom_object: (G,) int16 id of the object to which each geom belongs: that of its first geom.
-        victim_id: (V,) names.
-        victim_pose: (V, 4, 4) T_world_victim.
+        geom_object: (G,) int16 id of the object to which each geom belongs: the id of the object's first geom.
+        victim_id: (V,) names of the victims.
+        victim_pose: (V, 4, 4) poses T_world_victim.
         victim_box: (V, 2, 3) lowest and highest corner in the victim's own frame, m.
     """
 
@@ -103,7 +103,7 @@ class SceneContent:
 
     @property
     def object_of_geom(self) -> NDArray[np.int32]:
-        """(G + 1,) ``geom_object``, and -1 for pixels without a geom: index it with ``instance``."""
+        """(G + 1,) int32 ``geom_object`` and a final -1, which ``instance`` selects at pixels without a geom (-1)."""
         return np.append(self.geom_object, -1).astype(np.int32)
 
 
@@ -113,7 +113,7 @@ class SceneFrame:
 
     Attributes:
         frame: the robot's frame, with label and instance images.
-        pose_true: T_world_base.
+        pose_true: 4×4 true pose T_world_base.
         victim_pixels: (V, 4) int32 first column and row, last column and row + 1 (u0, v0, u1, v1) of the visible part
             of each victim; -1 if nothing is visible.
         victim_area: (V,) int32 number of pixels that show each victim.
@@ -196,11 +196,12 @@ class Scene(ExitStack):
         path: the scene's file.
         settings: the scene's recipe as JSON values.
         intrinsics: camera intrinsics of all images.
-        pose_true: (M, 4, 4) T_world_base.
-        pose_odom: (M, 4, 4) T_odom_base.
-        T_base_camera: (M, 4, 4).
-        time: (M,) s.
-        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if none is.
+        pose_true: (M, 4, 4) true poses T_world_base.
+        pose_odom: (M, 4, 4) dead-reckoned poses T_odom_base.
+        T_base_camera: (M, 4, 4) poses of ``camera_optical`` in ``base_link``.
+        time: (M,) s, times of the frames.
+        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if none
+            is visible.
         victim_area: (M, V) int32 number of pixels that show each victim.
     """
 
@@ -361,14 +362,14 @@ class Scene(ExitStack):
 
 
 def _objects_by_victims(geom_victim: NDArray[np.int16]) -> NDArray[np.int16]:
-    """(G,) objects for a file without them: those of the (G,) victims, and each other geom on its own."""
+    """(G,) object ids for a file without them: the geoms of a victim form one object, each other geom its own."""
     owners = np.where(geom_victim >= 0, geom_victim, -1 - np.arange(len(geom_victim)))
     _, first, part = np.unique(owners, return_index=True, return_inverse=True)
     return first[part].astype(np.int16)
 
 
 def read_scene(path: Path) -> Recording:
-    """The frames, dead-reckoned and true trajectories of a scene's file; InputError if it is missing or broken."""
+    """The frames and the dead-reckoned and true trajectories of a scene; InputError if its file cannot be read."""
 
     def frames() -> Iterator[Frame]:
         with Scene(path) as scene:

@@ -12,24 +12,24 @@ from pipeline.errors import InputError
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 from sarsim.flags import Given
 
-RANDOM = "random"  # Name of a new random arena each time
-KEYFRAME_WAY = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
-MIN_SIZE = 16  # pixels of an image
+RANDOM = "random"  # Name that stands for a new random arena in each scene
+KEYFRAME_WAY = (0.3, 0.6)  # m driven or rad turned from one keyframe to the next
+MIN_SIZE = 16  # Minimum width and height of an image, pixels
 
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn uniformly between these values, bounds included. The defaults resemble the thesis's.
+    """Ranges, bounds included, from which random arenas are drawn uniformly; by default similar to the thesis's.
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.
         wall_density: fraction of a maze's inner walls that are built; 0 is an empty hall.
         ramps: fraction of the tiles with ramps and decks (labels 3 and 4).
         clutter: fraction of the tiles with obstacles such as barrels, blocks and step fields.
-        furniture: fraction of the tiles with furniture, from which a network learns what is neither wall nor victim.
+        furniture: fraction of the tiles with furniture, to teach a network objects that are neither wall nor victim.
         bulky: fraction of the tiles with raised floors, steep boards and cupboards, which block the view.
-        furnished: fraction of the tiles with furniture of varied size and colour, such as lockers and tables, from
-            which a network learns what is neither wall nor deck.
+        furnished: fraction of the tiles with furniture of varied size and colour, such as lockers and tables, to
+            teach a network objects that are neither wall nor deck.
         victims: number of victims in an arena.
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
         ceilings: fraction of the arenas with a ceiling.
@@ -67,7 +67,7 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
-            # Numbers are drawn only if they are used: datasets without furniture, paint or things stay the same.
+            # Numbers are drawn only if used, so that datasets without furniture, paint or things stay the same.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
             furnished=round(rng.uniform(*self.furnished), 3) if self.furnished[1] else 0.0,
@@ -88,7 +88,7 @@ class HarderArenaRange(ArenaRange):
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """Settings of a dataset's scenes; by default they resemble the thesis's in ramps, light and sensor noise.
+    """Settings of a dataset's scenes; by default, these resemble the thesis's in ramps, light and sensor noise.
 
     Attributes:
         seed: seed of every random number; a different seed gives different scenes.

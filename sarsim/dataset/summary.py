@@ -65,7 +65,7 @@ def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """For evenly spaced scenes, the images of the frame that shows most labels."""
+    """For evenly spaced scenes, the images of the frame that shows the most labels."""
     step = -(-len(dataset) // MAX_PICTURED)
     for entry in dataset.entries[:: max(step, 1)]:
         with Scene(dataset.folder / entry.file) as scene:

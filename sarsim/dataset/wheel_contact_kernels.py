@@ -15,14 +15,14 @@ _SETTLED = 1e-6
 _SAMPLES = 20
 """Number of points in front of the axle, and behind it, where a tyre is tested for contact."""
 _REACH = 0.75
-"""Fraction of the radius over which these points extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Fraction of the radius over which these points extend; slopes of 48° and steps of 4 cm touch a tyre within it."""
 
 
 class Ground(NamedTuple):
     """Convex bodies and the cells over which they lie.
 
     Attributes:
-        planes: (M, 4) (n, d), n·p ≤ d inside.
+        planes: (M, 4) planes (n, d), with n·p ≤ d inside a body, m.
         first: (N + 1,) index of each body's first plane.
         start, number: (nx, ny) start and length of each cell's section of ``bodies``.
         bodies: indices of the bodies over each cell, cell by cell.
@@ -68,7 +68,7 @@ def axle_height(ground, x, y, c, s, radius, below):
 
 @njit(cache=True)
 def attitude(yaw, climb, rise):
-    """(3, 3) rotation of a body with heading ``yaw`` on slopes ``climb`` (forwards) and ``rise`` (to the left)."""
+    """(3, 3) rotation of a body at ``yaw``, rad, on slopes ``climb`` (forwards) and ``rise`` (leftwards), m per m."""
     c, s = np.cos(yaw), np.sin(yaw)
     x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
     z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])
@@ -81,19 +81,19 @@ def attitude(yaw, climb, rise):
 
 @njit(cache=True)
 def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
-    """Find the rest pose of a rigid body with four wheels: it rests on the three that support the centre of mass.
+    """Find the rest pose of a rigid body on those three of its four wheels that support the centre of mass.
 
     Args:
         ground: see :class:`Ground`.
         x, y, yaw: position and heading of the body, m and rad.
-        below: m; higher surfaces do not count as ground.
+        below: height above which surfaces are not ground, m.
         axles: (4, 3) wheel centres in the body frame, m: front left, front right, rear left, rear right.
         radius: radius of the wheels, m.
         centre_of_mass: (3,) in the body frame, m.
 
     Returns:
-        (z, climb, rise): height of the body's origin, m, and its slopes forwards and to the left; NaN if a wheel has
-        no ground below it.
+        (z, climb, rise): height of the body's origin, m, and the body's slopes forwards and to the left, m per m; NaN
+        if a wheel has no ground below it.
     """
     z, climb, rise = below, 0.0, 0.0
     half_length, half_width = axles[0, 0], axles[0, 1]

@@ -27,10 +27,10 @@ class ConvexBodies:
     Attributes:
         planes: (M, 4) float64 planes (n, d); n·p ≤ d inside the body.
         first: (N + 1,) index of each body's first plane.
-        corners: corners of the outlines seen from above, counter-clockwise.
+        corners: (C, 2) m, corners of the bodies' outlines seen from above, counter-clockwise.
         first_corner: (N + 1,) index of each outline's first corner.
         low, high: (N, 3) float64 m, the bounding box of each body.
-        label: (N,) uint8.
+        label: (N,) uint8 label of each body.
     """
 
     planes: NDArray[np.float64]
@@ -80,13 +80,13 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The bodies over each cell's centre, merged where they touch: ``count`` of them from index ``start`` on.
+    """The bodies over each cell's centre, merged where they touch.
 
     Attributes:
-        start, count: (nx, ny) int64.
-        bottom, top: (N,) float64 m.
-        normal_z: z of the surface normal at the top.
-        owner: index of the convex body with this top.
+        start, count: (nx, ny) int64, index of the first body over a cell's centre, and number of the bodies there.
+        bottom, top: (N,) float64 m, lowest and highest z of each body over the cell's centre.
+        normal_z: (N,) z of the surface normal at the top.
+        owner: (N,) index of the convex body with this top.
     """
 
     start: NDArray[np.int64]
@@ -98,7 +98,7 @@ class Columns:
 
 
 def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
-    """Cut bodies into columns."""
+    """The columns of bodies over the cells of a grid."""
     windows = bodies.windows(grid)
     count = np.zeros(grid.shape, np.int64)
     kernels.count_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, count)
@@ -116,7 +116,7 @@ _Shape = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class _TurnedShape:
-    """A convex body with world-aligned axes, relative to its geom's position."""
+    """A convex body relative to its geom's position, with the axes of the world."""
 
     planes: NDArray[np.float64]
     outline: NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 _UPRIGHT = 1e-4
-"""A face counts as vertical if |z| of its unit normal is smaller; not 0, because mesh vertices are float32."""
+"""A face is vertical if |z| of its unit normal is smaller; not 0, because mesh vertices are float32."""
 
 
 @njit(cache=True)
@@ -150,7 +150,7 @@ def flood(
 
 @njit(cache=True)
 def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
-    """Write each cell's lowest top with headroom of a chosen body to ``height`` (nx, ny); else leave it unchanged."""
+    """Write the lowest top with headroom of a chosen body in each cell to ``height`` (nx, ny), where there is one."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
             end = start[i, j] + count[i, j]
@@ -172,16 +172,17 @@ def owners(start, count, top, owner, height, result):
 
 @njit(cache=True)
 def lower_distance(corners, first, window, low, high, origin, cell, height, max_step, headroom, distance):
-    """Lower ``distance`` (nx, ny), m, to the distance of the nearest convex outline that obstructs a cell's ground.
+    """Lower ``distance`` (nx, ny), m, to that from each cell to the nearest convex outline that obstructs its ground.
 
     Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and extends in z from
-    low[n] to high[n]. A body that ends below the height of a step or begins above the headroom does not obstruct.
+    low[n] to high[n]. A body does not obstruct the ground if it ends below the height of a step or begins above the
+    headroom.
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):
             for j in range(window[n, 2], window[n, 3]):
                 ground = height[i, j]
-                # Where the ground is NaN, every body obstructs: the cell may be covered by the body itself.
+                # Where the ground is NaN, every body obstructs it, because the body itself may cover the cell.
                 if high[n] <= ground + max_step or low[n] >= ground + headroom:
                     continue
                 x, y = origin[0] + (i + 0.5) * cell, origin[1] + (j + 0.5) * cell

@@ -12,7 +12,7 @@ from sarsim.sensors.camera import geom_labels
 OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
 
 CHATTER = 0.5
-"""s; a contact that the same geoms repeat within this time is not counted again, because contacts chatter."""
+"""s; a contact that recurs between the same geoms within this time is not counted again, because contacts chatter."""
 
 ROLLED_OVER = float(np.sqrt(0.5))
 """Upward component of the normal above which a wall in contact only supports the robot, as the side of a floor plate
@@ -24,15 +24,16 @@ class CollisionCounter:
 
     Attributes:
         collisions: number of collisions so far.
-        with_people: number of these collisions in which the robot met a person or doll, living or not.
-        with_living: how often any part of the robot began to touch a living victim.
+        with_people: number of these collisions that were with a person or doll, living or not.
+        with_living: number of times that any part of the robot began to touch a living victim.
     """
 
     def __init__(self, model: mujoco.MjModel, base_body: int, living: Sequence[NDArray[np.integer]] = ()):
         """``base_body``: id of the robot's root body; ``living``: (N,) ids of the geoms of each living victim."""
         is_robot = model.body_rootid[model.geom_bodyid] == base_body
         is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~is_robot
-        # 1 for a geom of the robot, 2 for an obstacle: only a pair of both adds up to 3. A list suits few contacts.
+        # 1 for a geom of the robot, 2 for an obstacle, so that only a pair of both adds up to 3. A list is faster
+        # than an array, because contacts are few.
         self._kind: list[int] = (is_robot + 2 * is_obstacle).tolist()
         self._is_wall: list[bool] = (geom_labels(model) == Label.WALL).tolist()
         self._is_person: list[bool] = (geom_labels(model) == Label.VICTIM).tolist()
@@ -55,12 +56,12 @@ class CollisionCounter:
             self.with_living += self._begun(victims, data.time)
 
     def _carries(self, a: int, b: int, frame: NDArray[np.float64]) -> bool:
-        """Whether a wall only supports the robot; frame: (9,), its first row points from geom ``a`` to geom ``b``."""
+        """Whether a wall only supports the robot; ``frame``: (9,), whose first row points from geom a to geom b."""
         upward = frame[2] if self._is_wall[a] else -frame[2]
         return (self._is_wall[a] or self._is_wall[b]) and upward > ROLLED_OVER
 
     def _begun(self, touches: Iterable[Hashable], time: float) -> int:
-        """Number of touches at a time, s, that have just begun."""
+        """Number of the ``touches`` at ``time``, s, that have just begun."""
         begun = 0
         for touch in touches:
             begun += time - self._touched.get(touch, -np.inf) > CHATTER

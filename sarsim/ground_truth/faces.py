@@ -23,7 +23,7 @@ class Face:
         geom: id of the geom.
         label: label of the geom.
         normal: outward normal.
-        outline: corners in the world, in order around the face.
+        outline: (N, 3) m, corners in the world, in order around the face.
     """
 
     geom: int
@@ -56,7 +56,7 @@ def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
 
 
 def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64]) -> list[Face]:
-    """A face for each plane that contains triangles (N, 3, 3) m; its outline is their convex hull."""
+    """A face for each plane that contains some of the triangles (N, 3, 3) m; its outline is their convex hull."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     planes = np.column_stack([normals, (normals * triangles[:, 0]).sum(axis=1)]).round(3)
@@ -82,7 +82,7 @@ def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
 
 
 def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]:
-    """The faces of the convex hull of vertices; four coplanar ones are a plane geom, which has only an upper face."""
+    """The faces of the convex hull of vertices; four coplanar vertices are a plane geom, with only an upper face."""
     if len(vertices) == 4 and np.linalg.matrix_rank(vertices[1:] - vertices[0]) == 2:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
         return [Face(geom, label, normal / np.linalg.norm(normal), vertices)]

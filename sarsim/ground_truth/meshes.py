@@ -14,7 +14,7 @@ from sarsim.ground_truth.shapes import SQUARE, field_points, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
 
-CREASE = np.cos(np.deg2rad(30))  # At larger angles between face normal and smoothed normal, the edge is sharp
+CREASE = np.cos(np.deg2rad(30))  # Cosine of the angle between face normal and smoothed normal at a sharp edge
 
 DRAWN_GROUPS = (0, 1, 2)
 """Groups of the visible geoms, as in MuJoCo's own viewer; collision geoms are in other groups."""
@@ -28,10 +28,10 @@ class Mesh:
     """A coloured surface.
 
     Attributes:
-        vertices: (N, 3) float32 m.
-        normals: (N, 3) float32 unit normals, outwards.
+        vertices: (N, 3) float32 m, corners of the triangles.
+        normals: (N, 3) float32 outward unit normals.
         triangles: (M, 3) uint32 indices of vertices, counter-clockwise from outside.
-        colours: (N, 4) uint8 RGBA.
+        colours: (N, 4) uint8 RGBA colours of the vertices.
     """
 
     vertices: Points
@@ -54,7 +54,7 @@ class _Shape:
 
 
 def drawn_geoms(model: mujoco.MjModel) -> Mask:
-    """The visible geoms."""
+    """(ngeom,) bool, whether each geom is visible."""
     return np.isin(model.geom_group, DRAWN_GROUPS) & (geom_colours(model)[:, 3] > 0)
 
 
@@ -64,7 +64,7 @@ def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
 
 
 def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
-    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world; any robot is left out."""
+    """Open3D's RaycastingScene of an arena's visible surfaces, m in the world, without the robot, if there is one."""
     import open3d as o3d  # not at the top, because it takes a second
 
     drawn = drawn_geoms(model)
@@ -163,7 +163,7 @@ def _quarters() -> NDArray[np.float64]:
 
 
 def _revolved(outline: NDArray[np.float64], normals: NDArray[np.float64]) -> _Shape:
-    """The surface that an outline of points (r, z), from bottom to top, sweeps around the z axis."""
+    """The surface that an outline of points (N, 2) m, r and z from bottom to top, sweeps around the z axis."""
     here = np.arange(SEGMENTS)
     beside = np.roll(here, -1)
     above = here + SEGMENTS

@@ -23,14 +23,14 @@ def rotation(quat: NDArray[np.float64]) -> Rotation3:
 
 
 def mesh_vertices(model: mujoco.MjModel, geom: int) -> Places:
-    """The vertices of a mesh geom."""
+    """(N, 3) m, the vertices of a mesh geom in its own frame."""
     mesh = model.geom_dataid[geom]
     first = model.mesh_vertadr[mesh]
     return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
 
 
 def field_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(rows, columns, 3) m, the points of a height field geom: rows along y, columns along x."""
+    """(rows, columns, 3) m, the points of a height field geom in its own frame; y increases with the row."""
     field = model.geom_dataid[geom]
     rows, columns, start = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     x_half, y_half, top, _ = model.hfield_size[field]
@@ -54,12 +54,12 @@ def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(256)
 def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
-    """Cached, because arenas consist of few distinct shapes and are surveyed repeatedly."""
+    """:func:`hull_planes`, cached because arenas consist of few distinct shapes and are surveyed repeatedly."""
     return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [1, 1, 1, -1]
 
 
 def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:
-    """(K · segments, 3) points, m: for each of the (K, 2) points (r, z), m, in order, a ring around the z axis."""
+    """(K · segments, 3) m, points on rings around the z axis, one ring for each of the (K, 2) points (r, z), m."""
     angle = np.arange(segments) * 2 * np.pi / segments
     xy = outline[:, None, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     z = np.broadcast_to(outline[:, None, 1:], (*xy.shape[:2], 1))

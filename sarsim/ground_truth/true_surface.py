@@ -19,13 +19,13 @@ from sarsim.ground_truth.columns import ConvexBodies, columns, convex_bodies
 from sarsim.ground_truth.contacts import OBSTACLES
 from sarsim.robots.skid_steered import robot_model
 
-CELL = 0.05
+CELL = 0.05  # m, side of a grid cell
 MARGIN = 0.5  # m of grid around the arena
 MAX_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
 OFF_PEOPLE = (
     0.45  # m; the robot's centre passes no nearer to a person or doll, so that ground behind one is not drivable
 )
-START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on it
+START_REACH = 0.3  # m; a start at most this far above or below the ground is considered to be on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class GroundTruthSurface:
         height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
         drivable: bool, ground connected to the start with headroom for the robot, and with no step, tilt beyond the
             robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot, and no victim within
-            ``OFF_PEOPLE``. A step is higher than twice the robot's ``max_step``.
+            ``OFF_PEOPLE``. A step is a height difference above twice the robot's ``max_step``.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -56,8 +56,8 @@ class FreeGround:
         height: float64 m, height of the ground; NaN where this ground does not reach.
         label: uint8, label of the ground.
         pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
-        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf if it is beyond the
-            robot's clearance.
+        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf if the distance
+            exceeds the robot's clearance.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -100,7 +100,7 @@ class Survey:
         self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
     def place(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
-        """Height in m of the ground with headroom nearest to a point (3,); None if none is within ``reach``, m."""
+        """Height, m, of the ground with headroom nearest to a point (3,) m; None if none is within ``reach`` m."""
         body = self._place(start, reach)
         return None if body is None else float(self._columns.top[body])
 
@@ -122,7 +122,7 @@ class Survey:
                     cells &= unseen
 
     def _lowest(self, label: Label) -> Layer:
-        """Height in m of the lowest top with headroom and this label in each cell; NaN if there is none."""
+        """(nx, ny) m, height of the lowest top with headroom and this label in each cell; NaN if there is none."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
         kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
@@ -160,11 +160,11 @@ class Survey:
         return GroundTruthSurface(ground.grid, ground.height, drivable, ground.walls)
 
     def _to_people(self, height: NDArray[np.float64]) -> Layer:
-        """Distance in m to the nearest person or doll at the robot's height; inf beyond ``OFF_PEOPLE``."""
+        """(nx, ny) m, distance to the nearest person or doll at the robot's height; inf beyond ``OFF_PEOPLE``."""
         return self._to_obstacle(height, self.bodies.label == Label.VICTIM, OFF_PEOPLE, 0.0)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
-        """Index of the top with headroom that is nearest to a point (3,), if one is within ``reach`` m."""
+        """Index of the top with headroom that is nearest to a point (3,) m; None if none is within ``reach`` m."""
         c, (i, j), (nx, ny) = self._columns, self.grid.cell_of(start), self.grid.shape
         if not (0 <= i < nx and 0 <= j < ny):
             return None
@@ -173,7 +173,7 @@ class Survey:
         return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Heights of the connected ground, m, and the cells at its edges, as :func:`kernels.flood` defines them."""
+        """(nx, ny) m, height of the connected ground, and (nx, ny) bool, its edges, as in :func:`kernels.flood`."""
         c = self._columns
         height, edge = np.full(self.grid.shape, np.nan), np.zeros(self.grid.shape, np.bool_)
         kernels.flood(
@@ -196,9 +196,10 @@ class Survey:
         reach: float | None = None,
         min_height: float | None = None,
     ) -> Layer:
-        """Distance in m to the nearest chosen body that obstructs the ground; inf beyond ``reach``.
+        """(nx, ny) m, distance to the nearest chosen body that obstructs the ground; inf beyond ``reach``.
 
-        Defaults: the robot's clearance for ``reach``, m, and its highest step for the ``min_height`` of a body, m.
+        By default, ``reach``, m, is the robot's clearance, and ``min_height`` of a body, m, twice the robot's
+        ``max_step``.
         """
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, (self._clearance if reach is None else reach) + CELL)
@@ -229,7 +230,7 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
 
 
 def _tilt(height: NDArray[np.float64]) -> Layer:
-    """Tilt in rad, from the gentler of the two one-sided slopes along each axis, so that an edge adds no tilt."""
+    """(nx, ny) rad, tilt by the gentler of the two one-sided slopes along each axis, so that an edge adds no tilt."""
     slopes = []
     for axis in (0, 1):
         forward = np.diff(height, axis=axis, append=np.nan) / CELL

@@ -1,1 +1,1 @@
-"""The robot's methods by name, shipped and user-defined: created, tried out and checked while they run."""
+"""The robot's methods by name, shipped and user-defined: their names are checked, and instances created."""

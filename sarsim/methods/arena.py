@@ -22,13 +22,14 @@ def make_arena(
     Args:
         name: a name that :func:`~sarsim.arenas.load.load_arena` accepts, MODULE:FUNCTION, or an entry point, NAME or
             NAME/PART.
-        start: where to set the robot down; by default the arena's own start, or else the best position in it.
+        start: start pose of the robot; by default the arena's own start, or else the best position in the arena.
         random: settings of a random arena.
         seed: seed for a user-defined function.
         victims: settings of the victims in a published world.
 
     Raises:
-        InputError: see :func:`~sarsim.arenas.load.load_arena`; or the function does not exist or return an arena.
+        InputError: as in :func:`~sarsim.arenas.load.load_arena`; or the function does not exist, or does not return
+            an arena.
     """
     if is_own_arena(name):
         whole, _, part = (name, "", "") if ":" in name else name.partition("/")

@@ -19,7 +19,9 @@ from sarsim.methods.names import OWN_CLASS, load_own
 def make_exploration(
     name: str, robot: RobotModel, seed: int = 0, config: ExplorationConfig = ExplorationConfig()
 ) -> Strategy | None:
-    """The strategy that ``--exploration`` names; None for the explorer's default. ``seed``: seed of the random walk.
+    """The strategy that ``--exploration`` names; None for the explorer's default.
+
+    ``seed``: seed of the random walk.
 
     Raises:
         InputError: see :func:`make_own`.
@@ -60,11 +62,11 @@ def make_planner(name: str, robot: RobotModel) -> Planner:
 
 
 def make_own(flag: str, name: str, interface: type, *args: RobotModel) -> Any:
-    """An instance of the class of the user's own that a flag names. An error in the class keeps its traceback.
+    """An instance of the user's own class that a flag names; an error in the class keeps its traceback.
 
     Raises:
-        InputError: there is no such class, or it lacks a member of ``interface``, or one of its abstract methods if
-            the interface has defaults for the others.
+        InputError: there is no such class, or it lacks a member of ``interface``; if the interface has abstract
+            methods, only these are required.
     """
     loaded = load_own(flag, name, OWN_CLASS)
     if not inspect.isclass(loaded):

@@ -1,4 +1,4 @@
-"""Names of methods: checked without loading any, so that a wrong name is rejected at once, and loaded.
+"""Names of methods: checked without loading any method, so that a wrong name is rejected at once, and loaded.
 
 A name of the user's own is MODULE:CLASS (for an arena, MODULE:FUNCTION), looked up on PYTHONPATH and in the working
 directory, or an entry point that an installed package registers in the group ``sarsim.<flag>``.
@@ -23,9 +23,9 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
     """Check that a name is that of a shipped method or an entry point, or begins with an existing module.
 
     Args:
-        kind: one of ``METHODS``.
+        kind: a key of ``METHODS``.
         name: name of the method.
-        flag: the flag that names it, for error messages, if it differs from the kind.
+        flag: the flag that names the method, for error messages, if it differs from ``kind``.
 
     Raises:
         InputError: there is no such method; the message lists those that exist.

@@ -29,10 +29,10 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
 
 
 def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> FindReader | None:
-    """The readers of all finds except people, those of plug-ins first; None without any.
+    """The readers of all finds except people, those of plug-ins first; None if there are none.
 
     Raises:
-        InputError: one of them cannot be used.
+        InputError: a reader cannot be used.
     """
     readers = [reader for plugin in plugins for reader in plugin.readers()]
     readers += [make_own("reader", name, FindReader) for name in config.reader]

@@ -1,4 +1,4 @@
-"""Plug-ins: which are installed, which a command line asks for, and their instances for a run."""
+"""Plug-ins: the installed ones, those that a command line requests, and their instances for a run."""
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,11 +12,11 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.settings import EXPLORE, is_shipped
 
-if TYPE_CHECKING:  # commands look for plug-ins before they import what takes seconds
+if TYPE_CHECKING:  # commands look for plug-ins before their imports that take seconds
     from pipeline.plugin import Plugin
 
 FLAGGED = ("sarsim.reader", "sarsim.sensor", "sarsim.sink")
-"""Groups of the plug-ins that are asked for by ``--NAME``."""
+"""Groups of the entry points of plug-ins that ``--NAME`` requests."""
 MISSION = "sarsim.mission"
 
 
@@ -40,10 +40,10 @@ def find(name: str, groups: Iterable[str] = FLAGGED) -> EntryPoint:
 
 
 def find_mission(name: str) -> tuple[str, EntryPoint]:
-    """The plug-in of the mission that ``--mission`` names, a name or a file, and the name of its settings.
+    """The name of the settings and the entry point of the mission that ``--mission`` gives by name or file.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such mission.
     """
     entries = installed([MISSION])
     entry = entries.get(name) or entries.get(Path(name).suffix)
@@ -72,7 +72,7 @@ def load_object(entry: EntryPoint) -> Any:
 
 
 def load(entry: EntryPoint) -> "type[Plugin]":
-    """The class of a plug-in; InputError if the entry point is something else."""
+    """The class of a plug-in; InputError if the entry point is not a plug-in."""
     from pipeline.plugin import Plugin
 
     loaded = load_object(entry)
@@ -85,7 +85,7 @@ def load(entry: EntryPoint) -> "type[Plugin]":
 def split_flags(words: Sequence[str], own: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
     """The words of a command line that belong to plug-ins, by plug-in and as flags of their settings; and the rest.
 
-    ``own``: names of the command's own flags, which count first.
+    ``own``: names of the command's own flags, which take precedence.
     """
     asked: dict[str, list[str]] = {}
     rest, into, left = list[str](), list[str](), 0.0
@@ -109,18 +109,18 @@ def split_flags(words: Sequence[str], own: Sequence[str]) -> tuple[dict[str, lis
 
 
 def settings_of(name: str, words: Sequence[str], default: Any = None) -> Any:
-    """A plug-in's settings from the words that belong to it; ``default``: those of a file."""
+    """A plug-in's settings from the words that belong to it; ``default``: its settings in a file, if any."""
     kind, given = load(find(name)).Settings, {} if default is None else {"default": default}
     return tyro.cli(kind, args=list(words), prog=f"--{name}", config=(tyro.conf.SuppressFixed,), **given)
 
 
 def is_portable(settings: Any) -> bool:
-    """Whether a file may ask for a plug-in with these settings, or this class of settings: not if one is a path."""
+    """Whether a file may request a plug-in with these settings or this class of them: not if a setting is a path."""
     return not any("Path" in str(f.type) for f in fields(settings))
 
 
 def shipped_plugin(name: str, where: str) -> "type[Plugin]":
-    """The plug-in that a file asks for; InputError, which begins with ``where``, if only a flag may ask for it."""
+    """The plug-in that a file requests; InputError, which begins with ``where``, if only a flag may request it."""
     entry = find(name, (*FLAGGED, MISSION))
     if not is_shipped(name, entry.group):
         raise InputError(f"{where}: a file must not choose code to run; give --{name} as a flag")
@@ -130,14 +130,15 @@ def shipped_plugin(name: str, where: str) -> "type[Plugin]":
 
 
 def make_plugins(command: Any, hooks: Sequence[str] = ()) -> "list[Plugin]":
-    """The plug-ins that a command's settings ask for, each after those that it needs.
+    """The plug-ins that a command's settings request, each after the plug-ins that it needs.
 
     Args:
         command: settings of the command.
-        hooks: what a plug-in may add to the command, if it is not a run with maps; each needs one of them.
+        hooks: for a command that is not a run with maps, the names of the methods that it calls; every plug-in must
+            define one of them.
 
     Raises:
-        InputError: one is not installed, its settings do not fit, or it has nothing to add to the command.
+        InputError: a plug-in is not installed, its settings are not suitable, or the command has no use for it.
     """
     settings: Mapping[str, Any] = command.plugins
     made: dict[str, Plugin] = {}

@@ -1,1 +1,1 @@
-"""Parts of the simulated world, and commands, that a run asks for by name; nothing of the core imports them."""
+"""Parts of the simulated world, and commands, that a run requests by name; no module of the core imports them."""

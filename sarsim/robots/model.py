@@ -1,4 +1,4 @@
-"""A robot's parameters, read from its MJCF as plain XML: programs for real robots need them without a simulator."""
+"""A robot's parameters, read from its MJCF as plain XML, because programs for real robots run without a simulator."""
 
 import sys
 from dataclasses import fields, replace
@@ -12,9 +12,9 @@ from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.skid_steer import DriveModel
 from sarsim.vetting.model_files import parse_mjcf
 
-DEPTH_RANGE = "depth_range"  # Name of the only numbers that a file need not have
+DEPTH_RANGE = "depth_range"  # Name of the only ``<numeric>`` that a file may omit
 PLAUSIBLE = 1e-3, 10.0
-"""Smallest and largest plausible parameter of a robot that drives through buildings; m, rad and their rates."""
+"""Minimum and maximum plausible parameter of a robot that drives through buildings; m, rad and their rates."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
@@ -24,7 +24,7 @@ def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
 
 
 def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
-    """Parameters of a robot for its firmware; for errors, see :func:`robot_model`."""
+    """Parameters of a robot for its firmware; raises InputError like :func:`robot_model`."""
     return _filled(DriveModel, robot)
 
 
@@ -37,7 +37,7 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
 
 
 def robot_sensor(robot: str = ROBOTS[0]) -> SensorModel | None:
-    """The robot's camera by the ``<numeric name="depth_range">`` in its file, nearest and farthest depth in m.
+    """The robot's camera, by the nearest and farthest depth, m, in its file's ``<numeric name="depth_range">``.
 
     Returns:
         The camera, with the noise of an Xtion; None if the file does not give its range.
@@ -69,7 +69,7 @@ def _numbers(robot: str) -> dict[str, list[float]]:
 
 
 def _filled(kind: type[Model], robot: str) -> Model:
-    """A ``kind`` whose fields are the ``<numeric>`` elements of the same names."""
+    """A ``kind`` whose fields have the values of the ``<numeric>`` elements of the same names."""
     numbers, (least, most) = _numbers(robot), PLAUSIBLE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():

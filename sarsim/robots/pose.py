@@ -11,9 +11,9 @@ class Pose:
     """One sample of a trajectory.
 
     Attributes:
-        time: s.
-        T_world_base: 4×4 true pose.
-        T_odom_base: 4×4 odometry pose.
+        time: time of the sample, s.
+        T_world_base: 4×4 true pose of ``base_link`` in the world.
+        T_odom_base: 4×4 pose of ``base_link`` in ``odom``, by dead reckoning.
     """
 
     time: float

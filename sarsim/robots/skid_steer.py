@@ -1,4 +1,4 @@
-"""The drive's firmware: from velocity commands to wheel speeds."""
+"""The drive's firmware, which converts velocity commands to wheel speeds."""
 
 import math
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ SURPLUS = 1.2
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
 MAX_HEADING_ERROR = 0.2
-"""rad, the largest heading error that accumulates while the robot cannot turn as commanded."""
+"""rad, maximum heading error that accumulates while the robot cannot turn as commanded."""
 WHEEL_GAIN = 10.0
 """1/s, additional wheel speed per radian of a wheel's lag."""
 MAX_WHEEL_LAG = 0.03
-"""rad, the largest lag that accumulates while a wheel cannot turn as commanded."""
+"""rad, maximum lag that accumulates while a wheel cannot turn as commanded."""
 SETTLED = math.radians(0.2)
-"""rad, heading error below which a stationary robot no longer corrects it."""
+"""rad; a stationary robot does not correct a smaller heading error."""
 GIVES_UP = 1.0
-"""s, time after which a stationary robot no longer corrects its heading: something holds it."""
+"""s, time after which a stationary robot stops correcting its heading, because something holds the robot."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,9 @@ class DriveModel:
 
     Attributes:
         wheel_radius: rolling radius, m.
-        effective_track: m. A skid-steered vehicle turns like a two-wheeled one with a wider track, because its tyres
-            slip sideways: with equal loads and Coulomb friction ``track + wheelbase² / track``.
+        effective_track: track of the two-wheeled vehicle that turns like the robot, m. It is wider than the robot's
+            own track, because the tyres slip sideways: ``track + wheelbase² / track`` with equal loads and Coulomb
+            friction.
         top_speed, top_turn_rate: faster commands are clipped to these, m/s and rad/s.
         acceleration, turn_acceleration: maximum accelerations, m/s² and rad/s².
     """
@@ -56,7 +57,7 @@ class SkidSteer:
     turn rate, so that a turn ends at the commanded heading even though the tyres slip.
 
     Attributes:
-        heading_error: rad that the robot still has to turn to reach the heading commanded so far.
+        heading_error: angle by which the robot still has to turn to reach the heading commanded so far, rad.
     """
 
     def __init__(self, drive: DriveModel) -> None:
@@ -74,9 +75,9 @@ class SkidSteer:
 
         Args:
             velocity: the command, which is clipped to the limits.
-            wheel_speed: (2,) rad/s of the left and right wheels, measured.
-            gyro_z: rad/s about the robot's vertical axis, measured.
-            dt: s since the last call.
+            wheel_speed: (2,) rad/s, measured speeds of the left and right wheels.
+            gyro_z: measured turn rate about the robot's vertical axis, rad/s.
+            dt: time since the last call, s.
         """
         self._hold_heading(gyro_z, dt)
         self._follow(velocity, dt)
@@ -100,7 +101,7 @@ class SkidSteer:
             self.heading_error = 0.0
 
     def _wheels(self) -> list[float]:
-        """[left, right] rad/s; if one is too fast, both are scaled down equally, which keeps the curvature."""
+        """[left, right] rad/s, wheel speeds; if one is too fast, both are scaled down to keep the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = self._v - side, self._v + side

@@ -29,7 +29,7 @@ FREEDOM = ("damping", "armature", "frictionloss")
 
 
 class SkidSteered(composer.Robot):
-    """A robot with four wheels that cannot steer and an RGB-D camera; attach it with ``arena.add_free_entity``.
+    """A robot with an RGB-D camera and four wheels that cannot steer; attach it with ``arena.add_free_entity``.
 
     Attributes:
         model: parameters for the pipeline.
@@ -38,7 +38,7 @@ class SkidSteered(composer.Robot):
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
-        """``robot``: one of ``ROBOTS``, or the path of an MJCF file in which parts and numbers have the same names.
+        """``robot``: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
 
         Raises:
             InputError: the robot does not exist, its file is invalid, or a required part or number is missing.
@@ -84,23 +84,23 @@ class SkidSteered(composer.Robot):
         return self._mjcf_root.find("light", "lamp")
 
     def encoders(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(4,) rad, the angle of every wheel."""
+        """(4,) rad, unwrapped angle of every wheel, in the order of ``WHEELS``."""
         return np.array(physics.bind(self.wheels).qpos)
 
     def wheel_speed(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(2,) rad/s of the left and right wheels."""
+        """(2,) rad/s, mean speeds of the left and right wheels."""
         return per_side(np.asarray(physics.bind(self.wheels).qvel))
 
     def wheel_angle(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(2,) rad, unwrapped, of the left and right wheels."""
+        """(2,) rad, mean unwrapped angles of the left and right wheels."""
         return per_side(self.encoders(physics))
 
     def gyro(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(3,) rad/s in ``base_link``."""
+        """(3,) rad/s, turn rates in ``base_link``."""
         return np.array(physics.bind(self._mjcf_root.find("sensor", "gyro")).sensordata)
 
     def accelerometer(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(3,) m/s² in ``base_link``, gravity included (+9.81 along z at rest on level ground)."""
+        """(3,) m/s², acceleration in ``base_link``, gravity included (+9.81 along z at rest on level ground)."""
         return np.array(physics.bind(self._mjcf_root.find("sensor", "accelerometer")).sensordata)
 
     def inertial_data(self, physics: mjcf.Physics) -> NDArray[np.int64]:
@@ -109,7 +109,7 @@ class SkidSteered(composer.Robot):
         return np.concatenate([np.arange(3) + physics.model.sensor_adr[sensor.element_id] for sensor in sensors])
 
     def measurements(self, physics: mjcf.Physics) -> dict[str, NDArray[np.float64]]:
-        """The measurements of the robot's own sensors, under the names of the methods that describe them."""
+        """The measurements of the robot's own sensors, by the names of the methods that describe them."""
         sensors = (self.encoders, self.wheel_speed, self.gyro, self.accelerometer)
         return {sensor.__name__: sensor(physics) for sensor in sensors}
 

@@ -7,15 +7,15 @@ from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.scoring.coverage_kernels import see
 from sarsim.simulated_robot import SimulatedRobot
 
-SEEN_HEIGHT = 0.15  # m; a cell counts as seen if a return in it is less than this above or below its ground
+SEEN_HEIGHT = 0.15  # m; a cell has been seen if a return in it is less than this above or below its ground
 
 
 class Coverage:
-    """Records which cells of the true ground returns have shown.
+    """Records the cells of the true ground that have been seen.
 
     Attributes:
         surface: the true ground.
-        seen: (nx, ny) bool, cells of the surface's grid.
+        seen: (nx, ny) bool, whether each cell of the surface's grid has been seen.
     """
 
     def __init__(self, robot: SimulatedRobot):
@@ -26,11 +26,11 @@ class Coverage:
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
 
     def see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells whose ground returns (N, 3), m in the world, show."""
+        """Mark the cells whose ground is shown by the returns ``points`` (N, 3), m in the world."""
         grid = self.surface.grid
         see(points, grid.origin, grid.cell, self.surface.height, SEEN_HEIGHT, self.seen)
 
     @property
     def fraction(self) -> float:
-        """Fraction of the drivable area that was seen."""
+        """Fraction of the drivable area that has been seen."""
         return float(self.seen[self.surface.drivable].mean())

@@ -1,4 +1,4 @@
-"""The score of an episode, which goes into report.json."""
+"""The score of an episode, which is written to report.json."""
 
 from bisect import bisect_left
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -66,7 +66,7 @@ class EpisodeScore(Sink):
             self._coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
         self._start_time, self._T_world_start = robot.time, robot.trajectory[-1].T_world_base
-        # Not after earlier episodes, whose map shows ground before the start.
+        # Not after earlier episodes, because their map already shows ground at the start.
         self._wants_oracle = oracle and not explorer.mapper.keyframes.loaded
         self._first_frame: Frame | None = None
         self._kidnaps = 0
@@ -102,7 +102,7 @@ class EpisodeScore(Sink):
 
     @property
     def explored_so_far(self) -> float:
-        """Fraction of the drivable ground seen in the keyframes compared so far; waits for none."""
+        """Fraction of the drivable ground seen in the keyframes compared so far, without waiting for the others."""
         return self._coverage.fraction
 
     @property
@@ -162,7 +162,7 @@ class EpisodeScore(Sink):
 
     @property
     def _confirmed(self) -> Places:
-        """Positions of the victims that the robot confirmed."""
+        """(N, 3) m, positions of the victims that the robot confirmed."""
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
@@ -175,7 +175,7 @@ class EpisodeScore(Sink):
         return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """The figures of the exploration; a time in ``MOST`` is missing if its fraction was never seen."""
+        """The figures of the exploration; a time in ``MOST`` is missing if its fraction was not reached."""
         end = self._robot.time - self._start_time, driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (
@@ -184,7 +184,7 @@ class EpisodeScore(Sink):
         return {"explored_fraction": self.coverage.fraction, "frontiers_left": self._frontiers_left, **seen, **oracle}
 
     def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
-        """The figures of the oracle, if a tour sees enough; with ratios if the robot saw enough, at ``t99``, s."""
+        """The figures of the oracle if a tour sees enough, with ratios if the robot saw enough, by ``t99`` s."""
         robot, T = self._robot, self._T_world_start
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
@@ -208,7 +208,7 @@ class EpisodeScore(Sink):
         return {name: {"each": task["each"]} for name, task in tasks.items()}
 
     def _place_at(self, time: float) -> NDArray[np.float64]:
-        """(2,) true position of the robot at a time, s."""
+        """(2,) m, true position of the robot at a time, s."""
         poses = self._robot.trajectory
         at = min(bisect_left(poses, time, key=lambda pose: pose.time), len(poses) - 1)
         return poses[at].T_world_base[:2, 3]

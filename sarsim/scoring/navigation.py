@@ -1,4 +1,4 @@
-"""Scores of the robot's driving, and where its time goes."""
+"""Scores of the robot's driving, and the time that it spends on each activity."""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -29,7 +29,7 @@ class NavigationScore:
 
     @cached_property
     def ground(self) -> Traversability:
-        """The true ground, as the robot's planner would see it."""
+        """The true ground, as the robot's planner would represent it."""
         return true_traversability(self._surface, self._robot.model)
 
     def report(self) -> dict[str, Any]:
@@ -45,7 +45,7 @@ class NavigationScore:
 
 
 def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: int) -> dict[str, Any]:
-    """The figures of all drives for report.json; ``kidnaps``: how often the robot was carried."""
+    """The figures of all drives for report.json; ``kidnaps``: number of times that the robot was carried."""
     ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
     return {
         "legs": len(navigator.legs),
@@ -63,21 +63,21 @@ class Doing(IntEnum):
 
     DRIVING = 0
     TURNING = 1
-    """In place: the centre of rotation lies between the wheels, so those of one side stop or run backwards."""
+    """In place: the centre of rotation lies between the wheels, so that those of one side stop or run backwards."""
     BACKING = 2
     STILL = 3
 
 
 def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str, float]:
-    """``navigation.time_s`` for report.json.
+    """The figures ``navigation.time_s`` for report.json.
 
     Args:
         trajectory: true poses, one per control period.
         ground: the true ground, assessed for the robot that was driven.
 
     Returns:
-        Times, s, spent driving, backing, turning in place and still, which sum to the total; and the parts of the
-        driving time where the room on both sides together is less than the robot's width, and on ramps.
+        Times, s, spent driving, backing, turning in place and standing still, which sum to the total. Also the parts
+        of the driving time in narrow places (see :func:`is_narrow`) and on ramps.
     """
     doing, lasted = what_it_does(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
     is_driving = doing == Doing.DRIVING
@@ -89,7 +89,7 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
 
 
 def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
-    """(N - 1,) :class:`Doing` between N true poses; a robot that is carried counts as still."""
+    """(N - 1,) :class:`Doing` between N true poses; ``STILL`` while the robot is carried."""
     T = np.array([pose.T_world_base for pose in trajectory])
     steps = np.diff(T[:, :2, 3], axis=0)
     moved = np.linalg.norm(steps, axis=1)
@@ -103,7 +103,7 @@ def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
 
 
 def is_narrow(ground: Traversability, places: Places) -> Mask:
-    """Whether the room on both sides of a robot together is less than its width.
+    """(N,) bool, whether the room on the robot's left and right adds up to less than the robot's width.
 
     ``places``: (N, 3) x and y in m, heading in rad.
     """
@@ -111,9 +111,9 @@ def is_narrow(ground: Traversability, places: Places) -> Mask:
 
 
 def room_on(ground: Traversability, places: Places, side: float) -> Values:
-    """(N,) m between the footprint and the nearest obstacle on its left (1) or right (-1), at most its width.
+    """(N,) m, distance from the footprint to the nearest obstacle on its left (1) or right (-1).
 
-    Accurate to half a cell, because obstacles are sampled at intervals of one cell.
+    At most the robot's width, and accurate to half a cell, because obstacles are sampled at intervals of one cell.
     """
     robot, cell = ground.robot, ground.grid.cell
     cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])

@@ -28,11 +28,11 @@ from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown
 SPACING = KeyframePolicy()
 """Spacing of the keyframes on the oracle's paths: the robot's default."""
 SEARCHES = 32
-"""Searches for paths that are kept. One takes up to 70 MB on 52 × 15 m."""
+"""Maximum number of path searches that are kept in memory; one takes up to 70 MB on 52 × 15 m."""
 
 
 def true_traversability(surface: GroundTruthSurface, robot: RobotModel) -> Traversability:
-    """The whole arena as the robot's planner would know it; everything but connected ground is a wall."""
+    """The whole arena as the robot's planner would represent it; everything but connected ground is a wall."""
     top = np.nanmax(surface.height) + robot.headroom
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
     none = np.zeros(surface.grid.shape, np.bool_)
@@ -45,7 +45,7 @@ class Drive:
 
     Attributes:
         stops: (N, 2) m, the ends of the lines, beginning with the start of the drive.
-        backwards: (N - 1,) which of the lines are driven backwards.
+        backwards: (N - 1,) bool, whether each line is driven backwards.
         first, last: headings at the two viewpoints, rad.
     """
 
@@ -76,8 +76,8 @@ class Oracle(ViewTours):
     """Searches for the fastest tour; the first viewpoint is the start.
 
     Attributes:
-        ground: the true ground, as the robot's planner sees it.
-        sight: what the robot's camera sees.
+        ground: the true ground, as the robot's planner would represent it.
+        sight: computes the ground that the robot's camera sees.
         start: (3,) x and y, m, and heading, rad.
         share: fraction of the drivable ground that must be seen, 0 to 1.
         body: the robot's maximum speeds and accelerations.
@@ -95,7 +95,11 @@ class Oracle(ViewTours):
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """(V, 3) the start, and in each block of 0.25 m the cell with the most headings, with each of them."""
+        """(V, 3) viewpoints: x and y, m, and heading, rad.
+
+        The first viewpoint is the start. The others are all headings that are possible at one cell in each block of
+        0.25 m: the cell with the most headings.
+        """
         headings = self.paths(0).headings
         cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
         n, m = np.nonzero(bits(headings[tuple(cells.T)]))
@@ -103,7 +107,7 @@ class Oracle(ViewTours):
 
     @cached_property
     def views(self) -> sparse.csr_array:
-        """(V, N) bool, sparse: the cells that each pose shows."""
+        """(V, N) bool, sparse, the cells that are seen from each viewpoint."""
         return self.sight.views(self.poses)
 
     @property
@@ -113,7 +117,7 @@ class Oracle(ViewTours):
 
     @cached_property
     def at_start(self) -> Mask:
-        """The cells seen from the start."""
+        """(N,) bool, the cells seen from the start."""
         seen = np.zeros(len(self.sight.cells), np.bool_)
         seen[cells_shown(self.views, 0)] = True
         return seen
@@ -128,7 +132,7 @@ class Oracle(ViewTours):
         return self._from[view]
 
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """Seconds from one viewpoint to others, including the keyframe at the end."""
+        """(M,) s, driving time from one viewpoint to each of the others, including the keyframe at the end."""
         poses = self.poses[there]
         cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
@@ -158,14 +162,14 @@ class Oracle(ViewTours):
         return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
 
     def figures(self) -> dict[str, float]:
-        """Figures of the tour for report.json; none if no tour, or the start alone, sees enough."""
+        """Figures of the tour for report.json; empty if no tour sees enough, or if the start alone does."""
         tour = self.quickest
         if not 0 < tour.seconds < inf:
             return {}
         return {"oracle_time_s": tour.seconds, "oracle_path_m": tour.metres, "physical_time_s": self.physical_seconds}
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:
-        """Path length, m, and time, s, after which a robot had seen enough, as ratios to those of the tour."""
+        """Ratios of the path length, m, and time, s, after which a robot had seen enough to those of the tour."""
         tour = self.quickest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         over = {"time_over_oracle": seconds / tour.seconds, "time_over_physical": seconds / self.physical_seconds}
@@ -201,8 +205,9 @@ def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> li
 def min_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
     """Lower bound on the time that a body needs for consecutive drives, s.
 
-    The longer of two times: for all lines at maximum speed and acceleration, with stops only where the direction
-    reverses; and for all turns at the maximum rate, because an ideal driver turns while driving.
+    This is the longer of two times, because an ideal driver turns while driving: the time for all lines at maximum
+    speed and acceleration, with stops only where the direction reverses, and the time for all turns at the maximum
+    rate.
     """
     lines = [line for drive in drives for line in drive.lines]
     ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]

@@ -1,4 +1,4 @@
-"""How soon the ground was seen: times until most of it was, and areas under the curve of the explored fraction."""
+"""Figures of how soon the ground was seen: times until most of it was seen, and areas under the explored fraction."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from pipeline.arrays import Values
 
 MOST = {"t90_s": 0.9, "t99_s": 0.99}
-"""Fractions of the drivable area; the time until each was seen is reported."""
+"""Fractions of the drivable area, by the name of the figure that gives the time until the fraction was seen."""
 
 
 class ExploredCurve(NamedTuple):
     """The explored fraction over time; each value holds until the next.
 
     Attributes:
-        time_s: times since the start at which something was seen, s, increasing.
+        time_s: increasing times since the start, s, at which the fraction was measured.
         way_m: distance that the robot had driven by then, m.
         explored: fraction of the area seen by then.
     """
@@ -49,7 +49,11 @@ def area_under(along: NDArray[np.float64], fractions: NDArray[np.float64], end: 
 
 
 def fractions_at(places: NDArray[np.float64], along: NDArray[np.float64], fractions: NDArray[np.float64]) -> Values:
-    """Fractions at ``places`` (P,), s or m, of those (N,) that hold from ``along`` (N,) on; 0 before the first."""
+    """(P,) the fractions that hold at ``places`` (P,), s or m.
+
+    Each of ``fractions`` (N,) holds from its value of ``along`` (N,), s or m, to the next one; before the first, 0
+    holds.
+    """
     held: NDArray[np.float64] = np.append(0.0, fractions)[np.searchsorted(along, places, side="right")]
     return held
 

@@ -1,4 +1,4 @@
-"""How well the robot's segments fit the parts of the true surfaces that came into view."""
+"""Scores how well the robot's segments fit the parts of the true surfaces that came into view."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -16,23 +16,23 @@ from sarsim.ground_truth.faces import Face, plane_axes
 from sarsim.scoring.segments_kernels import ROW, cells_on_plane
 
 MAX_ANGLE = np.deg2rad(20)
-MAX_DISTANCE = 0.15  # m, maximum distance from a segment's centre to the planes that it is compared with
+MAX_DISTANCE = 0.15  # m, maximum distance from a segment's centre to the planes with which it is compared
 ONE_PLANE = 0.01
 """Bin size for offsets, m, and unit normals; faces in one bin form one surface, such as a wall's panels."""
 SHIFT = 0.37  # Shift of the bins, in bins, so that round values, such as those of panels, are not on a border
-NEAR = 0.005  # m, maximum distance of noise-free points from the true face that they lie on
+NEAR = 0.005  # m, maximum distance of noise-free points from the true face on which they lie
 STRIDE = 4  # Only every fourth return marks surfaces as seen
 SURFACE_CELL = 0.025  # m, edge length of a cell of a surface
 CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Corners of a cell
 GAP = 2  # Cells; seen parts of a surface at most this far apart form one piece
-LEVEL = 0.99  # Vertical component of a unit normal above which a plane counts as level
+LEVEL = 0.99  # Vertical component of a unit normal above which a plane is considered level
 
 
 class SegmentScore:
     """Records which parts of the true surfaces came into view, and compares the robot's segments with them."""
 
     def __init__(self, faces: list[Face], are_whole: bool = False) -> None:
-        """``are_whole``: treat all faces as seen, because it is unknown what an earlier episode saw of them."""
+        """``are_whole``: treat all faces as seen, because the parts that an earlier episode saw are unknown."""
         self._whole = faces if are_whole else []
         self._surfaces: dict[tuple[float, ...], _Surface] = {}
         self._of_geom: dict[int, set[_Surface]] = defaultdict(set)
@@ -42,7 +42,7 @@ class SegmentScore:
             self._of_geom[face.geom].add(surface)
 
     def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
-        """Mark what noise-free returns show: points (N, 3), m in the world, and the id (N,) of the geom of each."""
+        """Mark the parts that noise-free returns show: points (N, 3), m in the world, and their geoms' ids (N,)."""
         points, geoms = points[::STRIDE], geoms[::STRIDE]
         order = np.argsort(geoms, kind="stable")
         points, geoms = points[order], geoms[order]
@@ -81,7 +81,7 @@ class _Surface:
         self._seen = np.insert(self._seen, before[is_new], cells[is_new])
 
     def pieces(self) -> Iterator[Face]:
-        """Rectangles around the seen parts: with two horizontal sides or, on level planes, of minimum area."""
+        """Yield a rectangle around each seen part, with two horizontal sides or, on level planes, of minimum area."""
         keys = self._seen
         rows = (keys + ROW // 2) // ROW
         cells = np.column_stack([rows, keys - rows * ROW])

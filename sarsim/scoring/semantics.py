@@ -16,20 +16,25 @@ from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
-"""Distances within which a point counts as right, m."""
+"""Distance within which a point is correct, m, by the name of the figure."""
 
 
 class KeyframeTruth:
     """The true labels of keyframes, mapped at the keyframes' current poses."""
 
     def __init__(self, keyframes: Keyframes, voxel: float) -> None:
-        """``keyframes``: the robot's; the true labels of those that exist already are unknown. ``voxel``: edge, m."""
+        """Start without true labels.
+
+        Args:
+            keyframes: the robot's keyframes; the true labels of those that already exist are unknown.
+            voxel: edge of a voxel, m.
+        """
         self._voxel = voxel
         self._keyframes = keyframes
         self._shares: dict[int, ClassShares | None] = {k: None for k, s in enumerate(keyframes.seen) if s.shares}
 
     def add(self, keyframe: Keyframe) -> None:
-        """Keep the true labels of a keyframe, thinned to voxels as in the robot's map."""
+        """Store the true labels of a keyframe, thinned to voxels as in the robot's map."""
         frame = keyframe.frame
         if frame.label is not None:
             cloud, near = kept_cloud(frame.points(frame.T_base_camera), self._voxel)
@@ -51,7 +56,7 @@ class KeyframeTruth:
 
 
 def compared(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
-    """The figures of a map, compared with one that has the true labels of the same voxels; empty without points."""
+    """The figures of a map, compared with a map of the true labels of the same voxels; empty without points."""
     return label_figures(confusion_matrix(truth.labels(), semantic_map.labels()))
 
 
@@ -109,10 +114,10 @@ class SurfaceScore:
 
 
 def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
-    """The F1 score for each distance in :data:`F1_WITHIN`, m: the harmonic mean of precision and recall.
+    """The F1 score for each distance in :data:`F1_WITHIN`: the harmonic mean of precision and recall.
 
-    Precision is the fraction of the points (M, 3) within that distance of the surface (N, 3); recall, the fraction of
-    the surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
+    Precision is the fraction of the points (M, 3) m within that distance of the surface (N, 3) m; recall is the
+    fraction of the surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
     """
     if not len(points):
         return dict.fromkeys(F1_WITHIN, 0.0)

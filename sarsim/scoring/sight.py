@@ -1,4 +1,4 @@
-"""Which true ground a robot's depth camera would see from given poses, without noise."""
+"""Computes the true ground that a robot's depth camera would see from given poses, without noise."""
 
 from typing import Any
 
@@ -35,14 +35,14 @@ class Sight:
         self._middles = np.column_stack([self._grid.centre_of(self.cells), surface.height[surface.drivable]])
 
     def views(self, poses: NDArray[np.float64]) -> sparse.csr_array:
-        """(V, N) bool, sparse: which cells are seen from poses (V, 3): x and y, m, and heading, rad."""
+        """(V, N) bool, sparse, the cells seen from each of the poses (V, 3): x and y, m, and heading, rad."""
         rows = [self._seen(T @ self._frame.T_base_camera) for T in self._on_ground(poses)]
         ends = np.cumsum([0, *map(len, rows)])
         columns = np.concatenate([*rows, np.zeros(0, np.int64)])
         return sparse.csr_array((np.ones(len(columns), np.bool_), columns, ends), shape=(len(poses), len(self.cells)))
 
     def _on_ground(self, poses: NDArray[np.float64]) -> Poses:
-        """Poses of a robot that stands on the ground and is tilted as the ground is."""
+        """Poses of a robot that stands on the ground and is tilted like the ground."""
         where = tuple(self._grid.cell_of(poses).T)
         slope, ahead = self._ground.gradient[where], np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
         x = np.column_stack([ahead, (slope * ahead).sum(axis=1)])
@@ -71,7 +71,7 @@ class Sight:
         self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
         """Whether rays (M, 3) from a point hit the ground of their cells, by the same rule as the coverage."""
-        import open3d as o3d  # Here, because it takes a second
+        import open3d as o3d  # not at the top, because it takes a second
 
         rays = np.hstack([np.broadcast_to(origin, along.shape), along]).astype(np.float32)
         hit = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)

@@ -1,4 +1,4 @@
-"""How well the topological map's nodes and edges represent the true environment."""
+"""Scores how well the topological map's nodes and edges represent the true environment."""
 
 from itertools import pairwise
 from typing import Any
@@ -38,7 +38,7 @@ def score_topology(topology: TopologicalMap, truth: GroundTruthSurface) -> dict[
 
 
 def _seen_from(positions: NDArray[np.float64], truth: GroundTruthSurface) -> MaskLayer:
-    """The drivable cells that nodes at positions (P, 2), m, see."""
+    """(nx, ny) bool, the drivable cells that are seen from nodes at positions (P, 2) m."""
     seen = np.zeros(truth.grid.shape, np.bool_)
     for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
         seen[tuple((np.argwhere(window) + corner).T)] = True
@@ -58,7 +58,7 @@ def _greedy_cover(truth: GroundTruthSurface, area: NDArray[np.bool_]) -> int:
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]
     cells = fourth if len(fourth) else cells
-    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # no others see any of the area
+    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # cells farther away see none of the area
     seen, corners = _views(truth.grid.centre_of(cells[is_near]), area, truth)
     missing, nodes = area.copy(), 0
     gain = count_in(seen, corners, missing)

@@ -16,7 +16,7 @@ from pipeline.transforms import tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
-LIFT = 0.15  # m per control period; in a step of this length or more, the robot was carried
+LIFT = 0.15  # m per control period; a step of this length or more means that the robot was carried
 STILL = 5e-4  # m per control period; steps up to this length come from springs, not from wheels
 
 
@@ -27,8 +27,8 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
     """The estimated trajectory, and its errors against the true one.
 
     Attributes:
-        has_truth: whether the poses are true; if not, the errors are unknown.
-        is_recorded: whether the poses come from a recording, at any rate, rather than one per control period.
+        has_truth: whether the true poses are known; if not, the errors are unknown.
+        is_recorded: whether the poses come from a recording, at any frequency, rather than one per control period.
     """
 
     has_truth, is_recorded = True, False
@@ -50,7 +50,7 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
-        # Of a recording, all steps count, however long or short.
+        # For a recording, steps of any length are included.
         steps = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
         distance = float(steps.sum()) if self.is_recorded else driven(self._odometry)
         # The true poses of an earlier episode's keyframes are unknown; those of its map are used instead.
@@ -66,7 +66,7 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
 
 
 def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDArray[np.float64]) -> bool:
-    """Whether a loop between keyframes at these true poses, 4×4, is off by more than ``FALSE_LOOP``."""
+    """Whether the error of a loop between keyframes at these true 4×4 poses exceeds ``FALSE_LOOP``."""
     off = np.linalg.solve(np.linalg.solve(T_world_first, T_world_second), loop.T_first_second)
     turn = Rotation.from_matrix(off[:3, :3]).magnitude()
     return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
@@ -78,7 +78,7 @@ def driven(trajectory: Sequence[Pose]) -> float:
 
 
 def distances_driven(trajectory: Sequence[Pose]) -> Values:
-    """Distance in m that a simulated robot had driven at each of its true poses, one per control period.
+    """(N,) m, distance that a simulated robot had driven at each of its true poses, one per control period.
 
     Steps of at most ``STILL`` and of at least ``LIFT`` are left out.
     """
@@ -87,7 +87,7 @@ def distances_driven(trajectory: Sequence[Pose]) -> Values:
 
 
 def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
-    """How often a robot fell over, how far it drove, m, and how far it leaned, for report.json."""
+    """Number of times a robot fell over, distance driven, and maximum roll and pitch, for report.json."""
     tipped = np.array([is_tipped(pose.T_world_base) for pose in trajectory])
     roll, pitch = np.abs([tilt_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
     return {
@@ -99,7 +99,7 @@ def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
 
 
 def is_tipped(T: NDArray[np.float64]) -> bool:
-    """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over: leans by more than ``TIPPED``."""
+    """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over, i.e. leans by more than ``TIPPED``."""
     return bool(T[2, 2] < np.cos(TIPPED))
 
 

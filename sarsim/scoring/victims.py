@@ -1,8 +1,8 @@
-"""Whether the robot has found the victims.
+"""Scores whether the robot has found the victims.
 
 A victim's position is the centre of the bounding box of the whole person in its own frame, including hidden parts
 (:attr:`sarsim.victims.victims.TrueVictim.centre`). Positions that the robot confirmed are matched with victims within
-``NEAR``, one to one: a person reported twice counts as found once, and as one false alarm.
+``NEAR``, one to one, so that a person reported twice is one victim found and one false alarm.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
-NEAR = 0.5  # m; a victim counts as found if a confirmed position is at most this far away
+NEAR = 0.5  # m; a victim has been found if a confirmed position is at most this far away
 UNMATCHED = 1e3  # Replaces infinite costs; greater than the sum of all finite ones
 
 
@@ -42,7 +42,7 @@ class VictimScore:
 
     @property
     def visible(self) -> Mask:
-        """Which victims have been visible in a frame so far."""
+        """(V,) bool, whether each victim has been visible in a frame so far."""
         return self._visibility.visible
 
     def add(self, image: LabelledImage) -> None:
@@ -50,7 +50,7 @@ class VictimScore:
         self._visibility.add(image)
 
     def matches(self, confirmed: Places) -> Values:
-        """Distance in m from each victim to the confirmed position that is matched with it; NaN without one."""
+        """(V,) m, distance from each victim to the confirmed position matched with it; NaN without a match."""
         distance = np.linalg.norm(self.positions[:, None] - confirmed.reshape(1, -1, 3), axis=2)
         found = np.full(len(self.positions), np.nan)
         for i, k in pairs_of_least(np.where(distance <= NEAR, distance, np.inf)):
@@ -58,7 +58,7 @@ class VictimScore:
         return found
 
     def report(self, confirmed: Places) -> dict[str, Any]:
-        """Figures of the confirmed positions; ``position_error_m``: the median, None if none was found."""
+        """Figures of the confirmed positions; ``position_error_m`` is the median, None if no victim was found."""
         errors = self.matches(confirmed)
         found = np.isfinite(errors)
         return {

@@ -1,4 +1,4 @@
-"""Tours over viewpoints that see enough: chosen by set cover or by rate, in a short order, without needless stops."""
+"""Tours that see enough, over viewpoints chosen by set cover or by rate, in a short order, without needless stops."""
 
 import heapq
 from abc import ABC, abstractmethod
@@ -18,7 +18,7 @@ from pipeline.planning.visiting_order import visiting_order
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """A drive that sees enough.
+    """A drive over viewpoints on which enough is seen.
 
     Attributes:
         order: indices of the viewpoints in the order of the tour.
@@ -36,7 +36,7 @@ class Leg:
 
     Attributes:
         seconds, metres: duration and length of the drive, including the keyframe at its end.
-        seen: (N,) cells that the keyframes of the drive show.
+        seen: (N,) bool, cells that the keyframes of the drive show.
     """
 
     seconds: float
@@ -45,7 +45,7 @@ class Leg:
 
     @cached_property
     def bits(self) -> NDArray[np.uint8]:
-        """The seen cells, packed eight per byte, so that those of several legs are combined and counted faster."""
+        """The seen cells, packed eight per byte, so that several legs are combined and their cells counted faster."""
         return np.packbits(self.seen)
 
 
@@ -55,7 +55,7 @@ class ViewTours(ABC):
     @property
     @abstractmethod
     def views(self) -> sparse.csr_array:
-        """(V, N) bool, sparse: the cells that each viewpoint shows."""
+        """(V, N) bool, sparse, the cells that are seen from each viewpoint."""
 
     @property
     @abstractmethod
@@ -65,18 +65,18 @@ class ViewTours(ABC):
     @property
     @abstractmethod
     def at_start(self) -> Mask:
-        """The cells seen from the start."""
+        """(N,) bool, the cells seen from the start."""
 
     @abstractmethod
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """Seconds from one viewpoint to others, greater than 0."""
+        """(M,) s, driving time from one viewpoint to each of the others, greater than 0."""
 
     @abstractmethod
     def leg(self, here: int, there: int) -> Leg:
-        """The drive between two viewpoints, and the cells that it shows."""
+        """The drive between two viewpoints, with the cells that are seen on it."""
 
     def tour(self, order: Sequence[int]) -> Tour:
-        """The tour over viewpoints in a given order, up to the one where enough has been seen."""
+        """The tour over viewpoints in a given order, up to the viewpoint at which enough has been seen."""
         seen, seconds, metres, done = np.packbits(self.at_start), 0.0, 0.0, list[int]()
         for here, there in pairwise([0, *order]):
             if np.bitwise_count(seen).sum() >= self.wanted:
@@ -87,11 +87,11 @@ class ViewTours(ABC):
         return Tour(done, *((seconds, metres) if np.bitwise_count(seen).sum() >= self.wanted else (inf, inf)))
 
     def cover(self) -> list[int]:
-        """A small set of viewpoints that see enough."""
+        """A small set of viewpoints from which enough is seen."""
         return greedy_cover(self.views, self.wanted, self.at_start)
 
     def by_rate(self) -> list[int]:
-        """Viewpoints that see enough; each shows the most new ground per second of the drive to it."""
+        """Viewpoints from which enough is seen; each shows the most new ground per second of the drive to it."""
         seen, order = self.at_start.copy(), list[int]()
         while seen.sum() < self.wanted:
             rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
@@ -116,7 +116,7 @@ class ViewTours(ABC):
         return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
 
     def shortened(self, tour: Tour) -> Tour:
-        """Leave out viewpoints one at a time while that makes the tour faster, always the one that saves the most."""
+        """Leave out one viewpoint after another, always the one that saves the most time, until none saves any."""
         while True:
             others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
             quickest = min(others, key=lambda other: other.seconds, default=tour)
@@ -128,12 +128,13 @@ class ViewTours(ABC):
 def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
     """Views that together show ``wanted`` cells; each is the one that adds the most cells to the earlier ones.
 
-    Evaluated lazily, because gains never grow (Minoux 1978). If all views together show fewer, so does the result.
+    Gains are evaluated lazily, because they never grow (Minoux 1978). If all views together show fewer cells, so does
+    the result.
 
     Args:
         views: (V, N), nonzero where a view shows a cell.
         wanted: number of cells to show, including those already shown.
-        shown: which cells are shown already; not changed.
+        shown: (N,) bool, the cells that are already shown; not changed.
     """
     shown, chosen = shown.copy(), list[int]()
     heap = [(-int(count), view) for view, count in enumerate(np.diff(views.indptr))]
@@ -150,6 +151,6 @@ def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]
 
 
 def cells_shown(views: sparse.csr_array, view: int) -> NDArray[np.int32]:
-    """(M,) the cells that one of (V, N) views shows."""
+    """(M,) indices of the cells that one of the (V, N) views shows."""
     cells: NDArray[np.int32] = views.indices[views.indptr[view] : views.indptr[view + 1]]
     return cells

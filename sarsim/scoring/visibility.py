@@ -1,4 +1,4 @@
-"""Which objects came into view."""
+"""Records which objects came into view."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,7 +10,7 @@ from pipeline.arrays import Indices
 from sarsim.sensors.camera import LabelledImage
 
 VISIBLE = 400
-"""Minimum number of pixels, with depths within the sensor's range of 3.5 m, of an object visible in a frame."""
+"""Minimum number of pixels with depths within the sensor's range of 3.5 m for an object to be visible in a frame."""
 
 
 class HasGeoms(Protocol):
@@ -22,7 +22,7 @@ class HasGeoms(Protocol):
 
 
 class Visibility:
-    """Records which objects were visible in a frame.
+    """Records which objects have been visible in a frame.
 
     Attributes:
         visible: (T,) bool, whether each object has been visible so far.

@@ -10,7 +10,7 @@ from pipeline.metric_map.metric_map import MetricMap
 
 
 class VoxelScore:
-    """Collects the voxels that noise-free rays from true poses cross and end in, and compares the map with them."""
+    """Collects the voxels that noise-free rays from true poses cross or hit, and compares the map with them."""
 
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
@@ -21,7 +21,7 @@ class VoxelScore:
         self._marks = np.zeros((0, 0, 0), np.uint8)
 
     def add(self, points: NDArray[np.float32], camera: NDArray[np.float64]) -> None:
-        """Trace the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
+        """Trace the noise-free rays of a frame, from the camera's position (3,) to points (N, 3), m in the world."""
         if not len(points):
             return
         ends, start = points - self._corner, (camera - self._corner) / self._size
@@ -35,7 +35,7 @@ class VoxelScore:
     def report(self) -> dict[str, float]:
         """The figures of the map; empty if nothing was seen.
 
-        A voxel with a surface counts as surface even if other rays cross it.
+        A voxel that a ray hits contains a surface even if other rays cross it.
         """
         surface, crossed = self._marks == HIT, self._marks == FREE
         if not surface.any():

@@ -1,4 +1,4 @@
-"""Dust in the air: it absorbs depth returns, causes false ones, and veils colours."""
+"""Dust in the air, which absorbs depth returns, causes false returns and veils colours."""
 
 from dataclasses import dataclass, replace
 
@@ -12,15 +12,15 @@ from sarsim.sensors.lighting import Lighting, beam, distances, stretch
 from sarsim.sensors.xtion_kernels import random_bits
 
 MAX_EXTINCTION = 0.5
-"""1/m in the densest dust: contrast falls to 2% over 3.9 / 0.5 = 8 m (Koschmieder), like thick fog."""
+"""1/m, extinction in the densest dust: contrast falls to 2% over 3.9 / 0.5 = 8 m (Koschmieder), as in thick fog."""
 GREY = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
-LAMP_VEIL = 0.5  # Radiance of infinitely deep dust in the lamp's beam over that of a white surface at 1 m
+LAMP_VEIL = 0.5  # Ratio of the radiance of infinitely deep dust in the lamp's beam to that of a white surface at 1 m
 SPECK_RATE = 0.05  # Probability, in the densest dust, that an infinite ray returns from a speck
 
 
 @dataclass(frozen=True)
 class Air:
-    """Dust between the robot and what it sees.
+    """Dust between the robot and the surfaces that it sees.
 
     Attributes:
         dust: concentration, from 0 for clear air to 1.
@@ -34,13 +34,13 @@ class Air:
 
     @property
     def extinction(self) -> float:
-        """Fraction of light lost per metre in thin layers, 1/m: β in the Beer-Lambert law, e^(−β r)."""
+        """β in the Beer-Lambert law e^(−β r), 1/m: the fraction of light lost per metre in thin layers."""
         return MAX_EXTINCTION * self.dust
 
     def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
-        """(H, W, 3) float32 radiance seen through the dust: blended with the scattered light according to distance.
+        """(H, W, 3) float32 radiance seen through the dust, blended with the scattered light according to distance.
 
-        The lamp's light is attenuated on its way to the surface as well, and dust in its beam scatters light back.
+        The lamp's light is also attenuated on its way to the surface, and dust in its beam scatters light back.
         """
         if self.dust == 0:
             return radiance
@@ -61,9 +61,9 @@ class Air:
         """The measured image without the returns that dust absorbs, and with false returns from specks of dust.
 
         A return from distance r survives with probability e^(−2 β r). A ray of length r returns from a speck
-        nearer than r with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law; specks are
-        unlabelled, and those nearer than ``min_range`` m do not return. ``truth`` is the image before the depth
-        sensor measured it; ``rng`` is drawn from once.
+        nearer than r with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law. Specks are
+        unlabelled, and specks nearer than ``min_range`` m give no return. ``truth`` is the image before the depth
+        sensor measured it; one number is drawn from ``rng``.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         if self.dust == 0:

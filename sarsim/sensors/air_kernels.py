@@ -6,19 +6,19 @@ from numba import njit, uint64
 
 @njit(cache=True)
 def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
-    """Remove returns, and replace some by nearer returns from specks of dust.
+    """Remove some returns, and replace others with nearer returns from specks of dust.
 
     Args:
-        depth: (H, W) measured; 0 = no return.
-        distance: (H, W) true distance along the ray; 0 where there is no surface.
-        stretch: (H, W) distance over depth.
+        depth: (H, W) m, measured depth; 0 = no return.
+        distance: (H, W) m, true distance along the ray; 0 where there is no surface.
+        stretch: (H, W) ratio of the distance along the ray to the depth.
         bits: (H, W) random bits: 16 for the loss, 16 for whether there is a speck, 32 for its distance.
-        extinction: 1/m.
-        speck_rate: probability of a speck in an infinite ray.
-        min_range: m; nearer specks do not return.
+        extinction: fraction of light lost per metre in thin layers, 1/m.
+        speck_rate: probability that an infinite ray returns from a speck.
+        min_range: minimum depth of a return, m; nearer specks give no return.
 
     Returns:
-        (H, W) float32 depth, and (H, W) bool, the pixels whose depth is that of a speck.
+        (H, W) float32 m, depth, and (H, W) bool, the pixels whose depth is that of a speck.
     """
     thinned = depth.copy()
     specks = np.zeros(depth.shape, np.bool_)

@@ -22,10 +22,10 @@ class LabelledImage:
     """An RGB-D image with true labels, from one pose of the camera.
 
     Attributes:
-        rgb: (H, W, 3) uint8.
-        depth: metres along the optical axis; 0 = no return.
-        label: (H, W) uint8 true label of the surface that each depth comes from; 0 = nothing or unlabelled.
-        instance: (H, W) int32 geom id of that surface; -1 = nothing.
+        rgb: (H, W, 3) uint8 colours.
+        depth: (H, W) float32 m, depth along the optical axis; 0 = no return.
+        label: (H, W) uint8 true label of the surface whose depth was measured; 0 = no surface or unlabelled.
+        instance: (H, W) int32 geom id of that surface; -1 = no surface.
         intrinsics: intrinsics of all four images.
         T_world_camera: pose of ``camera_optical`` in the world.
         T_base_camera: pose of ``camera_optical`` in the body that carries the camera.
@@ -54,7 +54,7 @@ class LabelledImage:
 
 
 class RgbdCamera:
-    """A camera of a model; a renderer draws its images.
+    """A camera of a model, whose images a renderer draws.
 
     The robot that carries the camera (all bodies under the same root) gives no return and has no label.
     """
@@ -121,13 +121,13 @@ def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height:
 
 
 def geom_objects(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """The object to which each geom belongs.
+    """The id of the object to which each geom belongs, which is the id of the object's first geom.
 
-    The geoms of a body of the world and of all bodies in it are one object, such as a person, if they have the same
-    label; a geom of the world itself, such as a wall, is one of its own. An object's id is that of its first geom.
+    The geoms of a child body of the world and of all bodies nested in it form one object, such as a person, if they
+    have the same label. A geom of the world body itself, such as a wall, is an object of its own.
 
     Returns:
-        (ngeom + 1,) int32 ids; the last one is -1, for pixels without a geom, which have the geom id -1.
+        (ngeom + 1,) int32 object ids; the last one is -1, for pixels without a geom, which have the geom id -1.
 
     Raises:
         InputError: see :func:`geom_labels`.
@@ -140,7 +140,7 @@ def geom_objects(model: mujoco.MjModel) -> NDArray[np.int32]:
 
 
 def geom_labels(model: mujoco.MjModel) -> Labels:
-    """Labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
+    """(ngeom,) uint8 labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
 
     Raises:
         InputError: a number is not a label.

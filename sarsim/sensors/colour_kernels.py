@@ -8,10 +8,16 @@ from sarsim.sensors.xtion_kernels import NORMAL
 
 @njit(cache=True)
 def expose(radiance, bits, gain, full_well, read_noise):
-    """(H, W, 3) uint8 values of (H, W, 3) float32 radiance, from a sensor that counts ``full_well`` electrons at 1.
+    """(H, W, 3) uint8 pixel values for a radiance.
 
-    Photon noise has a Poisson distribution, approximated by a normal one of the same variance; ``read_noise`` is in
-    electrons. ``bits``: (H, W) uint64 random numbers.
+    Photon noise has a Poisson distribution, which is approximated by a normal distribution of the same variance.
+
+    Args:
+        radiance: (H, W, 3) float32 radiance; 1 is white in normal light.
+        bits: (H, W) uint64 random numbers.
+        gain: amplification of the signal.
+        full_well: electrons that the sensor counts at a radiance of 1.
+        read_noise: standard deviation of the read noise, electrons.
     """
     height, width, channels = radiance.shape
     values = np.empty((height, width, channels), np.uint8)

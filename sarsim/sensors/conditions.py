@@ -1,7 +1,7 @@
 """The robot's sensors applied to a true image: lighting, air, and the sensors' own errors.
 
-A small colour sensor exposes for at most one video frame; in less light it raises its gain. The numbers are those of
-a 1/4 inch VGA sensor with pixels of 3 µm, the kind that such cameras have.
+A small colour sensor exposes for at most one video frame; in less light, it raises its gain. The numbers are those of
+a 1/4 inch VGA sensor with pixels of 3 µm, the type that such cameras have.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,15 +17,15 @@ from sarsim.sensors.lighting import Lighting, radiance
 from sarsim.sensors.xtion import Xtion
 from sarsim.sensors.xtion_kernels import random_bits
 
-FULL_WELL = 4000.0  # electrons for white in normal light
+FULL_WELL = 4000.0  # electrons that the sensor counts for white in normal light
 READ_NOISE = 6.0  # electrons, standard deviation
-MAX_GAIN = 8.0  # Largest amplification of the signal
-TARGET = 0.3  # Mean value, in 0..1, that the gain aims at
+MAX_GAIN = 8.0  # Maximum amplification of the signal
+TARGET = 0.3  # Target of the gain control: mean pixel value, from 0 to 1
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What makes the camera's images differ from the truth.
+    """The conditions that make the camera's images differ from the truth.
 
     Attributes:
         depth_sensor: the depth sensor, with its range and errors.
@@ -38,10 +38,10 @@ class Conditions:
     air: Air = field(default_factory=Air)
 
     def sense(self, truth: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-        """The image as the sensors see it.
+        """The image as the sensors measure it.
 
-        The depth sensor draws from ``rng`` itself, dust and colours from generators spawned from it, so that neither
-        light nor dust changes the depth sensor's own errors.
+        The depth sensor draws numbers from ``rng`` itself, whereas dust and colours use generators spawned from it.
+        Therefore, neither light nor dust changes the depth sensor's own errors.
         """
         dust_rng, colour_rng = rng.spawn(2)
         measured = self.depth_sensor.apply(truth, rng)
@@ -51,9 +51,9 @@ class Conditions:
 
 
 def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> Rgb:
-    """Image of (H, W, 3) float32 radiance, where 1 is white in normal light.
+    """(H, W, 3) uint8 image of (H, W, 3) float32 radiance, where 1 is white in normal light.
 
-    ``rng`` is drawn from once.
+    One number is drawn from ``rng``.
     """
     bits = random_bits(rng.integers(1 << 64, dtype=np.uint64), *radiance.shape[:2])
     return colour_kernels.expose(radiance, bits, exposure_gain(radiance), FULL_WELL, READ_NOISE)

@@ -1,4 +1,4 @@
-"""The geoms that an image needs: rendering spends most of its time on vertices of geoms outside the image."""
+"""Selects the geoms that an image needs, because rendering spends most of its time on vertices outside the image."""
 
 import mujoco
 import numpy as np
@@ -8,25 +8,26 @@ from pipeline.arrays import Mask, Values
 
 
 def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
-    """The geoms that may be visible between the ``planes`` (5, 4) of :func:`frustum`."""
+    """(ngeom,) bool, the geoms that may be visible between the ``planes`` (5, 4) of :func:`frustum`."""
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
 def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
-    """The geoms that may be visible, or cast a visible shadow, between the ``planes`` (5, 4) of :func:`frustum`."""
+    """(ngeom,) bool, the geoms that may be visible or cast a visible shadow between ``planes`` (5, 4)."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)
     needed = np.logical_not(outside.any(axis=1))
     floor = np.min(centre[:, 2] - np.where(np.isfinite(radius), radius, 0), initial=0)
     for light in np.flatnonzero(model.light_active & model.light_castshadow):
-        # A shadow fills the hull of two spheres, the geom's and its end: it is outside if both are beyond a plane.
+        # A shadow fills the hull of two spheres, the geom's and the shadow's end, so that it is outside the view if
+        # both spheres are outside one plane.
         shadow_outside = outside & _outside(*_shadow_end(model, data, int(light), floor), planes)
         needed |= np.logical_not(shadow_outside.any(axis=1))
     return needed
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
-    """The planes that face up and have no geom's centre below them: they cast no visible shadow."""
+    """(ngeom,) bool, the plane geoms that cast no visible shadow: they face up and no geom's centre is below them."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))
@@ -55,14 +56,14 @@ def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
 
 
 def _radius(model: mujoco.MjModel) -> Values:
-    """Radii of the bounding spheres in metres; infinite for a plane, which has none in MuJoCo."""
+    """(ngeom,) m, radii of the bounding spheres; infinite for a plane, which has no bounding sphere in MuJoCo."""
     return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
 
 def _outside(
     centre: NDArray[np.float64], radius: NDArray[np.float64], planes: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """(N, P) bool, whether a sphere lies wholly outside a plane."""
+    """(N, P) bool, whether each of N spheres lies entirely outside each of P planes."""
     return centre @ planes[:, :3].T + planes[:, 3] < -radius[:, None]
 
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 GRAVITY = 9.81  # m/s²
 DRIFT_TIME = 100.0
-"""s, correlation time of a bias; chosen where the Allan deviation of MEMS sensors is flat, as data sheets omit it."""
+"""s, correlation time of a bias. Data sheets omit it; 100 s is where the Allan deviation of MEMS sensors is flat."""
 CALIBRATION_TIME = 10.0
-"""s that the robot stands still before it sets off, to measure the gyros' bias."""
+"""s, time for which the robot stands still before it first drives, to measure the gyros' bias."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class DataSheet:
     """Errors of each axis; the unit is rad/s or m/s².
 
     Attributes:
-        noise: density, unit/√Hz, one-sided.
+        noise: one-sided noise density, unit/√Hz.
         drift: in-run bias stability, the flat part of the Allan deviation, unit.
         offset: standard deviation of the constant bias that calibration leaves, unit.
         scale: standard deviation of the relative error of the sensitivity.
@@ -30,8 +30,8 @@ class DataSheet:
 
 
 # Xsens MTi-300, data sheet of Movella, May 2023: 0.01 °/s/√Hz, 10 °/h, 60 µg/√Hz, 15 µg, roll and pitch 0.2° RMS.
-# At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"); a robot that stands
-# still measures it, except for the noise. The accelerometers' bias cannot be distinguished from a tilt: it
+# At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"), which a robot that
+# stands still measures, except for the noise. The accelerometers' bias cannot be distinguished from a tilt, and so
 # causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2% is chosen.
 MTI_300_GYRO = DataSheet(
     noise=np.radians(0.01),
@@ -52,14 +52,14 @@ class InertialTriad:
     """
 
     def __init__(self, sheet: DataSheet, rng: np.random.Generator) -> None:
-        """``rng`` draws the constant errors now and the noise of every measurement; calibration ends now."""
+        """Start at the end of calibration; ``rng`` draws the constant errors and the noise of every measurement."""
         self._sheet, self._rng = sheet, rng
         self._scale = 1.0 + sheet.scale * rng.standard_normal(3)
         self._drift = sheet.drift / 0.62 * rng.standard_normal(3)
         self._bias = sheet.offset * rng.standard_normal(3) - self._drift
 
     def measure(self, true: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """(3,) measured mean over the last ``dt`` seconds, given the (3,) ``true`` mean, both in ``base_link``."""
+        """(3,) measured mean over the last ``dt`` s, given the ``true`` mean (3,), both in ``base_link``."""
         memory = np.exp(-dt / DRIFT_TIME)
         renewal, noise = self._rng.standard_normal((2, 3))
         self._drift = memory * self._drift + self._sheet.drift / 0.62 * np.sqrt(1.0 - memory**2) * renewal

@@ -22,8 +22,8 @@ class Light:
 
     Attributes:
         arena: radiance of a white surface under the arena's own light; 1 in normal light.
-        rendered: fraction of the arena's light that the renderer gets. With the true one, a dim scene would have only
-            a few grey levels in 8 bits.
+        rendered: fraction of the arena's light with which the scene is rendered. With the true fraction, a dim scene
+            would have only a few grey levels in 8 bits.
         lamp: radiance of a white surface that faces the lamp from 1 m away, in its beam.
     """
 
@@ -41,18 +41,18 @@ class Lighting(Enum):
 
 
 BEAM_EXPONENT = 4
-"""The lamp's intensity falls with this power of the cosine of the off-axis angle: to half at 33°, filling the view.
+"""Power of the cosine of the off-axis angle that gives the lamp's intensity, which falls to half at 33°.
 
-With this exponent, 1,000 lm (an LED of 10 W) are 1000 (4 + 1) / 2π = 796 cd along the axis: at 1 m, 1.6 times the
-500 lux that EN 12464-1 requires at a lit workplace, which is the normal light here.
+The beam fills the view. With this exponent, 1,000 lm (an LED of 10 W) are 1000 (4 + 1) / 2π = 796 cd along the axis.
+At 1 m, this is 1.6 times the 500 lux that EN 12464-1 requires at a lit workplace, which is the normal light here.
 """
 
 
 def set_lighting(physics: mjcf.Physics, robot: SkidSteered, lighting: Lighting) -> None:
-    """Dim the arena's lights and the headlight, and switch the robot's lamp.
+    """Dim the arena's lights and the headlight, and switch the robot's lamp on or off.
 
-    In the renderer the lamp shines evenly and without attenuation: :func:`radiance` applies the falloff, which
-    depends on each pixel's distance.
+    In the renderer, the lamp shines evenly and without attenuation, because :func:`radiance` applies the falloff,
+    which depends on each pixel's distance.
     """
     light, model = lighting.value, physics.model
     lamp = physics.bind(robot.lamp).element_id
@@ -79,9 +79,9 @@ def radiance(image: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
 
 
 def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
-    """(H, W) float32 light of the lamp on each pixel's surface: inverse square, in a beam along the optical axis.
+    """(H, W) float32 light of the lamp on each pixel's surface, by the inverse-square law; 0 if there is no surface.
 
-    0 where the pixel shows no surface. The beam starts at the camera, although the lamp is 4 cm below it.
+    The beam points along the optical axis and starts at the camera, although the lamp is 4 cm below the camera.
     """
     range_squared = np.square(distances(image))
     lit = range_squared > 0
@@ -90,17 +90,17 @@ def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
 
 
 def distances(image: LabelledImage) -> NDArray[np.float32]:
-    """(H, W) float32 distance in m from the camera along each pixel's ray; 0 where there is no surface."""
+    """(H, W) float32 m, distance from the camera along each pixel's ray; 0 where there is no surface."""
     return image.depth * stretch(image.intrinsics)
 
 
 @lru_cache(maxsize=4)
 def stretch(intrinsics: Intrinsics) -> NDArray[np.float32]:
-    """(H, W) float32 distance along each pixel's ray over depth."""
+    """(H, W) float32 ratio of the distance along each pixel's ray to the depth."""
     return np.linalg.norm(intrinsics.rays, axis=2).astype(np.float32)
 
 
 @lru_cache(maxsize=4)
 def beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
-    """(H, W) float32 intensity of the lamp in the direction of each pixel, relative to the one along its axis."""
+    """(H, W) float32 intensity of the lamp in the direction of each pixel, relative to that along its axis."""
     return stretch(intrinsics) ** np.float32(-BEAM_EXPONENT)  # 1 / stretch is the cosine off the axis

@@ -11,23 +11,23 @@ from pipeline.transforms import from_rotation, level
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
 TICKS = 34_000
-"""Encoder ticks per wheel turn, 49 a millimetre (Pioneer 3 operations manual, P3-AT); assumed for other robots."""
+"""Encoder ticks per wheel turn, 49 per millimetre (Pioneer 3 operations manual, P3-AT); assumed for other robots."""
 LEVELLING_TIME = 5.0
 """s, time constant with which roll and pitch follow the accelerometer."""
 TYRE_ERROR = 0.01
-"""Standard deviation of the relative error of the tyres' rolling radius, which their pressure, load and wear change.
+"""Standard deviation of the relative error of the tyres' rolling radius, which varies with pressure, load and wear.
 ``TYRE_ERROR``, ``SIDE_ERROR`` and ``SLIP`` are chosen; the manual only says to measure the ticks per millimetre."""
 SIDE_ERROR = 0.003
 """Standard deviation of the additional relative error of the radius of each side's tyres."""
 MAX_TYRE_ERROR = 0.2
 """Limit of the relative error; beyond it, the tyre would be of another size."""
 SLIP = 0.01
-"""m/√m, random walk of the distance of each side, for dust and bumps, which the smooth floor of the physics lacks.
+"""m/√m, random walk of each side's distance, which represents dust and bumps that the smooth simulated floor lacks.
 The physics itself simulates how the tyres scrub in a turn."""
 
 
 class WheelOdometry:
-    """Dead reckoning in 3D: the encoders give the distance, the gyros the direction, the accelerometers the level.
+    """Dead reckoning in 3D with distance from encoders, direction from gyros and the vertical from accelerometers.
 
     The origin of ``odom`` is the robot's position at the first update; its z is up and its x along the robot's yaw.
     """
@@ -36,7 +36,7 @@ class WheelOdometry:
         """Start at the origin of ``odom``.
 
         Args:
-            rng: draws the constant errors now and the noise of every update.
+            rng: draws the constant errors at once, and the noise of every update.
             wheel_radius: rolling radius, m.
             tyre_error: relative error of the radius, unknown to the robot, in addition to those drawn from ``rng``.
 
@@ -71,13 +71,13 @@ class WheelOdometry:
         accelerometer: NDArray[np.float64],
         dt: float,
     ) -> NDArray[np.float64]:
-        """Take one set of measurements and return ``T_odom_base``; the first one only sets the initial pose.
+        """Process one set of measurements and return ``T_odom_base``; the first set only sets the initial pose.
 
         Args:
-            wheel_angle: (2,) rad, unwrapped, of the left and right wheels.
-            gyro: (3,) rad/s in ``base_link``, mean since the last update.
-            accelerometer: (3,) m/s² in ``base_link``, gravity included, mean since the last update.
-            dt: s since the last update.
+            wheel_angle: (2,) rad, unwrapped angles of the left and right wheels.
+            gyro: (3,) rad/s, mean turn rates since the last update, in ``base_link``.
+            accelerometer: (3,) m/s², mean acceleration since the last update, gravity included, in ``base_link``.
+            dt: time since the last update, s.
         """
         gyro = self._gyros.measure(gyro, dt)
         accelerometer = self._accelerometers.measure(accelerometer, dt)
@@ -102,14 +102,14 @@ class WheelOdometry:
         self._R = R @ half @ half
 
     def _distance(self, rolled: NDArray[np.float64]) -> float:
-        """Distance forward in m, the mean of both sides, from the distance that the (2,) sides' tyres rolled, m."""
+        """Distance driven forward, m: the mean of both sides' distances ``rolled`` (2,) m, with random errors."""
         left, right = (rolled + SLIP * np.sqrt(np.abs(rolled)) * self._rng.standard_normal(2)).tolist()
         return (left + right) / 2
 
     def _levelling(self, R: Rotation3, accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) rad/s that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
 
-        The proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
+        This is the proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
         """
         norm = math.sqrt(accelerometer @ accelerometer)
         if abs(norm - GRAVITY) > 0.1 * GRAVITY:
@@ -123,14 +123,14 @@ def acceleration_of(before: float, speed: float, gyro: NDArray[np.float64], dt: 
 
     Args:
         before, speed: speed of the wheels, m/s, ``dt`` s ago and now.
-        gyro: (3,) rad/s in ``base_link``.
-        dt: s between the two speeds.
+        gyro: (3,) rad/s, turn rates in ``base_link``.
+        dt: time between the two speeds, s.
     """
     return np.array([(speed - before) / dt, speed * gyro[2], -speed * gyro[1]])
 
 
 def _rotation(rotvec: NDArray[np.float64]) -> Rotation3:
-    """Matrix of a rotation vector (3,), rad: SciPy's formulas without the checks that take 90% of its time."""
+    """Matrix of a rotation vector (3,) rad, by SciPy's formulas without the checks that take 90% of SciPy's time."""
     x, y, z = rotvec.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(angle / 2) / angle if angle > 1e-3 else 0.5 - angle**2 / 48 + angle**4 / 3840

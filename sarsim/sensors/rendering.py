@@ -15,8 +15,8 @@ from sarsim.sensors import culling
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
 """An image with the default shadow map of 4096 texels takes three times as long and looks much the same."""
 ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24}
-"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With this many faces a sphere or cylinder of
-0.3 m radius deviates by at most 1 mm from the round one; with the default number it is off by 2 mm."""
+"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With this many faces, a sphere or cylinder
+of 0.3 m radius deviates by at most 1 mm from the round shape; with the default number, it deviates by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
 _NOT_DRAWN = 5  # the group of geoms that are not drawn
@@ -27,7 +27,8 @@ class Renderer(ExitStack):
     """Draws one model in one OpenGL context, without a screen.
 
     Two contexts in one process interfere with each other, so there is one renderer for all the cameras of a model.
-    Only the thread that made it may use it. Geoms of groups 0 to 2 are drawn, as in the viewer; sites are not.
+    Only the thread that created the renderer may use it. Geoms of groups 0 to 2 are drawn, as in the viewer; sites
+    are not.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
@@ -43,7 +44,7 @@ class Renderer(ExitStack):
         self._gl = offscreen_context(width, height)
         self._colours = _resources(model, width, height, COLOUR_QUALITY)
         self._ids = _resources(model, width, height, ID_QUALITY)
-        # MuJoCo draws with reversed z in a float buffer: read without conversion, far depths keep their precision.
+        # MuJoCo draws with reversed z in a float buffer; without conversion, far depths keep their precision.
         self._ids.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 1000)
@@ -53,7 +54,7 @@ class Renderer(ExitStack):
             self.callback(last_first)
 
     def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> Rgb:
-        """The image of a camera."""
+        """(H, W, 3) uint8, the colour image of a camera."""
         self._update(data, camera, ids=False)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
         self._draw(self._colours, pixels, None)
@@ -67,8 +68,8 @@ class Renderer(ExitStack):
         Both come from the same fragment, so they agree at edges too.
 
         Returns:
-            (H, W) int32 geom id, -1 where there is none, and (H, W) float32 depth along the optical axis in
-            metres, 0 where there is no geom.
+            (H, W) int32 geom id, -1 where there is no geom, and (H, W) float32 m, depth along the optical axis, 0
+            where there is no geom.
         """
         self._update(data, camera, ids=True)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
@@ -92,7 +93,7 @@ class Renderer(ExitStack):
         self._flags(ids)
 
     def _flags(self, ids: bool) -> None:
-        """Draw ids as flat colours, or a camera image with light and shadow, but without reflections and haze."""
+        """Make the scene draw ids as flat colours, or light and shadow, but never reflections and haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
         flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
@@ -101,7 +102,7 @@ class Renderer(ExitStack):
     def _draw(
         self, resources: mujoco.MjrContext, pixels: NDArray[np.uint8], depth: NDArray[np.float32] | None
     ) -> None:
-        """Draw the scene into ``pixels`` and ``depth``, the lowest row of the image first."""
+        """Draw the scene into ``pixels`` and ``depth``, with the lowest row of the image first."""
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, resources)
         mujoco.mjr_render(self._rectangle, self._scene, resources)
         mujoco.mjr_readPixels(pixels, depth, self._rectangle, resources)

@@ -22,13 +22,17 @@ class ThermalCamera:
     """A thermal camera with the field of view of the colour camera.
 
     Attributes:
-        temperature: (ngeom + 1,) float32 °C of every geom's surface; the last element is for pixels without a geom.
+        temperature: (ngeom + 1,) float32 °C, surface temperature of each geom; the last element is for pixels without
+            a geom.
     """
 
     temperature: NDArray[np.float32]
 
     def image(self, truth: LabelledImage, rng: np.random.Generator) -> NDArray[np.float32]:
-        """(60, 80) float32 °C of a noise-free image; a pixel is the mean over the colour camera's pixels in it."""
+        """(60, 80) float32 °C, thermal image of the scene in ``truth``, a noise-free image.
+
+        Each pixel is the mean over the pixels of ``truth`` that it covers, with noise.
+        """
         shown = cv2.resize(self.temperature[truth.instance], THERMAL_SIZE, interpolation=cv2.INTER_AREA)
         noise = rng.normal(0.0, NETD, shown.shape)
         return np.clip(shown + noise, COLDEST, HOTTEST).astype(np.float32)

@@ -12,7 +12,7 @@ from pipeline.sensor import XTION
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25  # pixels of disparity, two of the sensor's steps: a smaller jump is not an edge
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps; a smaller jump is not an edge
 DISPARITY_STEP = np.float32(1 / 8)  # pixels
 BASELINE = 0.075  # m from the camera to the projector, which is to its right
 MAX_INCIDENCE = 82.0
@@ -43,7 +43,7 @@ class Xtion:
     grazing: bool = True
     """No return from surfaces that are seen at a grazing angle."""
     shadow: bool = True
-    """No return where the projector's light does not reach: left of near edges."""
+    """No return where the projector's light does not reach, which is left of near edges."""
     dropout: float = 0.0
     """Fraction of the pixels that give no return at random."""
 
@@ -54,7 +54,7 @@ class Xtion:
         return cls(min_range=min_range, max_range=max_range, **off)
 
     def apply(self, image: LabelledImage, rng: np.random.Generator) -> LabelledImage:
-        """The image with measured depth; label and instance are those of the surface that each depth comes from."""
+        """The image with measured depth; label and instance are those of the surface whose depth was measured."""
         depth, source = self.measure(image.depth, image.intrinsics, rng)
         if not self.lateral_noise:
             return replace(image, depth=depth)
@@ -64,15 +64,15 @@ class Xtion:
     def measure(
         self, depth: Depth, intrinsics: Intrinsics, rng: np.random.Generator
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Measured depth, and for each value the pixel at which it was measured.
+        """Measured depth, and for each pixel the pixel whose true depth it measured.
 
         Args:
-            depth: true depth in metres; 0 = no surface.
+            depth: (H, W) m, true depth; 0 = no surface.
             intrinsics: intrinsics of ``depth``.
-            rng: drawn from once per call, whichever errors are switched on.
+            rng: random generator, from which one number is drawn per call, whichever errors are switched on.
 
         Returns:
-            (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
+            (H, W) float32 m, measured depth, 0 = no return, and (H, W) int64, flat index of the pixel whose true
             depth was measured; this is another pixel only next to a depth edge.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)

@@ -10,7 +10,7 @@ NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
 
 @njit(cache=True)
 def random_bits(key, height, width):
-    """(H, W) uint64 random bits: the stream of ``key`` by splitmix64 (Steele, Lea & Flood, OOPSLA 2014).
+    """(H, W) uint64 random bits, the stream of splitmix64 with seed ``key`` (Steele, Lea & Flood, OOPSLA 2014).
 
     A pixel's bits depend on its position alone, not on the order in which the pixels are visited.
     """
@@ -26,7 +26,7 @@ def random_bits(key, height, width):
 
 @njit(cache=True)
 def slopes(values):
-    """(H, W) float32 change of an image per column and per row, each on the smoother side of the pixel.
+    """Two (H, W) float32, the change of an image per column and per row, each on the smoother side of the pixel.
 
     Next to an edge, the smoother side belongs to the pixel's own surface. The disparity of a plane is linear over the
     image, so its slopes are exact.
@@ -49,7 +49,7 @@ def slopes(values):
 
 @njit(cache=True)
 def smaller(a, b):
-    """The number with the smaller magnitude."""
+    """The one of two numbers that has the smaller magnitude."""
     return a if abs(a) < abs(b) else b
 
 
@@ -58,8 +58,8 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
     Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour (standard
-    deviation ``sigma`` pixels) if that is off the pixel's own plane by ``edge`` pixels of disparity or more, i.e.
-    across a depth edge; otherwise it is the pixel itself.
+    deviation ``sigma`` pixels) if its disparity differs from the pixel's own plane by at least ``edge`` pixels, i.e.
+    if it lies across a depth edge; otherwise the source is the pixel itself.
     """
     height, width = disparity.shape
     source = np.empty((height, width), np.int64)
@@ -116,7 +116,7 @@ def cosine_of_incidence(disparity, per_column, per_row, rays, fx, fy):
 
 @njit(cache=True, error_model="numpy")
 def axial_sigma(depth, cosine):
-    """(H, W) float32 standard deviation of (H, W) depth in m: Nguyen, Izadi & Lovell 2012, equation 3."""
+    """(H, W) float32 m, standard deviation of (H, W) depth, m, by equation 3 of Nguyen, Izadi & Lovell 2012."""
     sigma = np.empty_like(depth)
     for v in range(depth.shape[0]):
         z, cos, result = depth[v], cosine[v], sigma[v]
@@ -131,7 +131,7 @@ def axial_sigma(depth, cosine):
 
 @njit(cache=True)
 def add_noise(depth, sigma, bits):
-    """Add normal noise with (H, W) standard deviation ``sigma``, m, to the returns of (H, W) depth, in place."""
+    """Add normal noise with standard deviation ``sigma`` (H, W) m to the returns in ``depth`` (H, W) m, in place."""
     for v in range(depth.shape[0]):
         z, spread, row = depth[v], sigma[v], bits[v]
         for u in range(len(z)):
@@ -141,7 +141,10 @@ def add_noise(depth, sigma, bits):
 
 @njit(cache=True, error_model="numpy")
 def quantise(depth, focal_baseline, step):
-    """Round (H, W) float32 depth, m, to whole steps of disparity, px, in place; no return stays 0."""
+    """Round (H, W) float32 depth, m, to whole steps of disparity, in place; no return stays 0.
+
+    ``focal_baseline``: product of focal length, px, and baseline, m; ``step``: step of disparity, px.
+    """
     for v in range(depth.shape[0]):
         row = depth[v]
         for u in range(len(row)):

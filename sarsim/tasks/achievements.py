@@ -23,10 +23,10 @@ IN_VIEW = ("present", "visible")
 
 
 class Achievements(Sink):
-    """Measures what an explorer sees, finds and does."""
+    """Measures the ground that an explorer sees, its finds and its driving."""
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, finds: Sequence[Sink] = ()):
-        """``explorer``: drives ``robot``, which is at its start; ``finds``: score what is found besides people."""
+        """Measure ``robot``, at its start, driven by ``explorer``; ``finds`` score the objects besides people."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._explorer, self._coverage = robot, explorer, Coverage(robot)
         self._navigation = NavigationScore(robot, self._coverage.surface)
@@ -34,7 +34,7 @@ class Achievements(Sink):
         self._start, self._kidnaps, self._frontiers = robot.time, 0, 0
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Add what a keyframe shows."""
+        """Add the ground, people and objects that a keyframe shows."""
         truth = required(self._robot.true_frame)
         self._coverage.see(truth.points())
         self._victims.add(truth.image)
@@ -55,7 +55,7 @@ class Achievements(Sink):
     def totals(self) -> NDArray[np.float64]:
         """(4,) drivable ground seen, m²; time, s; number of people and objects found; number of contacts.
 
-        Without a detector, people and objects that have come into view count as found.
+        Without a detector, all people and objects that have come into view are taken as found.
         """
         surface = self._coverage.surface
         ground = (self._coverage.seen & surface.drivable).sum() * surface.grid.cell**2

@@ -1,4 +1,4 @@
-"""What agents and their authors may hand to a task; anything else is refused in one line."""
+"""Checks of the actions, options and settings that a task receives; invalid ones are refused in one line."""
 
 from collections.abc import Mapping
 from dataclasses import fields

@@ -32,11 +32,11 @@ from sarsim.trial_drive import warn_of_symptoms
 PERIODS = 5
 """Control periods of the drive's firmware per step."""
 SETTLING_PERIODS = 25
-"""Control periods for which the robot stands still before an episode, as it does before an expedition."""
+"""Control periods for which the robot stands still before an episode: 0.5 s, as in sarsim-episode."""
 ARRIVED_WITHIN = 0.3
 """Distance from the goal at which the robot has arrived, m."""
 TIPPED = np.cos(np.deg2rad(60))
-"""A robot has tipped over if the z component of its vertical axis is less than this."""
+"""A robot has tipped over if the z component, in the world, of its own z axis is less than this."""
 MAX_SEEDS = 1_000_000
 """Number of seeds, and of random arenas, from which episodes are drawn."""
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
@@ -47,13 +47,13 @@ MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [
 
 @dataclass(frozen=True)
 class DriveWeights:
-    """Weights of a driving agent's reward, which is the sum of each weight times the gain of a step.
+    """Weights of a driving agent's reward, which is the weighted sum of a step's quantities.
 
     Attributes:
-        progress: per m nearer to the goal.
-        time: per second.
-        contact: per contact with a wall, clutter or a victim.
-        tipping: for tipping over.
+        progress: reward per m by which the distance to the goal shrinks.
+        time: reward per second.
+        contact: reward per contact with a wall, clutter or a victim.
+        tipping: reward for tipping over.
     """
 
     progress: float = 1.0
@@ -63,13 +63,13 @@ class DriveWeights:
 
 
 class DepthRays:
-    """A camera's rays, and what they can hit: all visible geoms except the robot's, at their initial poses.
+    """A camera's rays and the surfaces that they can hit: visible geoms except the robot's, at their initial poses.
 
-    They are cast by Open3D (Embree), without a renderer.
+    The rays are cast by Open3D (Embree), without a renderer.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, camera_id: int, size: tuple[int, int]):
-        """``size``: width and height of the images, pixels, over the camera's whole field of view."""
+        """Cover the camera's whole field of view with images of ``size``: width and height, pixels."""
         self._scene = true_scene(model, data, model.cam_bodyid[camera_id])
         k = camera_intrinsics(model, camera_id, *size)
         u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
@@ -203,7 +203,7 @@ class Drive(gymnasium.Env[Any, Any]):
         return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
 
     def __getstate__(self) -> dict[str, Any]:
-        """The task for a copy; InputError if it has been reset, because the physics cannot be copied."""
+        """The state of the task for a copy; InputError after a reset, because the physics cannot be copied."""
         if self.world is not None:
             raise InputError(USED)
         return self.__dict__.copy()

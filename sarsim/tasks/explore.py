@@ -51,20 +51,20 @@ from sarsim.tasks.observations import (
 )
 
 FINDS = "finds"
-"""The plug-in that a reward for finds asks for."""
+"""Name of the plug-in that a reward for finds requires."""
 Action = int | np.integer[Any] | NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class ExploreWeights:
-    """Weights of an agent's reward, which is the sum of each weight times the gain of a step.
+    """Weights of an exploring agent's reward, which is the weighted sum of a step's quantities.
 
     Attributes:
-        ground: per m² of ground seen for the first time.
-        time: per second.
-        finds: per person or thing to find.
-        contact: per contact with a wall, clutter or a victim.
-        tipping: for tipping over.
+        ground: reward per m² of ground seen for the first time.
+        time: reward per second.
+        finds: reward per person or object found.
+        contact: reward per contact with a wall, clutter or a victim.
+        tipping: reward for tipping over.
     """
 
     ground: float = 1.0
@@ -87,13 +87,13 @@ class Explore(gymnasium.Env[Any, Any]):
 
     An observation has the local maps ``elevation`` (m), ``label`` and ``seen`` (64, 64), with the robot in the middle
     and rows along y; ``pose``: x, y from the start, m, and cosine and sine of the heading; ``viewpoints`` (32, 4):
-    x, y and path length from the robot, in units of the sensor's range, and the fraction of what is left to see that
-    the viewpoint shows, nearest first, padded with zeros; ``frontiers``: their number. The viewpoints are those that
-    the robot's own explorer considers worth the drive, each for what those chosen before it do not show; a
-    fraction is that of their total gain. Path length is the expected driving time multiplied by the robot's speed.
+    x, y and path length from the robot, in units of the sensor's range, and the viewpoint's fraction of the total
+    expected gain, nearest first, padded with zeros; ``frontiers``: number of frontiers. The viewpoints are those that
+    the robot's own explorer considers worth the drive; the gain of each leaves out the ground that viewpoints chosen
+    before it show. Path length is the expected driving time multiplied by the robot's speed.
 
-    An episode terminates when no viewpoint is worth the drive any more, as an expedition does, and when the robot
-    tips over or is lost; it is truncated after ``steps``.
+    An episode terminates when no viewpoint is worth the drive, and when the robot tips over or is lost; it is
+    truncated after ``steps``.
 
     Attributes:
         explorer: the robot's software; None before the first reset.
@@ -124,8 +124,8 @@ class Explore(gymnasium.Env[Any, Any]):
             arena: as in run_episode.py; ``random``: a new random arena for each episode.
             robot: as in run_episode.py.
             labels: as in run_episode.py; the default, the simulator's true labels, needs no network.
-            detects: whether the robot detects people and objects with its networks. If so, those that it finds count,
-                otherwise those that come into view.
+            detects: whether the robot detects people and objects with its networks. If so, people and objects that it
+                finds are rewarded, otherwise those that come into view.
             odometry: as in run_episode.py.
             action: kind of actions.
             steps: number of steps after which an episode is truncated.
@@ -194,7 +194,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return make_mapper(self._perception, model, self._begun["seed"], localisation, plugins=readers)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
-        """Drive to a viewpoint and take a keyframe; see the class. InputError if the action is not of its kind."""
+        """Drive to a viewpoint and take a keyframe; InputError if the action is invalid, or the task not ready."""
         self._check_open()
         if self.explorer is None:
             raise InputError(NOT_RESET)
@@ -214,19 +214,19 @@ class Explore(gymnasium.Env[Any, Any]):
         return self._observation(), float(reward), is_over, is_cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """(480, 1120, 3) the camera's latest image, and the classes around the robot, seen from above."""
+        """(480, 1120, 3) uint8 RGB, the camera's latest image and, to its right, a plan of the classes on the map."""
         if self.render_mode is None or self.explorer is None:
             return None
         return picture(self._seen.keyframe.frame.rgb, self._maps)
 
     def __getstate__(self) -> dict[str, Any]:
-        """The task for a copy; InputError if it has been reset, because the physics cannot be copied."""
+        """The state of the task for a copy; InputError after a reset, because the physics cannot be copied."""
         if self.explorer is not None:
             raise InputError(USED)
         return self.__dict__.copy()
 
     def close(self) -> None:
-        """Free the physics; the task cannot be used any more."""
+        """Free the physics; a closed task cannot be used."""
         self._is_closed = True
         self._free()
 

@@ -1,4 +1,4 @@
-"""Observations of an exploring agent: local maps of the robot's surroundings as it knows them, and viewpoints."""
+"""Observations of an exploring agent: local maps of the robot's surroundings, from its own maps, and viewpoints."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +18,7 @@ VIEWPOINTS = 32
 LOCAL_SIDE, LOCAL_CELL = 64, 0.2
 """Number of rows, and of columns, of the local maps; side of a cell, m."""
 FARTHEST_COORDINATE = 10_000.0
-"""Coordinates in observations are clipped to this, m."""
+"""Maximum magnitude to which coordinates in observations are clipped, m."""
 ROBOT_COLOUR = (220, 40, 40)
 
 Maps = dict[str, NDArray[Any]]
@@ -49,7 +49,7 @@ def observation(
         maps: ``elevation``, ``label`` and ``seen``, (64, 64).
         place: (2,) x and y from the start, m.
         heading: heading of the robot, rad.
-        viewpoints: (N, 4) rows, at most 32.
+        viewpoints: (N, 4) rows of the observation's ``viewpoints``, at most 32.
         frontiers: number of frontiers.
     """
     far, rows = FARTHEST_COORDINATE, np.zeros((VIEWPOINTS, 4), np.float32)
@@ -63,13 +63,13 @@ def observation(
 def local_maps(mapper: Mapper, T_map_base: Pose) -> Maps:
     """``elevation``, ``label`` and ``seen`` (64, 64) around a robot, rows along y, columns along x.
 
-    ``elevation``: height of the highest known ground in a cell above the ground at the robot, m, 0 where unknown;
-    ``label``: the most frequent class of its labelled points other than ceilings, 0 if there are none;
-    ``seen``: whether any ground in it has been seen.
+    ``elevation``: height, m, of the highest known ground in each cell, relative to the ground at the robot, 0 where
+    unknown; ``label``: the most frequent class of the cell's labelled points except ceilings, 0 if there are none;
+    ``seen``: whether any ground in the cell has been seen.
 
     Args:
         mapper: the robot's mapper, which holds its maps.
-        T_map_base: pose of the robot.
+        T_map_base: 4×4 pose of the robot in ``map``.
     """
     grid, layers = mapper.elevation_map.grid, mapper.elevation_map
     per_cell = round(LOCAL_CELL / grid.cell)
@@ -96,7 +96,7 @@ def _classes(known: SemanticMap, middle: NDArray[np.float64]) -> NDArray[np.uint
 
 
 def picture(rgb: Rgb, maps: Maps) -> NDArray[np.uint8]:
-    """(H, W + H, 3) the camera's image, and the classes around the robot, with y up and the robot in red."""
+    """(H, W + H, 3) RGB, the camera's image and a plan of the classes around the robot: y up, the robot in red."""
     colours = np.where(maps["seen"][..., None] > 0, COLOURS[maps["label"]], 0).astype(np.uint8)
     colours[LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1, LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1] = ROBOT_COLOUR
     side = len(rgb)

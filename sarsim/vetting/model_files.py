@@ -16,8 +16,8 @@ from pipeline.files import MAX_TEXT, check_regular, read_bytes
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-MAX_MODEL_BYTES = 100_000_000  # Total of a model's files: MJCF, meshes, textures and height fields
-MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms each; esogu_52x15 has 1,600
+MAX_MODEL_BYTES = 100_000_000  # Maximum total size of a model's files: MJCF, meshes, textures and height fields
+MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms for each; esogu_52x15 has 1,600
 MJCF_ENDINGS = ".xml", ".mjcf"
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders."""
@@ -32,7 +32,7 @@ _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
 
 class RefusedError(InputError):
-    """A file that may be harmful, not merely broken or missing; nothing that refers to it is read."""
+    """A file may be harmful, rather than merely broken or missing; nothing that refers to it is read."""
 
 
 def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
@@ -56,7 +56,7 @@ def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
 
 
 def root_of(content: bytes) -> "Element":
-    """The root element of XML that MuJoCo and Gazebo can read even if the standard forbids it; else ParseError."""
+    """The root element of XML that MuJoCo and Gazebo can read, even if it violates the standard; else ParseError."""
     try:
         return ElementTree.fromstring(content, forbid_dtd=True)
     except ElementTree.ParseError as error:
@@ -67,12 +67,12 @@ def root_of(content: bytes) -> "Element":
 
 
 def _repaired(content: bytes) -> str:
-    """Repair what a strict parser would reject in a file's content but Gazebo and MuJoCo accept.
+    """Repair errors in a file's content that Gazebo and MuJoCo accept but a strict parser would reject.
 
-    Repaired are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, text before the declaration, missing
+    These errors are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, text before the declaration, missing
     spaces between attributes, repeated attributes (the first is used), ``<`` in an attribute, prefixes without a
-    namespace, control characters, and anything after the root. What tinyxml2 rejects stays as it is: mismatched tags
-    and values without quotes. Document types and entities stay too, for the parser to reject.
+    namespace, control characters, and anything after the root. Mismatched tags and values without quotes, which
+    tinyxml2 rejects, are left unchanged. So are document types and entities, so that the parser rejects them.
     """
     text = content.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "surrogateescape")
     text = _CONTROL.sub(" ", _NOT_UTF8.sub(lambda byte: chr(ord(byte[0]) - 0xDC00), text))
@@ -129,8 +129,8 @@ def check_files(path: Path) -> None:
     """Check all files of a model before anything builds or opens them.
 
     Raises:
-        InputError: see :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder
-            or to something that is not a file.
+        InputError: a file is invalid (see :func:`parse_mjcf`), or the model has too many geoms, or refers to a file
+            outside its folder or to something that is not a file.
     """
     roots = parse_mjcf(path)
     if roots[path].tag == "robot":

@@ -1,9 +1,9 @@
-"""MJCF in a form that means the same by itself and merged with another file, by means of MuJoCo's own compiler.
+"""Converts MJCF, by means of MuJoCo's own compiler, to a form that means the same alone and merged with another file.
 
-An MJCF file contains settings for its reader: the unit of angles, how inertias are computed, folders, defaults,
-included and attached files, frames, copies. If two files are merged, each is read with the other's settings. So
-MuJoCo reads each file alone and writes it with values that depend on no setting: radians and quaternions, explicit
-inertias, and every attribute on its own element.
+An MJCF file contains settings for its reader: the unit of angles, the method of computing inertias, folders,
+defaults, included and attached files, frames and copies. If two files are merged, each is read with the other's
+settings. Therefore, MuJoCo reads each file alone and writes it with values that depend on no setting: radians and
+quaternions, explicit inertias, and every attribute on its own element.
 """
 
 import ctypes
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 EXACT = 17  # Digits that preserve a float64 exactly
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
-"""Elements with a file, and the attribute of a compiled model that says which file MuJoCo opened."""
+"""Elements with a file, and the attribute of a compiled model that gives the path of the file that MuJoCo opened."""
 _Classes = dict[str, dict[str, dict[str, str]]]
 Check = Callable[[mujoco.MjModel], None]
 _TOP = "main"
 """MuJoCo's name of the global default class."""
 DEFAULTS_OF = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
-"""The element in a default class that applies to a whole section; elsewhere it has the same tag."""
+"""For sections to which one element of a default class applies as a whole, the section and the element's tag."""
 SIZES = (
     "nuserdata",
     *(f"nuser_{kind}" for kind in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")),
@@ -62,7 +62,7 @@ def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf
 
 
 def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """As :func:`resolved`, for MJCF created by other code; an InputError begins with ``name``."""
+    """Like :func:`resolved`, for MJCF created by other code; an InputError begins with ``name``."""
     files = root.get_assets()
     with _one_line(f"{name}: MuJoCo cannot compile the arena"):
         spec = mujoco.MjSpec.from_string(root.to_xml_string(precision=EXACT), assets=files)
@@ -73,7 +73,7 @@ def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mj
 def _one_line(beginning: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # About settings that MuJoCo will drop
+            warnings.simplefilter("ignore", UserWarning)  # These concern settings that MuJoCo will drop
             yield
     except InputError:
         raise
@@ -165,7 +165,7 @@ def _apply_defaults(root: "Element") -> None:
 
 
 def _collect(default: "Element", inherited: Mapping[str, dict[str, str]], classes: _Classes) -> None:
-    """Add a class and its subclasses: the attributes that they set for each kind of element."""
+    """Add a class and its subclasses, with the attributes that they set for each kind of element, to ``classes``."""
     own = {tag: dict(attributes) for tag, attributes in inherited.items()}
     for child in default:
         if child.tag != "default":

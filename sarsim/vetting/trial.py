@@ -13,13 +13,13 @@ from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
 from sarsim.vetting.resolved import EXACT, resolved
 
-TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's; the largest shipped arena needs 0.1 GB
-SECONDS = 20  # s of processor time
-MAX_USER = 100  # ``user`` values of an element
-MAX_HEIGHTS = 2_400_000  # Cells of height fields: 6,000 m², the most that is surveyed, in 5 cm cells
-FARTHEST = 8_000.0  # m from the origin; beyond it float32 no longer resolves 1 mm
-ITERATIONS = 0, 1000  # Of a solver; MuJoCo's default is 100
-FACETS = 3, 128  # Quads along or around a drawn shape; MuJoCo's defaults are at most 28
+TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's memory; the largest shipped arena needs 0.1 GB
+SECONDS = 20  # s, maximum processor time
+MAX_USER = 100  # Maximum number of ``user`` values of an element
+MAX_HEIGHTS = 2_400_000  # Maximum number of height field cells: 6,000 m², the maximum surveyed area, in 5 cm cells
+FARTHEST = 8_000.0  # m from the origin; beyond it, float32 does not resolve 1 mm
+ITERATIONS = 0, 1000  # Minimum and maximum iterations of a solver; MuJoCo's default is 100
+FACETS = 3, 128  # Minimum and maximum quads along or around a drawn shape; MuJoCo's defaults are at most 28
 BOUNDS = {
     "timestep": (1e-4, 0.02),  # s; at most the drive's period
     "iterations": ITERATIONS,
@@ -39,7 +39,7 @@ BOUNDS = {
 """Valid ranges of a model's options and visual settings."""
 SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
 """Arrays in which a model must not differ after being written and read again."""
-ALIKE = 1e-6  # m, kg and kg m²
+ALIKE = 1e-6  # m, kg and kg m², maximum difference between the values in ``SAME``
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
 """Arrays with coordinates in m."""
 
@@ -57,7 +57,7 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     vet_mjcf(path)
     try:
         return resolved(path)
-    except InputError as error:  # It has changed since it was vetted
+    except InputError as error:  # The file has changed since it was vetted
         raise InputError(f"{path}: {error}") from error
 
 
@@ -67,7 +67,7 @@ def is_shipped(path: Path) -> bool:
 
 
 def vet_mjcf(path: Path) -> None:
-    """Check untrusted MJCF: first its files, then by compiling it and simulating one step in a separate process.
+    """Check the files of untrusted MJCF, then compile it and simulate one step in a separate process.
 
     Raises:
         InputError: a file is invalid, too large or outside the folder; or the model cannot be compiled, has a value

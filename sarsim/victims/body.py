@@ -37,7 +37,7 @@ PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
 """Patterns of tops other than overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))  # Factors from the colour of the skin to that of the lips
+LIPS = np.array((0.85, 0.55, 0.52))  # Ratios of the RGB values of the lips to those of the skin
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
@@ -92,7 +92,7 @@ class Outfit:
         )
 
     def material(self, part: str) -> str:
-        """The material of a part of the body."""
+        """The name of the material of a part of the body."""
         if part in (LONG_SLEEVE if self.long_sleeves else SHORT_SLEEVE):
             return "top"
         if part in (TROUSERS if self.long_legs else SHORTS):
@@ -101,7 +101,7 @@ class Outfit:
 
 
 def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element], list[Element]]:
-    """Assets and geoms of a person; all their names start with ``name`` and ``_``."""
+    """Assets and geoms of a person, all of whose names start with ``name`` and ``_``."""
     assets, geoms = _materials(name, outfit), []
     normals = vertex_normals(figure.body)
     for number, part in enumerate(figure.parts):
@@ -172,7 +172,7 @@ def _mesh(
 
 
 def _face(name: str, figure: Figure) -> list[Element]:
-    """Eyes, brows and mouth, by which a face is recognised; positions are on the surface of the head at rest."""
+    """Eyes, brows and mouth, by which a face is recognised; the numbers are positions on the head at rest."""
     features = [("lips", "lips", (0.0, 0.662, 0.1165), (0.024, 0.0075, 0.006))]
     for side, sign in (("left", 1), ("right", -1)):
         features += [

@@ -14,9 +14,9 @@ PANEL = 0.02  # Thickness of boards and panels, m
 MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
 WALL, HOLE = 1.2, (0.28, 0.24)  # m: height and minimum width of a wall panel, and half sizes of its hole
 COVER_GAP, RIM = 0.03, 0.05  # m: gap between a person and the cover, and between a hole and the panel's edge
-MAX_DEPTH = 0.6  # Maximum depth of a box, m; a person who needs more sticks out of it
+MAX_DEPTH = 0.6  # Maximum depth of a box, m; a person who needs more room sticks out of the box
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
-"""The boards of a box: name, axis normal to the board, and side of the box's centre on which it is."""
+"""The boards of a box: name, axis normal to the board, and side of the box's centre on which the board is."""
 WOOD = (0.62, 0.48, 0.33)
 CONCRETE = (0.55, 0.54, 0.52)
 
@@ -27,7 +27,7 @@ class PersonCover:
 
     Attributes:
         geoms: geoms of the body ``cover_<id>``.
-        points: (N, 3) in the victim's own frame, m.
+        points: (N, 3) m, points in the geoms, in the victim's own frame.
     """
 
     geoms: list[Element]
@@ -37,7 +37,7 @@ class PersonCover:
 def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
     """Boards that lean on the half of a person farther from the head, and blocks next to this half.
 
-    ``person``: points on the person, whose head points to +x; ``name``: prefix of the geoms' names.
+    ``person``: (N, 3) m, points on the person, whose head points to +x; ``name``: prefix of the geoms' names.
     """
     cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)
@@ -55,7 +55,7 @@ def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
 
 
 def box(name: str, person: NDArray[np.float64]) -> PersonCover:
-    """A box, open towards +x, around a person, (N, 3) points, m; legs may stick out of it."""
+    """A box, open towards +x, around a person with points (N, 3) m, whose legs may stick out of it."""
     low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
@@ -69,7 +69,10 @@ def box(name: str, person: NDArray[np.float64]) -> PersonCover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> PersonCover:
-    """A panel 1.2 m high, at least as wide, before a person, (N, 3) points, m, with a hole in front of the chin."""
+    """A panel in front of a person with points (N, 3) m, with a hole in front of the chin (3,) m.
+
+    The panel is 1.2 m high and at least as wide.
+    """
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
     x = person[:, 0].max() + COVER_GAP + PANEL
@@ -92,7 +95,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
 
 
 def seat(name: str, half_sizes: NDArray[np.float64]) -> PersonCover:
-    """The block of ``half_sizes`` (3,), m, on which a seated person sits, with its back to the wall."""
+    """The block of ``half_sizes`` (3,) m on which a seated person sits, with its back to the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
     return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 
@@ -107,7 +110,7 @@ def joined(covers: list[PersonCover]) -> PersonCover:
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
 ) -> PersonCover | None:
-    """A board over ``middle`` with one end on the floor, leaning on the points ``under`` it; None if too steep.
+    """A board over ``middle`` with one end on the floor, leaning on the points ``under``; None if it is too steep.
 
     The lower end is moved away from ``middle`` until the board's slope is less than ``MAX_SLOPE``.
     """

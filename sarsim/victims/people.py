@@ -1,4 +1,4 @@
-"""The library of bodies, and of the postures in which they came to rest: ``assets/victims/people.npz``.
+"""The library of bodies and of the postures in which they came to rest, ``assets/victims/people.npz``.
 
 The surfaces of the bodies lie around the bones of dm_control's CMU humanoid, which was dropped as a ragdoll.
 """
@@ -29,7 +29,7 @@ class Shape:
     """A triangle mesh.
 
     Attributes:
-        vertices: (N, 3) m.
+        vertices: (N, 3) m, corners of the faces.
         faces: (M, 3) indices of vertices, counter-clockwise from outside.
     """
 
@@ -37,7 +37,7 @@ class Shape:
     faces: NDArray[np.int64]
 
     def moved(self, R: Rotation3, shift: Place) -> "Shape":
-        """The shape rotated, then shifted."""
+        """The shape rotated about the origin by ``R`` (3, 3), then shifted by ``shift`` (3,) m."""
         return Shape(self.vertices @ R.T + shift, self.faces)
 
 
@@ -50,7 +50,7 @@ class Figure:
         rest: the body's vertices at rest, with the arms stretched out: x to the left, y up.
         face_parts: index of the part of each face of the body.
         parts: names of the parts.
-        hair: surfaces by style.
+        hair: surface of the hair by style.
         turn: rotation of the head from rest to the posture.
         offset: translation of the head from rest to the posture.
         head_scale: size of the head relative to an adult's.
@@ -68,12 +68,12 @@ class Figure:
     scale: float
 
     def on_head(self, points: Places) -> Places:
-        """Points on an adult's head at rest, mapped to this person's head in the posture."""
+        """(N, 3) m, points on an adult's head at rest, mapped to this person's head in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)
         return self.scale * grown @ self.turn.T + self.offset
 
     def places(self, hair_style: str) -> Places:
-        """(N, 3) vertices of the body, and of the hair if there is any."""
+        """(N, 3) m, vertices of the body, and of the hair if there is any."""
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
@@ -91,7 +91,7 @@ class Figure:
         return replace(self, body=Shape(vertices, body), rest=rest, face_parts=face_parts, parts=parts)
 
     def moved(self, yaw: float, shift: Place) -> "Figure":
-        """The person rotated about z by ``yaw``, rad, then shifted."""
+        """The person rotated about z by ``yaw`` rad, then shifted by ``shift`` (3,) m."""
         R = about_z(yaw)
         return replace(
             self,
@@ -102,14 +102,14 @@ class Figure:
         )
 
     def centred(self) -> "Figure":
-        """The person shifted so that its horizontal centre is at the origin and its lowest point on the floor."""
+        """The person shifted so that their horizontal centre is at the origin and their lowest point on the floor."""
         shown = self.places("bald")
         low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
 
 
 class People:
-    """The library of people.
+    """The library of people, each with a build and in a posture.
 
     Attributes:
         postures: (P,) posture of each pose.
@@ -174,7 +174,7 @@ def skinned(
     turns: NDArray[np.float64],
     offsets: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """(N, 3) vertices moved by the weighted mean of their bones' motions (linear blend skinning)."""
+    """(N, 3) m, vertices moved by the weighted mean of their bones' motions (linear blend skinning)."""
     shares = weights / weights.sum(axis=1, keepdims=True, dtype=np.float64)
     moved = np.einsum("bij,nj->nbi", turns, vertices) + offsets
     return np.einsum("nb,nbi->ni", shares, moved)
@@ -189,7 +189,7 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
 
 
 def _holes(faces: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """The holes of a surface: an adjacent face, and the (K, 2) edges around the hole, directed as in the faces."""
+    """Yield for each hole of a surface an adjacent face and the (K, 2) edges around it, directed as in the faces."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     rim = np.sort(first[count == 1])

@@ -7,9 +7,9 @@ label 6; its cover (rubble, a box, a wall with a hole) is a second body ``cover_
 its geoms, meshes, materials and textures start with ``victim_<id>_``. Nothing refers to a file or a default class, so
 the MJCF can be opened anywhere.
 
-A victim's own frame has x, y on the floor and z up. Its footprint surrounds the origin unless ``needs_wall``: then
-the origin is at the foot of the wall against which it leans, the wall is the plane x = 0, and the person is on its
-+x side, facing +x. A person in a box or behind a hole also faces +x.
+A victim's own frame has x and y on the floor and z up. The footprint surrounds the origin unless ``needs_wall`` is
+set. In that case, the origin is at the foot of the wall against which the victim leans, the wall is the plane x = 0,
+and the person is on its +x side, facing +x. A person in a box or behind a hole also faces +x.
 """
 
 from collections.abc import Iterator, Sequence
@@ -60,12 +60,12 @@ class VictimModel:
         id: unique name in the arena.
         posture: posture of the person.
         placement: the kind of cover.
-        needs_wall: whether it leans against a wall at x = 0, which the arena must provide.
+        needs_wall: whether the person leans against a wall at x = 0, which the arena must provide.
         figure: the person.
         outfit: the appearance of the person.
-        cover: what the person is in, under, behind or on.
+        cover: objects that the person is in, under, behind or on.
         box: lowest and highest corner of the person in the victim's own frame, m.
-        footprint: (2, 2) lowest and highest x, y of the person and the cover, m.
+        footprint: (2, 2) m, lowest and highest x, y of the person and the cover.
         height: height of the person and the cover, m.
     """
 
@@ -81,7 +81,7 @@ class VictimModel:
     height: float
 
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
-        """Add it to a ``<mujoco>`` element, with its origin at ``position``, m, and turned left by ``yaw``, rad."""
+        """Add the victim to a ``<mujoco>`` element, with origin ``position`` (3,) m, turned left by ``yaw`` rad."""
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
         # Made only here, because most people drawn for an arena fit in no free place, and are never added.
         assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
@@ -103,7 +103,7 @@ class TrueVictim:
         id: unique name in the arena.
         T_world_victim: pose of the victim's own frame.
         box: lowest and highest corner in the victim's own frame, m.
-        geoms: ids of its geoms, as in a camera's instance image.
+        geoms: ids of the victim's geoms, as in a camera's instance image.
     """
 
     id: str
@@ -125,7 +125,7 @@ def make_victim(
     stature: float | None = None,
     room: tuple[float, float] = (np.inf, np.inf),
 ) -> VictimModel:
-    """A person of random build, size and clothes; the same generator state gives the same person.
+    """Make a victim of random build, size and clothes; the same generator state gives the same victim.
 
     Args:
         id: unique in the arena; letters, digits and underscores.
@@ -181,7 +181,7 @@ def box_of_geoms(model: mujoco.MjModel, geoms: Indices) -> Box:
 def _figures(
     posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
 ) -> Iterator[tuple[Figure, str]]:
-    """The library's people in a posture, in random order and of random stature by default, and their builds."""
+    """Yield the library's people in a posture, in random order, by default of random stature, with their builds."""
     library = people()
     kept = "sitting" if posture == "bust" else posture  # a bust is the upper part of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
@@ -203,7 +203,7 @@ def _cover(
     person: NDArray[np.float64],
     rng: np.random.Generator,
 ) -> PersonCover:
-    """The object that the person is in, under, behind or on."""
+    """The objects that the person is in, under, behind or on."""
     covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
     if placement == "rubble":
         covers.append(rubble(name, person, rng))
@@ -215,7 +215,7 @@ def _cover(
 
 
 def _extremes(places: NDArray[np.float64]) -> Box:
-    """Lowest and highest corner of (N, 3) points."""
+    """(2, 3) m, lowest and highest corner of points (N, 3) m."""
     return np.stack([places.min(axis=0), places.max(axis=0)])
 
 

@@ -1,6 +1,6 @@
 """Average precision of one class as COCO computes it (Lin et al., arXiv:1405.0312, and its published evaluation).
 
-Unlike in COCO, precision is evaluated at every recall, not at 101 values of it.
+Unlike in COCO, precision is evaluated at every recall, not at 101 recall values.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ MATCHING_IOU = 0.5  # Minimum intersection over union of a detection with its tr
 
 
 class AveragePrecision:
-    """Average precision, at an overlap of MATCHING_IOU, of detections that are added image by image."""
+    """Average precision, at an overlap of ``MATCHING_IOU``, of detections that are added image by image."""
 
     def __init__(self) -> None:
         self._scores: list[float] = []
@@ -36,7 +36,7 @@ class AveragePrecision:
 
     @property
     def value(self) -> float:
-        """Area under the decreasing envelope of precision over recall; NaN if there was nothing to find."""
+        """Area under the decreasing envelope of precision over recall; NaN if there were no boxes to find."""
         if self._present == 0:
             return float("nan")
         right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
@@ -49,8 +49,8 @@ class AveragePrecision:
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], min_overlap: float) -> NDArray[np.intp]:
     """Match detections with true boxes.
 
-    Each detection is matched with the true box of greatest overlap that no better detection has taken. If there is
-    none, it may be matched with an ignored box; several detections may share one.
+    Each detection is matched with the true box of greatest overlap that no better detection has taken. If there is no
+    such box, the detection may be matched with an ignored box; several detections may share an ignored box.
 
     Args:
         overlap: (N, M) intersection over union of the detections, the best first, with the true boxes.

@@ -35,12 +35,12 @@ from scripts.benchmarks.settings import BarnSettings
 START = (-2.25, 3.0, 90.0)
 """The start pose: x and y in m, heading in degrees."""
 GOAL = (-2.25, 13.0)
-"""x and y in m, 10 m ahead of the start."""
-ARRIVED = 1.0  # m from the goal, within which it counts as reached
-MOVED = 0.1  # m from the start, at which the clock starts
-LIMIT = 100.0  # s
-SPEED = 2.0  # m/s on the reference path: the Jackal's top speed, by its data sheet
-BEST, WORST = 2.0, 8.0  # Multiples of the reference time, between which the score of a success falls
+"""x and y of the goal, m; it is 10 m ahead of the start."""
+ARRIVED = 1.0  # m, maximum distance from the goal at which it is reached
+MOVED = 0.1  # m, distance from the start at which the clock starts
+LIMIT = 100.0  # s, time limit of a run
+SPEED = 2.0  # m/s, speed on the reference path, which is the Jackal's top speed by its data sheet
+BEST, WORST = 2.0, 8.0  # Multiples of the reference time between which the score of a success decreases
 CELL = 0.15  # m, side of a cell of the reference path
 FIRST_CELL = np.array([-4.575, 5.075])  # m, the centre of cell (0, 0)
 PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
@@ -99,7 +99,7 @@ def jobs_in(settings: BarnSettings, world: str) -> list[Job]:
 
 
 def run_job(job: Job) -> dict[str, Any]:
-    """Cross a world."""
+    """Cross a world, and return the result of the run."""
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         crossing = Crossing(replace(job.config, out=Path(out)))
         crossing.episode.run(show_progress=False)
@@ -111,10 +111,10 @@ class BarnJudge:
     """Judges a run by the robot's true pose.
 
     Attributes:
-        begin: when the robot was set down, s.
-        started: when it had moved far enough for the clock to start, s; None before.
-        ended: ``reached``, ``contact`` or ``time``; None before.
-        seconds: time on the clock, s; 0 until it starts.
+        begin: time at which the robot was set down, s.
+        started: time at which the robot had moved far enough for the clock to start, s; None before.
+        ended: how the run ended, ``reached``, ``contact`` or ``time``; None before.
+        seconds: time on the clock, s; 0 until the clock starts.
     """
 
     begin: float
@@ -123,9 +123,9 @@ class BarnJudge:
     seconds: float = 0.0
 
     def see(self, time: float, T_world_base: Pose, contacts: int) -> bool:
-        """Judge a true pose at a time, s, and the number of contacts so far; returns whether the run may go on.
+        """Judge a true pose at a time, s, and the number of contacts so far; return whether the run may continue.
 
-        The limit also holds for a robot that has not moved, from when it was set down.
+        For a robot that has not moved, the time limit starts when it is set down.
         """
         place = T_world_base[:2, 3]
         if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
@@ -154,7 +154,7 @@ class Crossing(Sink):
 
     @property
     def result(self) -> Run:
-        """The result of the run; if the robot rather than the judge ended it, it is ``lost`` or ``given_up``."""
+        """The result of the run; a run that the robot ended itself is ``lost`` or ``given_up``."""
         judge, episode = self.judge, self.episode
         ended = judge.ended or ("lost" if episode.lost else "given_up")
         navigation = episode.report["navigation"]
@@ -164,7 +164,7 @@ class Crossing(Sink):
 
 
 def score(seconds: float | None, optimal: float) -> float:
-    """Score of a run: from 1/8 to 1/2, or 0 without success (``seconds`` is None). ``optimal``: reference time, s."""
+    """Score of a run, 1/8 to 1/2, or 0 without success (``seconds`` is None); ``optimal``: reference time, s."""
     return 0.0 if seconds is None else optimal / float(np.clip(seconds, BEST * optimal, WORST * optimal))
 
 

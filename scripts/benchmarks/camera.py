@@ -1,4 +1,4 @@
-"""Time of a labelled RGB-D frame, against three passes of ``mujoco.Renderer``.
+"""Time per labelled RGB-D frame, compared with three passes of ``mujoco.Renderer``.
 
 Every contender renders in its own process, because two OpenGL contexts in one process interfere with each other.
 The processes take turns frame by frame, so that other load on the machine slows all alike.
@@ -25,7 +25,7 @@ POSES = [
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
 CAMERA_HEIGHT = 0.75  # m; the height of the robot's mast above the decks
-SIZE = 640, 480  # pixels
+SIZE = 640, 480  # Width and height of the images, pixels
 UNCOUNTED_ROUNDS = 2  # Warm-up rounds, not timed
 
 
@@ -40,7 +40,7 @@ Times = dict[str, float]  # ms of a complete "frame", and of each of its parts a
 
 
 def measure(settings: CameraSettings) -> Result:
-    """Median times of a frame and its parts, and how many times faster than each other contender ours is.
+    """Median times of a frame and its parts, and the speed-up of our renderer over each other contender.
 
     Raises:
         InputError: a number is below 1.

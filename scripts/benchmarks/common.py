@@ -68,7 +68,7 @@ class ThreePasses(Renderer):
         self.callback(self._renderer.close)
 
     def colour(self, data: mujoco.MjData, camera: CameraName) -> Rgb:
-        """The image of a camera."""
+        """The colour image of a camera."""
         self._renderer.disable_segmentation_rendering()
         return self._picture(data, camera)
 

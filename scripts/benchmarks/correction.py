@@ -1,7 +1,7 @@
-"""Time to correct the maps after loop closures, against inserting all frames again, as octree mappers must.
+"""Time to correct the maps after loop closures, compared with inserting all frames again, as octree mappers must.
 
 The robot drives to random places until it has enough keyframes, one every 0.3 m or 15°. Then corrections like those
-of loop closures are made: the newest keyframes move, and newer ones move farther.
+of loop closures are made, which move all keyframes after a random one, the newest the farthest.
 """
 
 import resource
@@ -43,7 +43,7 @@ def measure(settings: CorrectionSettings) -> Result:
         # Set up: the maps of a drive, and an octree of the same keyframes.
         mapper, octree = driven(arena, size, seed)
         rng = np.random.default_rng(seed)
-        # Measure corrections like those of loop closures, and compare the maps with maps made anew.
+        # Measure corrections like those of loop closures, and compare the maps with maps rebuilt from scratch.
         times = []
         for poses in tracked(
             list(_corrected(mapper.keyframes.poses, rounds, rng)), f"corrections of {size} keyframes"

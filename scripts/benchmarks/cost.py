@@ -1,7 +1,7 @@
-"""Processor time of complete episodes: by stage, over all threads, and relative to the world alone.
+"""Processor time of complete episodes, by stage and over all threads, also relative to the simulated world alone.
 
-The world alone replays the same drive: every command and every image that the robot asked for, and nothing else.
-A short episode runs first, so that imports and the compilation of kernels do not count.
+The world alone replays only the commands of the same drive and the images that the robot requested. A short episode
+runs first, so that imports and the compilation of kernels are not measured.
 """
 
 import resource
@@ -29,7 +29,7 @@ from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import CostSettings
 
 CODE = Path(pipeline.__file__).parents[1]
-PERIOD = 0.005  # s between two samples
+PERIOD = 0.005  # s, time between two samples
 STAGES = {
     "pipeline/victims/detector.py": "detector",
     "pipeline/victims/two_stages.py": "detector",
@@ -66,7 +66,7 @@ STAGES = {
     "sarsim/robots": "physics",
     "sarsim/simulated_robot.py": "physics",
 }
-"""Stage by path of the innermost running code; code that is not listed counts towards its caller's stage."""
+"""Stage by path of the innermost running code; code that is not listed belongs to its caller's stage."""
 
 
 def measure(settings: CostSettings) -> Result:
@@ -85,7 +85,7 @@ def measure(settings: CostSettings) -> Result:
 
 def _cost(config: EpisodeConfig) -> dict[str, float]:
     """The figures of an episode."""
-    # The episode, whose commands and images are noted, and whose running code is sampled.
+    # The episode, whose commands and image requests are recorded, and whose running code is sampled.
     episode = Episode(config)
     drive, steps = Drive(episode.robot), StepTimes(episode)
     with Sampler() as sampler:
@@ -123,7 +123,7 @@ class Drive:
         robot.drive, robot.sense = noted_drive, noted_sense  # type: ignore[method-assign]
 
     def again(self, config: EpisodeConfig) -> float:
-        """Replay the commands and images alone; returns their processor time, s."""
+        """Replay only the commands and image requests, and return their processor time, s."""
         arena = make_arena(config.arena, config.start, config.random, config.seed)
         robot = SimulatedRobot(arena, self._config, config.seed)
         begin = time.process_time()
@@ -166,7 +166,7 @@ class Sampler:
     """Samples the stage of every Python thread of this process, weighted by the processor time it has used.
 
     Attributes:
-        seconds: processor time by stage, s; library threads that run no Python count as ``native``.
+        seconds: processor time by stage, s; that of library threads that run no Python is ``native``.
     """
 
     def __init__(self) -> None:

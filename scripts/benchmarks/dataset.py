@@ -1,8 +1,8 @@
-"""The dataset generator against one that uses ``mujoco.Renderer``'s three passes, and two workers against one.
+"""The dataset generator compared with one that uses ``mujoco.Renderer``'s three passes, and two workers with one.
 
 The generators make the same complete scenes: arena, drive, sensor errors and file. They take turns frame by frame.
-Each generator and each worker has one thread; time spent waiting for a processor used by other programs does not
-count, but time spent waiting for a disk or a graphics card does.
+Each generator and each worker has one thread; the times exclude waits for a processor that other programs use, but
+include waits for a disk or a graphics card.
 """
 
 import os
@@ -25,9 +25,9 @@ from scripts.benchmarks.settings import DatasetSettings
 
 
 def measure(settings: DatasetSettings) -> Result:
-    """Times of each contender, and how many times faster ours and two workers are.
+    """Times of each contender, and the speed-ups of our generator and of two workers.
 
-    Each contender first makes one scene that is not counted.
+    Each contender first makes one scene that is not timed.
 
     Raises:
         InputError: a number is below 1.
@@ -89,7 +89,7 @@ def _make(workers: Sequence[Connection], index: int) -> NDArray[np.float64]:
         worker.send(index)
     took = max(worker.recv() for worker in workers)
     clock = time.perf_counter() - start
-    # With fewer than two processors the workers wait for each other, and that time must count.
+    # With fewer than two processors, the workers wait for each other, and this time must be included.
     return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
@@ -103,7 +103,7 @@ def make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:
 
 
 def undisturbed_seconds() -> float:
-    """Time, s, on a clock that stops while this single-threaded process waits for a processor, if Linux says so."""
+    """Time, s, on a clock that stops while this single-threaded process waits for a processor, as Linux reports."""
     try:
         waited = int(Path("/proc/self/schedstat").read_text().split()[1])
     except OSError:

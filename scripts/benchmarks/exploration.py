@@ -1,4 +1,4 @@
-"""Exploration of many arenas, against the nearest frontier as a baseline."""
+"""Exploration of many arenas, compared with the nearest-frontier strategy as a baseline."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,24 +14,24 @@ from scripts.benchmarks.settings import ExplorationSettings
 
 NEAREST_FRONTIER = "nearest_frontier"
 GROUND_ONLY = "ground_only"
-"""Our strategy without people, which the baseline does not look for either."""
+"""Our strategy without the victim detector, which the baseline lacks too."""
 COMPARED_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
-"""The parts of the reports of both that are summarised."""
+"""Parts of the reports of the compared episodes that are summarised."""
 WITHOUT_BASELINE = ("raf", "esogu_52x15")
 """Groups of large arenas, in which the baseline would take hours."""
 RATIO = "seen90_vs_nearest_frontier"
 T99_RATIO = "t99_vs_nearest_frontier"
-PENALTY = 10.0  # A run that never saw 90% counts with this multiple of its duration (PAR10)
+PENALTY = 10.0  # Multiple of a run's duration that stands for its time to see 90% if it never did (PAR10)
 WORST = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
-    """Run the missing episodes and summarise all; those that are compared run without the victim detector.
+    """Run the missing episodes, and summarise all; episodes that are compared run without the victim detector.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    # Set up: complete episodes, and those of both strategies without people, in the same arenas with the same seeds.
+    # Set up complete episodes, and episodes of both strategies without the detector, in the same arenas and seeds.
     own = list(jobs_of(settings.episode, settings))
     groups = list(dict.fromkeys(job.group for job in own))
     compared = [job for job in own if settings.baselines and job.group not in WITHOUT_BASELINE]
@@ -75,12 +75,12 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
 
 
 def without_people(job: Job, name: str, exploration: str) -> Job:
-    """The episode of a strategy in the same arena with the same seed, without people; ``name`` begins its figures."""
+    """The episode of a strategy in the same arena with the same seed, without the detector, in the group ``name``."""
     return Job(f"{name}.{job.group}", replace(job.config, exploration=exploration, detector=None))
 
 
 def compared_pairs(found: Mapping[str, Results], group: str) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
-    """Our reports of a group and the baseline's, both without people, of the same arenas with the same seeds."""
+    """Our reports of a group and the baseline's, both without the detector, of the same arenas and seeds."""
     return pairs(*(found.get(f"{strategy}.{group}", ()) for strategy in (GROUND_ONLY, NEAREST_FRONTIER)))
 
 
@@ -98,7 +98,7 @@ def figures_of(group: str, results: Results) -> dict[str, float]:
 
 
 def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
-    """Our time to see 90% over the nearest frontier's, by group and over all pairs in which theirs saw 90%."""
+    """Ratio of our time to see 90% to the baseline's, by group and over all pairs in which the baseline saw 90%."""
     figures, every = dict[str, float](), list[float]()
     for group in groups:
         both = compared_pairs(found, group)
@@ -115,7 +115,7 @@ def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, flo
 
 
 def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
-    """Our time to see 99% over the nearest frontier's, over all pairs in which both saw it.
+    """Ratio of our time to see 99% to the baseline's, over all pairs in which both saw 99%.
 
     Returns:
         The interquartile mean ``value`` with the 95% interval ``low`` to ``high``, and the number of ``pairs``; also
@@ -139,9 +139,9 @@ def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, 
 
 
 def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | None:
-    """Our time to see 90% of the drivable area over theirs, in the same arena with the same seed.
+    """Ratio of our time to see 90% of the drivable area to the baseline's, in the same arena with the same seed.
 
-    If we never saw 90%, ten times our duration counts; if they never did, the ratio is None.
+    If we never saw 90%, ten times our duration is used; if the baseline never did, the ratio is None.
     """
     t_theirs = theirs["exploration"].get("t90_s")
     if t_theirs is None:
@@ -160,6 +160,6 @@ def worst_of(group: str, jobs: Sequence[Job], results: Results) -> list[str]:
 
 
 def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
-    """What orders runs, the worst first: how often the robot tipped, explored fraction, contacts, duration."""
+    """Key that sorts runs, the worst first: how often the robot tipped, explored fraction, contacts, duration."""
     navigation, explored = report["navigation"], report["exploration"]["explored_fraction"]
     return -navigation["tipped"], explored, -navigation["collisions"], -report["sim_time_s"]

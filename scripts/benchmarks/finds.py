@@ -1,4 +1,4 @@
-"""Finds: how many of each kind the robot finds and reads in complete episodes, or what is found in real photos.
+"""Finds: the fraction of each kind that the robot finds and reads in complete episodes, or that it finds in photos.
 
 A folder of photos has ``arena/`` (boards named ``board<number>_<distance>cm``, nobody in them), ``people/``,
 ``rooms/`` (nobody in them) and ``truth.json``.
@@ -31,7 +31,7 @@ from scripts.benchmarks.settings import FindsSettings
 
 SURE, LIKELY = 0.5, 0.25  # Minimum confidences of a detected box
 CLEAR, LONG = 0.6, 0.15
-"""A reference box counts from this confidence on, and from this ratio of its longer side to the photo's."""
+"""Minimum confidence of a reference box, and minimum ratio of its longer side to the photo's, for it to be scored."""
 OVERLAP = 0.5  # IoU above which a person is found
 BOARD = re.compile(r"board(\w+)_(\d+)cm")
 ENDINGS = (".jpg", ".jpeg", ".png")
@@ -72,7 +72,7 @@ def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
 
 
 def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dict[str, float]:
-    """All figures ``real.*``; figures with nothing to count are left out.
+    """All figures ``real.*``; figures for which the photos show no object are left out.
 
     Raises:
         InputError: the folder, a photo or truth.json is missing or broken.
@@ -99,13 +99,13 @@ def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dic
 
 
 class PhotoScore:
-    """Counts, by figure, what is found in photos, and out of how many."""
+    """Counts, by figure, the objects found in photos, and the objects that could have been found."""
 
     def __init__(self) -> None:
         self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
 
     def figures(self) -> dict[str, float]:
-        """The fraction found, for every figure with something to count."""
+        """The fraction found, for every figure whose total is not zero."""
         return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
 
     def _add(self, name: str, hits: int, number: int) -> None:
@@ -113,7 +113,7 @@ class PhotoScore:
         self._of[name] += number
 
     def add_empty(self, people: Sequence[Detection]) -> None:
-        """Add a photo without people, with the people and dolls detected in it."""
+        """Add a photo without people; ``people`` are the people and dolls that were nevertheless detected."""
         for name, least in (("empty_alarms_50", SURE), ("empty_alarms_25", LIKELY)):
             self._add(name, any(person.confidence >= least for person in people), 1)
 

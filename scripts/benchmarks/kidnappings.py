@@ -1,4 +1,4 @@
-"""Repeated kidnappings of a robot: whether it notices them, and whether it relocalises."""
+"""Kidnap a robot repeatedly, and check whether it notices this and relocalises."""
 
 from collections import Counter
 from dataclasses import replace
@@ -22,19 +22,19 @@ from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 
-ROOM = 0.4  # m, radius of free ground needed around the place where the robot is set down
+ROOM = 0.4  # m, radius of free ground needed around the position where the robot is set down
 CARRIED = 0.5  # m, minimum distance by which the robot is carried
-STANDS = 10.0  # s that the robot stands still after being set down, while its roll and pitch settle
+STANDS = 10.0  # s, time for which the robot stands still after being set down, while its roll and pitch settle
 GOOD, WRONG = 0.05, 0.3
-"""Position errors, m: below the first, the place counts as found; from the second on, as wrong."""
+"""Position errors, m: below the first, the pose is found; from the second on, it is wrong."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
 
 
 def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     """The number of kidnappings with each of ``OUTCOMES``.
 
-    An episode explores first, unless its map exists. Then a robot in this map is carried to a random mapped place
-    ``times`` times. After a wrong or doubtful place, or an unnoticed kidnapping, it restarts at its true pose.
+    An episode explores first, unless its map exists. Then a robot in this map is carried to a random mapped position
+    ``times`` times. After a wrong or doubtful pose, or an unnoticed kidnapping, it restarts at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run(show_progress=False)
@@ -83,7 +83,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 
 def set_down(robot: SimulatedRobot, place: Place, quat: NDArray[np.float64], seconds: float) -> None:
-    """Set the robot down at a place (3,), m, with an orientation (4,), and let it stand still for some time, s."""
+    """Set the robot down at a position (3,), m, with a quaternion (4,), and let it stand still for ``seconds``."""
     robot.robot.set_pose(robot.physics, place, quat)
     robot.physics.velocity()[:] = 0
     mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)

@@ -1,4 +1,4 @@
-"""Frames of drives with true labels, and the accuracy of classifiers in them and in the maps fused from them."""
+"""Frames of drives with true labels, and the accuracy of classifiers in these frames and in maps fused from them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from sarsim.sensors.rendering import Renderer
 
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By suffix of the figures' names
 SPARSE_KEYFRAMES = (2.0, 0.8)
-"""m and rad between the frames that are compared: far apart, so that they show more than an arena's start."""
+"""Motion between the frames that are compared, m and rad; it is large so that frames show more than the start."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Autonomous traverses of RoboCup Rescue lanes, judged by the robot's true pose.
 
-In each try the goal is the middle of the other end zone; the maps persist from try to try. A try without a traverse
-causes a reset: the lane is set up anew, and the robot starts in the next end zone with empty maps.
+The goal of each try is the middle of the other end zone; the maps persist from try to try. After a try without a
+traverse, the lane is reset, and the robot starts in the next end zone with empty maps.
 """
 
 from collections import Counter
@@ -42,7 +42,7 @@ class LaneTry:
     Attributes:
         towards: +1 or -1, the sign of x of the end zone to drive into.
         ended: ``reached`` the goal, ``given_up``, ``held``, ``lost``, ``tipped`` or ``time``.
-        seconds: the robot's time until it was across, s; None without a traverse.
+        seconds: time until the robot had crossed the lane, s; None without a traverse.
         posts: number of posts that fell.
     """
 

@@ -1,7 +1,7 @@
 """The lidar: time per scan, scans per minute, labels against Open3D's ray casting, and KISS-ICP on the scans.
 
-All times exclude waits for a processor that other programs use. A scan, its rays alone and depth images of the same
-view take turns.
+All times exclude waits for a processor that other programs use. Full scans, ray casts alone and depth images of the
+same view are timed in turn.
 """
 
 import os
@@ -39,10 +39,10 @@ from scripts.benchmarks.settings import LidarSettings
 
 DEFAULT, DATASET_SENSOR = "vlp-16", "16x900"
 SENSORS = (DATASET_SENSOR, "64x1024", *PRESETS)
-IMAGE = (64, 48)  # pixels of the images that the dataset of scans has beside them, small as they are not the subject
+IMAGE = (64, 48)  # Width and height, pixels, of the datasets' camera images; small because only scans matter
 VIEW = 90.0  # degrees, the horizontal field of view of each depth image
-INDOORS = 20.0  # m, the range passed to KISS-ICP; its voxels are a hundredth of it, as by its own default
-EDGE = 1e-3  # m; a beam so near to an edge may hit either surface
+INDOORS = 20.0  # m, the maximum range passed to KISS-ICP, whose default voxel size is a hundredth of the range
+EDGE = 1e-3  # m; a beam this close to an edge may hit either surface
 
 
 def measure(settings: LidarSettings) -> Result:
@@ -74,7 +74,7 @@ def scanner_of(robot: SimulatedRobot, sensor: str, rng: np.random.Generator | No
 
 
 def times(robot: SimulatedRobot, sensor: str, rounds: int) -> dict[str, float]:
-    """Median ms of a scan with errors and labels, and its ratios to rays alone and to depth images of the view."""
+    """Median time of a scan with errors and labels, ms, and its ratios to rays alone and to depth images."""
     scanner = scanner_of(robot, sensor, np.random.default_rng(0))
     model = LidarConfig(sensor).model()
     with Renderer(robot.physics.model.ptr, *image_size(sensor)) as renderer:
@@ -110,7 +110,7 @@ def directions(sensor: str) -> NDArray[np.float64]:
 
 
 def rays_alone(robot: SimulatedRobot, scanner: Scanner, sensor: str) -> Callable[[], object]:
-    """Nothing but MuJoCo's rays in the same directions, with buffers that exist already."""
+    """A function that only casts MuJoCo's rays in the same directions, into existing buffers."""
     model, data, T = robot.physics.model.ptr, robot.physics.data.ptr, scanner.pose
     rays = (directions(sensor) @ T[:3, :3].T).ravel()
     count = len(rays) // 3
@@ -126,7 +126,7 @@ def rays_alone(robot: SimulatedRobot, scanner: Scanner, sensor: str) -> Callable
 
 
 def image_size(sensor: str) -> tuple[int, int]:
-    """Width and height, pixels, of images of ``VIEW``, with a column for each of beams, as high as the rows reach."""
+    """Width and height, pixels, of images ``VIEW`` wide, with a column per column of beams, that cover all rows."""
     model = LidarConfig(sensor).model()
     width = round(model.columns * VIEW / model.field_of_view)
     highest = np.radians(max(abs(angle) for angle in model.elevations))
@@ -134,7 +134,7 @@ def image_size(sensor: str) -> tuple[int, int]:
 
 
 def depth_images(robot: SimulatedRobot, renderer: Renderer, scanner: Scanner, view: float) -> Callable[[], object]:
-    """Depth and geom ids in images that together cover the lidar's field of view, ``view`` degrees."""
+    """A function that renders depth and geom ids in images that cover the lidar's field of view, ``view`` degrees."""
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     model.vis.global_.fovy = 2 * np.degrees(
         np.arctan(np.tan(np.radians(VIEW / 2)) * renderer.height / renderer.width)
@@ -154,7 +154,7 @@ def depth_images(robot: SimulatedRobot, renderer: Renderer, scanner: Scanner, vi
 
 
 def agreement(arena: str, seed: int) -> dict[str, float]:
-    """Fractions of the beams of ``64x1024`` with Open3D's label, and with another although no edge is near."""
+    """Fractions of the beams of ``64x1024`` with Open3D's label, and with another label although no edge is near."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     scanner, rays = scanner_of(robot, "64x1024"), directions("64x1024")
@@ -202,7 +202,7 @@ def open3d_caster(
 
 
 def throughput(settings: LidarSettings) -> dict[str, float]:
-    """Scans a minute of two workers that make scenes in random arenas, files included."""
+    """Scans per minute of two workers that make scenes in random arenas, including the writing of files."""
     sensor = {"lidar": LidarConfig(DATASET_SENSOR)}
     recipe = Recipe(seed=settings.seed, frames=settings.frames, width=IMAGE[0], height=IMAGE[1], plugins=sensor)
     with tempfile.TemporaryDirectory() as name:
@@ -223,7 +223,7 @@ def throughput(settings: LidarSettings) -> dict[str, float]:
             process.kill()
             process.join()
     scans = 2 * each * settings.frames
-    # With fewer than two processors the workers wait for each other, and that time must count.
+    # With fewer than two processors, the workers wait for each other, and this time must be included.
     undisturbed = float(took.max()) if len(os.sched_getaffinity(0)) >= 2 else clock
     per_minute = 60 * scans / undisturbed
     return {
@@ -235,7 +235,7 @@ def throughput(settings: LidarSettings) -> dict[str, float]:
 
 
 def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
-    """ATE, m, of KISS-ICP on the scans of a drive, aligned, by its own metric, from the files of a dataset."""
+    """ATE, m, of KISS-ICP on the scans of a drive, read from a dataset; aligned, and computed by its own metric."""
     recipe = Recipe(
         seed=settings.seed,
         frames=settings.drive,
@@ -254,7 +254,7 @@ def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
 
 
 def kiss_icp_poses(folder: Path) -> NDArray[np.float64]:
-    """(N, 4, 4) poses of the scans in a folder by KISS-ICP, read by its generic loader, with its default settings."""
+    """(N, 4, 4) poses by KISS-ICP of the scans in a folder, read by its generic loader, with its default settings."""
     config = KISSConfig(
         data=DataConfig(max_range=INDOORS, min_range=0.0, deskew=False),
         mapping=MappingConfig(voxel_size=INDOORS / 100),

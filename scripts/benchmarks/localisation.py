@@ -1,4 +1,4 @@
-"""Localisation along drives, against odometry, KISS-ICP and Open3D's RGB-D odometry.
+"""Localisation along drives, compared with odometry, KISS-ICP and Open3D's RGB-D odometry.
 
 The robot explores using its true pose, so that a drive does not depend on the method measured with it. All methods
 get the same frames, in turn, in a single-threaded process; processor time is measured. The trajectories stay in the
@@ -44,8 +44,8 @@ NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """The arena in which the robot is kidnapped, by group."""
 FRAMES = 3000  # Maximum number of frames of a drive
-SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad between frames
-AGREEMENT = 1e-6  # m, tolerated difference between our ATE and evo's, which is computed from rounded files
+SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad, minimum motion between frames
+AGREEMENT = 1e-6  # m, maximum difference between our ATE and evo's, which is computed from rounded files
 
 
 def measure(settings: LocalisationSettings) -> Result:
@@ -97,7 +97,7 @@ def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
         followed = drive(job.config, names)
     except InputError as error:
         return {"left_out": str(error)}
-    # Leave the trajectories, with each method's last corrections, and score them.
+    # Write the trajectories, with each method's last corrections, and score them.
     true = np.array(followed.true)
     files = {name: folder / f"{job.name}-{name}.tum" for name in (*names, "true")}
     write_tum(files["true"], followed.times, followed.true)
@@ -159,7 +159,7 @@ class Followed(Sink):
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
-        """Localise a frame, with its wheel odometry, unless that is done already or the robot has moved since.
+        """Localise a frame, with its wheel odometry, unless this was already done or the robot has moved since.
 
         A robot that plans while rolling may have come to rest after the frame was taken.
         """

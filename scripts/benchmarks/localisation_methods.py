@@ -27,7 +27,7 @@ STRIDE = 4
 MIN_RETURNS = 0.1
 """Minimum fraction of pixels with returns. With fewer, as near a wall, baselines get lost."""
 STRAYED = 0.1, np.deg2rad(5)
-"""m and rad; a baseline that deviates more from the odometry within a frame counts as lost, and odometry is used."""
+"""m and rad; a baseline that deviates more from the odometry within a frame is lost, and odometry is used."""
 
 CORRECTED = 3  # Keyframes between two of our corrections, as between two steps of an episode
 
@@ -44,7 +44,7 @@ class Method(ABC):
 
     @abstractmethod
     def localise(self, frame: Frame) -> Pose:
-        """Pose of ``base_link`` in ``map`` at the next frame."""
+        """The pose of ``base_link`` in ``map`` at the next frame."""
 
     def corrected(self, online: NDArray[np.float64]) -> Poses:
         """Final estimates of all poses, given the ``online`` estimates made during the drive."""
@@ -126,7 +126,7 @@ class Guided(Method):
         self._last: Frame | None = None
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Register the frame; use the odometry's motion if the frame has too few returns or it gets lost."""
+        """Register the frame; use the odometry's motion if the frame has too few returns or registration fails."""
         last, self._last = self._last, frame
         moved = inverse(last.T_odom_base) @ frame.T_odom_base if last else np.eye(4)
         guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts if a rotation is not orthonormal

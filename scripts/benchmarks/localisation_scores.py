@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Poses, Values
 from pipeline.transforms import wrap_angle
 
-SECTION = 1.0  # m driven between the two poses of a relative pose error
+SECTION = 1.0  # m, distance driven between the two poses of a relative pose error
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
@@ -69,14 +69,17 @@ def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float
 
 
 def each_nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> Values:
-    """(N,) the same for each of the errors."""
+    """(N,) normalised estimation error squared of each of (N, 6) errors, per dimension; see :func:`nees`."""
     return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]) / 6)
 
 
 def moved_along(online: NDArray[np.float64], keyframes: Sequence[int], poses: Poses) -> Poses:
     """(N, 4, 4) online poses, each moved along with the correction of the latest keyframe before it.
 
-    ``keyframes``: (K,) which of them are keyframes; ``poses``: (K, 4, 4) corrected poses of these.
+    Args:
+        online: (N, 4, 4) poses as estimated during the drive.
+        keyframes: (K,) indices of the poses that are keyframes.
+        poses: (K, 4, 4) corrected poses of the keyframes.
     """
     indices = np.array(keyframes)
     last = np.searchsorted(indices, np.arange(len(online)), side="right") - 1

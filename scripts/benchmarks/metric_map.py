@@ -1,6 +1,6 @@
-"""The metric map against exact ray traversal and OctoMap, on the same recorded frames.
+"""The metric map compared with exact ray traversal and OctoMap, on the same recorded frames.
 
-Each uses one thread, whose processor time is measured, so that other load on the machine does not count.
+Each method uses one thread, whose processor time is measured, so that other load on the machine has no effect.
 """
 
 import time
@@ -35,7 +35,7 @@ SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """Sizes of the environments in which frame times are compared, m."""
 TILE_FRAMES = 8  # Frames that map each 6 m × 4 m tile of an environment before timing starts
-WARM_UP = 5  # Frames that are not counted
+WARM_UP = 5  # Number of frames that are added untimed before the measurement
 STEPS = 160  # Maximum number of steps of an episode
 
 
@@ -109,7 +109,7 @@ class _Album(Sink):
 
 
 def measure(settings: MetricMapSettings) -> Result:
-    """Times, memory and accuracy, and times by size of the environment.
+    """Times, memory and accuracy of all contenders, and our times by size of the environment.
 
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.
@@ -117,7 +117,7 @@ def measure(settings: MetricMapSettings) -> Result:
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
     first, *others = ARENAS
-    # Set up: the frames of a drive, the same for every contender.
+    # Set up the frames of a drive, which are the same for every contender.
     recording = record(first, settings.seed, settings.frames)
     # Time and memory of all contenders, and times in larger environments.
     figures, sizes = _speed(recording), _sizes(recording)

@@ -35,15 +35,15 @@ from scripts.benchmarks.labelled_drives import (
 from scripts.benchmarks.semantic import THREADS, classifier_of, thesis_blocks
 from scripts.benchmarks.settings import ARENAS, NetworksSettings
 
-TIMED_FRAMES = 5  # Frames of nist_6x4
+TIMED_FRAMES = 5  # Number of timed frames, in nist_6x4
 FIRST_RANDOM = 90_000
-"""Seed of the first random arena. Datasets draw their arenas' seeds from a range of two thousand million."""
+"""Seed of the first random arena; datasets draw their arenas' seeds from a range of two billion."""
 
 
 def measure(settings: NetworksSettings) -> Result:
-    """Every network's size and time, and its accuracy in arenas that none was trained on.
+    """Size, time and accuracy of every network, in arenas on which no network was trained.
 
-    Figures that need frames, .raf files or weights are left out where these are missing.
+    Figures that need frames, .raf files or weights are left out if these are missing.
 
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
@@ -59,7 +59,7 @@ def measure(settings: NetworksSettings) -> Result:
     # Size and time of all networks, on the frames of a drive.
     timed = list(drive_through("nist_6x4", TIMED_FRAMES, settings.seed))
     figures = _sizes(files) | _times(files, timed, settings.rounds)
-    # Accuracy of those with weights, arena by arena, in normal light and in the dark.
+    # Accuracy of the networks with weights, arena by arena, in normal light and in the dark.
     groups = _groups(settings)
     lit = {suffix: value for suffix, value in LIGHTINGS.items() if settings.lighting in (None, value.name)}
     jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
@@ -123,7 +123,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
 
 
 def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dict[str, float]:
-    """Median ms per block and s per frame, including planes, networks in turn; random weights if there is no file."""
+    """Median times per block, ms, and per frame, s, including planes; networks without a file have random weights."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}

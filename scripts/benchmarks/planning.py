@@ -1,7 +1,7 @@
 """Planning time per step on completely mapped floors, stage by stage, for a small floor and a large one.
 
 At one random place after another, a keyframe adds a new box and measures the ground in view with noise. The
-processor time of one thread is measured, so that other load on the machine does not count.
+processor time of one thread is measured, so that other load on the machine has no effect.
 """
 
 import time
@@ -31,7 +31,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import ARENAS, PlanningSettings
 
-WARM_UP = 2  # Steps that are not counted
+WARM_UP = 2  # Number of first steps, whose times are discarded
 GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
 HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
 HITS = 9  # Returns per cell in a keyframe
@@ -40,7 +40,7 @@ AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
 def measure(settings: PlanningSettings) -> Result:
-    """Median milliseconds of a step and of its stages in each arena."""
+    """Median times of a step and of its stages in each arena, ms."""
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
     figures: dict[str, float] = {}

@@ -15,7 +15,7 @@ MORE_IS_BETTER = {
     "iou", "accuracy", "matched", "boxes_iou", "coverage", "reached", "recovered", "explored_fraction",
     "found", "mean_speed",
 }  # fmt: skip
-"""Name parts of figures whose worst value is the lowest; for all others, it is the highest."""
+"""Parts of the names of figures whose worst value is the lowest; for all others, the worst value is the highest."""
 
 
 def reports(results: Sequence[Mapping[str, Any] | None]) -> list[Report]:

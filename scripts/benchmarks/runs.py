@@ -29,7 +29,7 @@ from scripts.benchmarks.settings import DrivesSettings, RunsSettings
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
 """Groups of arenas whose episodes are summarised together; any other arena is a group of its own."""
-STEPS = 1000  # Maximum number; an episode ends earlier if no viewpoint is left
+STEPS = 1000  # Maximum number of steps; an episode ends earlier if no viewpoint is left
 
 Results = Sequence[dict[str, Any] | None]  # One per job; None where the job failed
 
@@ -82,7 +82,7 @@ def arena_name(arena: str) -> str:
 def jobs_of(base: EpisodeConfig, drives: DrivesSettings) -> Iterator[Job]:
     """The episodes in every arena with every seed.
 
-    ``base`` has the settings that all episodes have.
+    ``base`` has the settings that all episodes share.
 
     Raises:
         InputError: there is no arena, a folder contains no .raf file, or the weights cannot be used.
@@ -130,7 +130,7 @@ def run_jobs(
 def run_all(
     jobs: Sequence[Job], settings: RunsSettings, run: Callable[[Job], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """The results of jobs, as :func:`run_jobs` gives them; InputError, too, if one of the jobs failed."""
+    """The results of jobs as from :func:`run_jobs`, but with an InputError if one of the jobs failed."""
     results = run_jobs(jobs, settings, run)
     if failed := failures(jobs, results):
         raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")

@@ -1,4 +1,4 @@
-"""The semantic map: speed and accuracy of the robot's network, against plain DGCNN and rules on height and slope."""
+"""Speed and accuracy of the robot's semantic network, compared with plain DGCNN and rules on height and slope."""
 
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -25,7 +25,7 @@ from scripts.benchmarks.settings import ARENAS, SHARED, SemanticSettings
 
 POINTS = 4096
 THREADS = 2
-TIMED_FRAMES = 10  # Frames of nist_6x4
+TIMED_FRAMES = 10  # Number of timed frames, in nist_6x4
 CHECKPOINT = SHARED / "dgcnn"
 """Folder of a published checkpoint and its logits; without it, agreement is not measured."""
 
@@ -74,7 +74,7 @@ def accuracy(frames: Iterable[PosedFrame], network: PointClassifier | None) -> d
 
 
 def accuracy_figures(details: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, float]:
-    """``miou_four.<arena>.<contender>``, with ".dark" at the end in the dark, and the means over all .raf arenas."""
+    """``miou_four.<arena>.<contender>``, with the suffix ".dark" in the dark, and the means over all .raf arenas."""
     figures, rafs = dict[str, float](), dict[str, list[float]]()
     for name, contenders in details.items():
         arena, dark, _ = name.partition(".dark")

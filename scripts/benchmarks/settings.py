@@ -10,10 +10,10 @@ from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.flags import Given
 from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig, Robot
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data next to the checkout
 ARENAS = "nist_6x4", "esogu_52x15"
 RANDOM = tuple(f"random:{seed}" for seed in (0, 1, 2, 4, 5, 6, 8, 9, 10, 12))
-"""Random arenas of difficulties 0 to 2: an arena's difficulty is its seed modulo 4."""
+"""Random arenas of difficulties 0 to 2; an arena's difficulty is its seed modulo 4."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class CostSettings(SubjectSettings):
 
     Attributes:
         arenas: arenas of the episodes.
-        finds: look for signs, codes and shapes too, as in a mission.
+        finds: also look for signs, codes and shapes, as in a mission.
         seed: seed of the episodes.
         steps: maximum number of steps of an episode.
     """
@@ -74,7 +74,7 @@ class DatasetSettings(SubjectSettings):
 
     Attributes:
         scenes: number of scenes that each generator makes.
-        frames: number of frames of a scene.
+        frames: number of frames per scene.
         rounds: number of rounds in which one worker and then two make a scene each.
         seed: seed of the arenas.
     """
@@ -91,10 +91,10 @@ class LidarSettings(SubjectSettings):
 
     Attributes:
         arenas: arenas of the scans; times are measured in the first.
-        rounds: number of timed scans of a sensor.
+        rounds: number of timed scans per sensor.
         scenes: number of scenes that two workers make together.
-        frames: number of scans of a scene.
-        drive: number of scans of a drive, ten a second.
+        frames: number of scans per scene.
+        drive: number of scans per drive, ten per second.
         seed: seed of every random number.
     """
 
@@ -111,7 +111,7 @@ class MetricMapSettings(SubjectSettings):
     """Time, memory and accuracy of the metric map, against ray traversal and OctoMap.
 
     Attributes:
-        frames: number of frames of an arena.
+        frames: number of frames per arena.
         seed: seed of the drives.
     """
 
@@ -139,8 +139,8 @@ class SemanticSettings(SubjectSettings):
     Attributes:
         rounds: number of timed rounds.
         seed: seed of the drives.
-        frames: number of frames of an arena; 0 for no arena.
-        raf_frames: number of frames of a .raf arena; 0 for none.
+        frames: number of frames per arena; 0 for no arena.
+        raf_frames: number of frames per .raf arena; 0 for no .raf arena.
         raf: folder of .raf arenas to label as well.
         weights: weights of the network that labels the points.
     """
@@ -175,7 +175,7 @@ class RunsSettings(SubjectSettings):
     """Settings of the subjects that run episodes.
 
     Attributes:
-        workers: number of episodes at the same time. By default one per core.
+        workers: number of episodes that run at the same time. By default one per core.
         runs: folder for the result of each episode; finished episodes in it are not repeated.
     """
 
@@ -207,7 +207,7 @@ class DrivesSettings(RunsSettings):
         arenas: names or files of arenas, or folders of .raf arenas.
         seeds: seeds of the episodes in each arena.
         lighting: light in the arenas.
-        baselines: run the baselines too.
+        baselines: also run the baselines.
     """
 
     arenas: tuple[str, ...] = (*ARENAS, *RANDOM)
@@ -241,7 +241,7 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
 
     @property
     def episode(self) -> EpisodeConfig:
-        """Settings that all episodes have."""
+        """Settings that all episodes share."""
         return EpisodeConfig(
             odometry=self.odometry,
             lighting=self.lighting,
@@ -275,7 +275,7 @@ class FindsSettings(EpisodesSettings):
 
     @property
     def episode(self) -> EpisodeConfig:
-        """Settings that all episodes have."""
+        """Settings that all episodes share."""
         return replace(super().episode, random=RandomArenaConfig(things=12))
 
 
@@ -285,8 +285,8 @@ class VictimsSettings(EpisodesSettings):
 
     Attributes:
         scenes: number of random arenas to render; 0 for none.
-        frames: number of frames of an arena.
-        seed: seed of these arenas; no network was trained on the default.
+        frames: number of frames per arena.
+        seed: seed of these arenas; no network was trained on those of the default seed.
         rounds: number of timed frames; 0 skips the timing.
         detector: an .onnx file, .cfg and .weights of any Darknet network, or the shipped .safetensors file.
     """
@@ -343,7 +343,7 @@ class WorldsSettings(RunsSettings):
     """Missions of 20 minutes in worlds of the rescue leagues' virtual robots, one mission in each world.
 
     Attributes:
-        worlds: folder with the worlds and their models; a model.sdf that no world includes counts as a world.
+        worlds: folder with the worlds and their models; a model.sdf that no world includes is used as a world.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seed: seed of every random number.
         pipeline: all parameters of the robot's software; set them in a ``--config`` file.

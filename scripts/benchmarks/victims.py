@@ -1,6 +1,6 @@
-"""Victims: the detector's average precision and speed, and how many the robot finds in complete episodes.
+"""Victims: the detector's average precision and speed, and the fraction that the robot finds in complete episodes.
 
-Average precision is that in frames of arenas that no network was trained on.
+Average precision is measured in frames of arenas on which no network was trained.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -87,7 +87,7 @@ def figures_of(group: str, found: Results, without: Results) -> dict[str, float]
 
 
 def _times(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Ratios, with over without the detector, of time to see 90% and total time: medians over the arenas."""
+    """Ratios of the total time and of the time to see 90%, with over without the detector; medians over arenas."""
     both = pairs(found, without)
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
@@ -98,7 +98,7 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
 
 
 def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
-    """Mean ms of the detector over frames of a random arena, as its time depends on the image's content."""
+    """Mean time of the detector, ms, over frames of a random arena, because its time depends on the image."""
     times: list[float] = []
 
     class Timed:
@@ -137,7 +137,7 @@ class PeopleInFrame:
 
     @property
     def counts(self) -> Mask:
-        """The people who should be found."""
+        """(V,) whether each person should be found."""
         return (self.area >= VISIBLE) & (self.hidden <= MAX_HIDDEN)
 
 

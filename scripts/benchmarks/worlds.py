@@ -1,4 +1,4 @@
-"""Published worlds of the rescue leagues' virtual-robot competitions: one mission in each, scored by their rules."""
+"""Missions in published worlds of the rescue leagues' virtual-robot competitions, scored by the leagues' rules."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -74,7 +74,7 @@ def job_of(settings: WorldsSettings, world: Path) -> Job:
 
 
 def run_job(job: Job) -> dict[str, Any]:
-    """Play a mission."""
+    """Run a mission."""
     begin = perf_counter()
     load_arena(job.config.arena)
     load_s = perf_counter() - begin

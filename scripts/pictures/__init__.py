@@ -1,1 +1,1 @@
-"""What draws the pictures of README and the documents, one module per picture or page."""
+"""The code that draws the pictures of the README and the documentation, one module per picture or page."""

@@ -34,13 +34,13 @@ SIDE = 300
 DARK = 16
 """Maximum value of the sky's colours in the robot's noisy image."""
 SKY = 20.0
-"""m from the picture's camera, beyond which there is nothing of the arena."""
+"""Distance from the picture's camera beyond which there is no part of the arena, m."""
 BEHIND = 0.03
 """Maximum distance of a painted point behind the surface in the picture, m."""
 PAINT = 0.8
 """Opacity of a label's colour."""
 AROUND = 0.1
-"""Margin around the box of a person who was found, m; points inside belong to the person."""
+"""Margin around the box of a person who was found, m; clutter inside is drawn as part of the person."""
 NAMED = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.VICTIM
 TRACK = (255, 255, 255)
 QUALITY = 50
@@ -55,7 +55,7 @@ class Drive:
         times: (N,) times of the true poses, s.
         places: (N, 3) true positions, m.
         turns: the true rotations, interpolated over time.
-        keyframes: time of each keyframe, s, and what was seen in it.
+        keyframes: time of each keyframe, s, and the observation stored for it.
         poses: (K, 4, 4) poses of the keyframes.
         people: time at which each person was found, s, and the person's position (3,) and size (3,), m.
     """
@@ -136,7 +136,7 @@ def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
 
 
 def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """(N, 3) points in ``map``, m, except the ceiling, and their labels (N,); empty if it was not labelled."""
+    """(N, 3) points of a keyframe in ``map``, m, except the ceiling, and their labels (N,); empty without labels."""
     if seen.shares is None:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
     labels = seen.shares.classes[:, 0].astype(np.int64)
@@ -147,7 +147,7 @@ def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], N
 def painted(
     robot: SimulatedRobot, points: NDArray[np.float32], colours: NDArray[np.uint8], track: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) the arena from above, with the visible points and the robot's track (N, 3) m painted on it."""
+    """(H, W, 3) image of the arena from above, with the visible points and the robot's track (N, 3) m painted on."""
     data = robot.physics.data.ptr
     picture = np.asarray(cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW), np.uint8)
     depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)

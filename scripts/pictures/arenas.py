@@ -1,4 +1,4 @@
-"""Draw the pictures of arenas.md, networks.md and tutorial-arena.md: arenas, views in them, elements."""
+"""Draw the pictures of arenas.md, networks.md and tutorial-arena.md: arenas, views in arenas, and elements."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ from scripts.pictures.layout import IMAGES, INK, beside, blank, on_ground, save,
 DOCS = IMAGES.parent
 SIZE = (800, 600)
 ELEMENT, ACROSS, NAME = (172, 120), 9, 24
-"""Size of the picture of an element, how many are in a row, and the height of the line with its name, pixels."""
+"""Size of an element's picture, pixels; pictures in a row; height of the line with the element's name, pixels."""
 HIDDEN = 3
 """A geom group that is not drawn."""
 
@@ -67,7 +67,7 @@ def draw_elements() -> None:
 
 
 def view_of(data: mujoco.MjData, model: mujoco.MjModel, is_own: NDArray[np.bool_]) -> mujoco.MjvCamera:
-    """A view that takes in the geoms of an element."""
+    """A view of all geoms of an element."""
     centres, radii = data.geom_xpos[is_own], model.geom_rbound[is_own, None]
     low, high = (centres - radii).min(axis=0), (centres + radii).max(axis=0)
     low[2] = max(low[2], 0.0)

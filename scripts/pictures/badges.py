@@ -1,4 +1,4 @@
-"""Draw README's badges from pyproject.toml. Stored as files, they are shown without a network."""
+"""Draw README's badges from pyproject.toml and store them as files, so that no network is needed to show them."""
 
 import tomllib
 from pathlib import Path

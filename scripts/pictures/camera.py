@@ -13,7 +13,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.pictures.layout import beside, save, scaled, stacked, titled
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
-ERROR = 0.04  # m, at either end of the colour scale of errors
+ERROR = 0.04  # m, error at either end of the colour scale
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> Rgb:

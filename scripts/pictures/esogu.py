@@ -18,7 +18,7 @@ PLACES = [
     (-25.0, 0.7, 0.0), (5.0, 1.1, -0.12), (-19.9, -5.8, 2.9), (-1.2, -2.3, -2.3),
     (6.2, -5.3, 0.2), (-10.9, 5.1, -0.25), (12.8, 3.0, 1.7), (-2.2, 2.8, 0.8),
 ]  # fmt: skip
-"""x, y in m and yaw in rad."""
+"""Poses of the robot, x and y in m and yaw in rad."""
 
 
 def draw() -> None:
@@ -30,7 +30,7 @@ def draw() -> None:
 
 
 def from_above(camera: str, margin: int = 12) -> Rgb:
-    """The floor without its ceiling, cropped; rendered at twice the size, for smooth edges."""
+    """The floor without its ceiling, cropped, and rendered at twice the size for smooth edges."""
     model = mujoco.MjModel.from_xml_path(str(asset("arenas", "esogu_52x15.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -11,8 +11,8 @@ from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 from scripts.pictures.layout import save, scaled
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
-"""For each arena, the indices of the frames of a drive that are drawn."""
-KEYFRAMES = (2.0, 0.8)  # m and rad between frames
+"""Indices of the frames that are drawn from a drive, by arena."""
+KEYFRAMES = (2.0, 0.8)  # m and rad, motion between frames
 
 
 def label_picture(seen: PosedFrame, labels: NDArray[np.integer]) -> Rgb:
@@ -23,7 +23,7 @@ def label_picture(seen: PosedFrame, labels: NDArray[np.integer]) -> Rgb:
 
 
 def column(seen: PosedFrame, networks: list[NetworkClassifier]) -> Rgb:
-    """Colour image, true labels and the labels of each network, one above the other."""
+    """The colour image, the true labels and the labels of each network, one above the other."""
     given = [network.classify(seen.frame, seen.points, seen.T_map_camera).argmax(axis=1) for network in networks]
     return np.vstack([seen.frame.rgb, *(label_picture(seen, labels) for labels in (seen.labels, *given))])
 

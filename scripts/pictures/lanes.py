@@ -9,7 +9,7 @@ from sarsim.sensors.rendering import Renderer
 from scripts.pictures.layout import beside, captioned, on_ground, save, stacked
 
 ACROSS = 3
-"""Pictures in a row."""
+"""Number of pictures in a row."""
 
 
 def draw() -> None:

@@ -1,4 +1,4 @@
-"""How pictures are put together: side by side on dark ground, which suits the site's light and dark themes alike."""
+"""Compose pictures on a dark background, which suits the site's light and dark themes alike."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +13,9 @@ from pipeline.lettering import width_of, write
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 GROUND, INK, DIM = (24, 27, 31), (235, 235, 235), (160, 165, 170)
-"""RGB of the ground, of text, and of text that matters less."""
+"""RGB of the background, of text, and of less important text."""
 GAP, LETTERS = 8, 18
-"""Pixels between pictures, and the height of letters."""
+"""Gap between pictures, and height of letters, pixels."""
 
 
 def beside(*pictures: Rgb, gap: int = GAP) -> Rgb:
@@ -35,7 +35,7 @@ def stacked(*pictures: Rgb, gap: int = GAP) -> Rgb:
 
 
 def blank(width: int, height: int) -> Rgb:
-    """Nothing but ground."""
+    """An empty picture in the background's colour."""
     return np.full((height, width, 3), GROUND, np.uint8)
 
 
@@ -47,7 +47,7 @@ def titled(picture: Rgb, title: str, size: int = LETTERS) -> Rgb:
 
 
 def captioned(picture: Rgb, text: str, size: int = LETTERS) -> Rgb:
-    """The picture with a text on a patch of ground in its upper left corner."""
+    """The picture with a text on a patch of background in its upper left corner."""
     picture = picture.copy()
     picture[: round(1.6 * size), : width_of(text, size) + size] = GROUND
     write(picture, (size // 2, round(1.15 * size)), text, size, INK)
@@ -65,7 +65,7 @@ def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
 
 
 def on_ground(picture: Rgb) -> Rgb:
-    """A rendered picture with ground in place of the black where the renderer drew nothing."""
+    """A rendered picture with the background's colour in place of the black where the renderer drew nothing."""
     return np.where(picture.any(axis=2, keepdims=True), picture, np.array(GROUND, np.uint8))
 
 
@@ -75,7 +75,7 @@ def scaled(picture: Rgb, factor: float) -> Rgb:
 
 
 def save(name: str, picture: Rgb, quality: int = 85) -> None:
-    """Write a picture into the folder of the documents' images."""
+    """Write a picture into the folder of the documentation's images."""
     path = IMAGES / name
     Image.fromarray(picture).save(path, quality=quality, optimize=True)
     print(f"{path}: {path.stat().st_size / 1e3:.0f} kB", flush=True)

@@ -14,13 +14,13 @@ from scripts.pictures.layout import blank, save, stacked
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
 SENSOR = LidarConfig("64x1024", vertical=(-40, 10))
-WIDTH, ROW = 1024, 4  # pixels of the picture, and of each row of beams
-MARGIN = 16  # pixels around the view from above
-EYE, LOOK = np.array([-1.6, -4.4, 8.0]), np.array([-0.6, 0.9, 0.3])  # m in the world
+WIDTH, ROW = 1024, 4  # Width of the picture, and height of each row of beams, pixels
+MARGIN = 16  # Margin around the view from above, pixels
+EYE, LOOK = np.array([-1.6, -4.4, 8.0]), np.array([-0.6, 0.9, 0.3])  # m, viewer's position and its target
 
 
 def panorama(scan: Scan) -> Rgb:
-    """The labels of the beams, a row of pixels for each row, with left on the left; black without return."""
+    """The labels of the beams, one row of beams below the other, with left on the left; black without return."""
     rows, columns = len(SENSOR.model().elevations), SENSOR.model().columns
     picture = np.zeros((rows, columns, 3), np.uint8)
     shade = (0.35 + 0.65 * scan.intensity)[:, None]

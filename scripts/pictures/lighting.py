@@ -20,11 +20,11 @@ CONDITIONS = {
 }
 
 GRAIN = (slice(60, 380), slice(1480, 1800))
-"""Rows and columns of a row of images that show the woman at full size."""
+"""Rows and columns that show the woman in a row of images, which are drawn at full size."""
 
 
 def draw() -> None:
-    """Draw each condition, and the grain of the images."""
+    """Draw the images under each condition, and details that show their noise."""
     rows = [row_of(config) for config in CONDITIONS.values()]
     titled = (captioned(scaled(row, 0.5), title) for row, title in zip(rows, CONDITIONS, strict=True))
     save("lighting.jpg", stacked(*titled, gap=4), 82)

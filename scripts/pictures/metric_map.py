@@ -23,11 +23,11 @@ PIXELS_PER_METRE = 112
 SIZE = (800, 560)
 """Width and height of a panel, pixels."""
 BRIGHTNESS = (0.62, 0.8, 1.0)
-"""Of faces with normals along x, y and z."""
+"""Brightness of faces with normals along x, y and z."""
 
 
 def draw(folder: Path) -> None:
-    """Draw the map of the run in a folder; the labels are those at its end."""
+    """Draw the map of the run in a folder with the labels at the end of the run."""
     mapper = make_mapper(PerceptionConfig(detector=None), robot_model(), earlier=folder)
     keyframes, semantic_map, metric_map = mapper.keyframes, mapper.semantic_map, MetricMap()
     points, labels = semantic_map.points(), semantic_map.labels()

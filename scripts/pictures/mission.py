@@ -1,6 +1,6 @@
-"""Draw the picture of missions.md: what a mission submitted.
+"""Draw the picture of missions.md: the files that a mission submitted.
 
-That is the 2D map, the 3D map from above in its own colours, and the list of finds.
+The picture shows the 2D map, the 3D map from above in its own colours, and the list of finds.
 """
 
 import csv
@@ -21,14 +21,14 @@ LINE = 26
 
 
 def plan_picture(path: Path) -> Rgb:
-    """(HEIGHT, w, 3) the 2D map."""
+    """(HEIGHT, W, 3) image of the 2D map."""
     with Image.open(path) as picture:
         image = np.asarray(picture.convert("RGB"))
         return scaled(image, HEIGHT / len(image))
 
 
 def cloud_picture(path: Path) -> Rgb:
-    """(HEIGHT, w, 3) the 3D map from above, y up as on the 2D map, the highest points on top."""
+    """(HEIGHT, W, 3) image of the 3D map from above, y up as on the 2D map, with the highest points on top."""
     cloud = read_cloud(path)
     points, colours = cloud.points(), cloud.points(RGB).astype(np.uint8)
     order = np.argsort(points[:, 2])
@@ -42,7 +42,7 @@ def cloud_picture(path: Path) -> Rgb:
 
 
 def list_picture(path: Path, width: int) -> Rgb:
-    """(h, width, 3) the list of finds, as text; the last columns, robot and mode, are the same in every line."""
+    """(H, width, 3) image of the list of finds, without robot and mode, which are the same in every line."""
     rows = [row[:-2] for row in csv.reader(path.read_text().splitlines()) if len(row) > 1]
     picture = blank(width, LINE * (len(rows) + 1))
     for k, row in enumerate(rows, start=1):
@@ -53,7 +53,7 @@ def list_picture(path: Path, width: int) -> Rgb:
 
 
 def draw(folder: Path) -> None:
-    """Draw what the mission's run in a folder submitted."""
+    """Draw the files that the mission in a folder submitted."""
     plan, cloud, finds = (next((folder / "handed_in").glob(f"*{end}")) for end in (".tiff", ".ply", ".csv"))
     maps = beside(plan_picture(plan), cloud_picture(cloud))
     save("mission.jpg", stacked(maps, list_picture(finds, maps.shape[1]), gap=0), 82)

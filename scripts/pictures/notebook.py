@@ -1,4 +1,4 @@
-"""Run docs/episode.ipynb, in a folder of its own, and store its outputs in it."""
+"""Run docs/episode.ipynb in a temporary folder, and store the outputs in the notebook."""
 
 import base64
 import io
@@ -15,7 +15,7 @@ DPI = 80
 
 
 def outputs(printed: str) -> list[dict[str, Any]]:
-    """The outputs of a cell that has just run, in notebook format: its text and its open figures."""
+    """The outputs of a cell that has just run, in notebook format: the printed text and the open figures."""
     made: list[dict[str, Any]] = []
     if printed:
         made.append({"name": "stdout", "output_type": "stream", "text": printed.splitlines(keepends=True)})

@@ -1,6 +1,6 @@
 """Draw docs/images/real-*.jpg: real frames from a folder like ../shared/real_rgbd, and the labels of their maps.
 
-It also prints the fractions of the labels among all returns.
+The fractions of the labels among all labelled returns are printed.
 """
 
 from pathlib import Path
@@ -42,7 +42,7 @@ def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
 
 
 def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
-    """Colour (H, W, 3), depth (H, W), m, and intrinsics of NYU Depth v2's frame, which has disparities."""
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of NYU Depth v2's frame, which stores disparities."""
     raw = (folder / "NYU_depth.pgm").read_bytes()[-2 * 640 * 480 :]
     disparity = np.frombuffer(raw, "<u2").reshape(480, 640).astype(float)
     depth = np.where(disparity < 1092, 351.3 / np.maximum(1092.5 - disparity, 1), 0)

@@ -1,6 +1,6 @@
 """Draw the pictures of viewer.md: a run's recording in the native viewer.
 
-Needs no screen, but Debian's xvfb and mesa-vulkan-drivers.
+This needs Debian's xvfb and mesa-vulkan-drivers, but no screen.
 """
 
 import shutil
@@ -37,16 +37,16 @@ def draw(folder: Path) -> None:
 
 
 def in_window(recording: Path, tab: int) -> Rgb:
-    """(H, W, 3) the viewer with one of the map's tabs in front, at the end of the recording."""
+    """(H, W, 3) image of the viewer with one of the map's tabs in front, at the end of the recording."""
     with tempfile.TemporaryDirectory() as folder:
         layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")
         blueprint(*arena_bounds(recording), tab=tab).save("sarsim", layout)
-        # On so large a screen, the pointer, which is in the middle, is outside the window.
+        # On such a large screen, the pointer, which is in the middle, is outside the window.
         screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
         viewer = [sys.executable, "-m", "rerun_cli", str(recording), str(layout), "--bind", HOST, "--port", "auto"]
         size = "x".join(map(str, SIZE))
         command = [*screen, *viewer, "--screenshot-to", str(picture), "--window-size", size]
-        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)  # It warns of rendering without a GPU
+        subprocess.run(command, check=True, stderr=subprocess.DEVNULL)  # The viewer warns of rendering without a GPU
         with Image.open(picture) as shot:
             return np.asarray(shot.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS))
 

@@ -1,6 +1,6 @@
 """Draw the picture of rescue-report.md: a run's report as on a desktop screen and, next to it, as on a phone.
 
-Needs no screen, but Debian's chromium.
+This needs Debian's chromium, but no screen.
 """
 
 import shutil

@@ -18,11 +18,11 @@ from scripts.pictures.layout import DIM, beside, blank, legend, save, scaled, st
 
 PIXELS_PER_METRE = 180
 MARGIN = 0.1
-"""m around the map."""
+"""Margin around the map, m."""
 
 
 class View:
-    """A view from straight above, which takes in all of some points."""
+    """A view of points from straight above."""
 
     def __init__(self, points: NDArray[np.floating]):
         self._low, high = np.quantile(points[:, :2], (0.0005, 0.9995), axis=0) + np.array([[-MARGIN], [MARGIN]])
@@ -45,7 +45,7 @@ def draw(folder: Path) -> None:
 
 
 def points_picture(view: View, points: NDArray[np.float32], labels: Labels) -> Rgb:
-    """Every point but the ceiling's in the colour of its label, the highest on top."""
+    """All labelled points except the ceiling's in the colours of their labels, with the highest points on top."""
     picture = blank(*view.size)
     order = np.argsort(points[:, 2])
     order = order[~np.isin(labels[order], (Label.CEILING, Label.UNLABELLED))]

@@ -1,4 +1,4 @@
-"""Cut README's thumbnails out of the pages' pictures, so that each is legible at its size."""
+"""Cut README's thumbnails out of the pages' pictures, so that each thumbnail is legible at its small size."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ CROPS = {
     "rooms": ("real-desk", [(70, 0, 250, 240), (390, 0, 570, 240)]),
     "grid": ("metric-map", [(820, 562, 1576, 1066)]),
 }
-"""For each thumbnail: its picture, and the pieces (left, upper, right, lower) that are put side by side."""
+"""By thumbnail: the picture, and the pieces (left, upper, right, lower, pixels) that are put side by side."""
 
 
 def thumbnail(picture: Image.Image, pieces: list[tuple[int, int, int, int]]) -> Image.Image:

@@ -20,7 +20,7 @@ from scripts.pictures.layout import GROUND, INK, beside, save
 CELL = 8
 """Pixels per cell."""
 MARGIN = 8
-"""Cells around the traversable ground."""
+"""Margin around the traversable ground, cells."""
 KNOWN, HAZARD, TRAVERSABLE, RAMP = (58, 62, 68), (150, 154, 160), (92, 97, 104), (70, 92, 150)
 TREE, LOOP, PLAN = INK, (255, 150, 30), (60, 190, 90)
 
@@ -42,11 +42,11 @@ class Picture:
         self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
 
     def line(self, path: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
-        """Draw a path (N, 2 or 3)."""
+        """Draw a path (N, 2 or 3), m, with a width in pixels."""
         cv2.polylines(self.image, [self._pixels(path)], False, colour, width, cv2.LINE_AA)
 
     def edge(self, edge: dict[str, Any]) -> None:
-        """Draw an edge, one of the tree in another colour than those that only the roadmap has."""
+        """Draw an edge, in different colours for edges of the tree and for edges that only the roadmap has."""
         self.line(np.array(edge["way"]), TREE if edge["tree"] else LOOP, 3)
 
     def node(self, node: dict[str, Any]) -> None:
@@ -77,7 +77,7 @@ def draw(folder: Path) -> None:
 
 
 def farthest_plan(topology: dict[str, Any], ground: Traversability) -> NDArray[np.float64]:
-    """(N, 2) the path between the two nodes farthest apart on the roadmap."""
+    """(N, 2) m, positions on the path between the two nodes that are farthest apart on the roadmap."""
     graph, places = nx.Graph(), {node["id"]: np.array(node["position"][:2]) for node in topology["nodes"]}
     graph.add_weighted_edges_from((*edge["nodes"], edge["seconds"]) for edge in topology["edges"])
     ways = dict(nx.all_pairs_dijkstra_path_length(graph))

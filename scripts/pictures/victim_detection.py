@@ -1,4 +1,4 @@
-"""Draw the picture of victim-detection.md: what the shipped detector finds in each lighting."""
+"""Draw the picture of victim-detection.md: the detections of the shipped detector in each lighting."""
 
 from collections.abc import Iterator
 from itertools import count
@@ -22,11 +22,11 @@ from scripts.benchmarks.victims import recipe, with_lighting
 from scripts.pictures.layout import beside, save, scaled, stacked
 
 FACTOR, LETTERS = 0.75, 15
-"""By which images are made smaller, and the height of letters, pixels."""
+"""Factor by which images are scaled down, and height of letters, pixels."""
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
 """Seed of the arenas; frames per arena; images per lighting; minimum number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
-"""RGB of a box in which depth confirms a person, and of others; the pixels of confirmed people are tinted."""
+"""RGB of boxes in which depth confirms a person, and of other boxes; the pixels of confirmed people are tinted."""
 
 
 def draw() -> None:
@@ -55,7 +55,7 @@ def frames(light: Lighting) -> Iterator[Frame]:
 
 
 def picture(frame: Frame, detector: VictimDetector) -> Rgb:
-    """(H, W, 3) the image with its detections, coloured by whether depth confirms a person."""
+    """(H, W, 3) image of a frame with its detections, coloured by whether depth confirms a person."""
     result, texts = frame.rgb.copy(), []
     for detection in detector.detect(frame.rgb):
         seen = observe(frame, detection, frame.T_base_camera)
@@ -67,7 +67,7 @@ def picture(frame: Frame, detector: VictimDetector) -> Rgb:
         text = f"{detection.confidence:.2f}" + ("" if isinstance(seen, Observation) else f" {seen.reason}")
         texts.append((FACTOR * x0, FACTOR * y0, text, colour))
     result = scaled(result, FACTOR)
-    for x, y, text, colour in texts:  # On the smaller image, where letters stay sharp
+    for x, y, text, colour in texts:  # On the scaled image, so that letters stay sharp
         left = min(round(x), result.shape[1] - width_of(text, LETTERS) - 4)
         write(result, (left, max(round(y) - 5, LETTERS)), text, LETTERS, colour)
     return result

@@ -15,7 +15,7 @@ VERSION = 1
 SETTINGS = ("voxel_size", "max_range", "offset", "hit", "miss", "margin", "max_bytes")
 """Names of the settings that are stored under their own names."""
 LIMITS = {"least": "min_log_odds", "greatest": "max_log_odds"}
-"""Names in the file, and of the settings, of the limits of log-odds."""
+"""Names of the limits of the log-odds in the file, and names of the settings that hold them."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
@@ -23,8 +23,8 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
 
     Entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
     ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels,
-    ``hit``, ``miss`` and ``max_bytes`` (int) as in the map's configuration, where ``greatest`` (int) is
-    ``max_log_odds``; and ``least`` (int), which follows from these.
+    ``hit``, ``miss`` and ``max_bytes`` (int), as in the map's configuration; ``greatest`` (int), the configuration's
+    ``max_log_odds``; and ``least`` (int), its ``min_log_odds``, which follows from the other entries.
 
     Raises:
         InputError: the file cannot be written.
@@ -43,7 +43,7 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
 
 
 def load_metric_map(path: Path) -> MetricMap:
-    """Read what :func:`save_metric_map` wrote.
+    """Read a map that :func:`save_metric_map` wrote.
 
     Raises:
         InputError: the file is missing or damaged, is not a metric map, or has another format version.

@@ -1,4 +1,4 @@
-"""The metric map as OctoMap files: ``.bt`` with only free and occupied, ``.ot`` with log-odds and colours.
+"""The metric map as OctoMap files: ``.bt`` with free and occupied space only, ``.ot`` with log-odds and colours.
 
 OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) has no
 grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header gives the corner of
@@ -23,7 +23,7 @@ CLAMP = np.finfo(np.float64).eps  # OctoMap's lower limit of probabilities, less
 
 
 def write_bt(path: Path, metric_map: MetricMap) -> None:
-    """Write which space is free and which is occupied.
+    """Write free and occupied space.
 
     Raises:
         InputError: the file cannot be written, or the map extends beyond the reach of an octree.

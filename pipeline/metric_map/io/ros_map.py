@@ -11,16 +11,16 @@ from pipeline.elevation_map.traversability import Traversability
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
 
 LETHAL, STEEPEST = 100, 98
-"""Costs for map_server: of ground that the robot cannot drive on, and of the steepest slope that it can."""
+"""Costs for map_server of ground that the robot cannot drive on, and of the steepest slope that it can drive on."""
 SCALED = (0.005, 0.995)
-"""Thresholds of darkness with which each shade between white and black is a different cost."""
+"""Thresholds of darkness for free and occupied cells, between which each shade of grey is a different cost."""
 
 
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
     """Write ``path`` (.pgm) with free, lethal and unknown cells, ..._cost.png with costs of slopes, and .yaml files.
 
     Lethal cells are those that the robot cannot drive on: walls, steps and slopes that are too steep. They are not
-    inflated: Nav2 does so with the footprint in its settings.
+    inflated, because Nav2 inflates them by the footprint in its settings.
 
     Args:
         path: the .pgm image.
@@ -51,7 +51,7 @@ def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDAr
 
 
 def trinary(cost: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """(nx, ny) the greys of map_saver for costs (nx, ny): free, occupied or unknown."""
+    """(nx, ny) grey values of map_saver for costs (nx, ny): free, occupied or unknown."""
     return np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
 
 

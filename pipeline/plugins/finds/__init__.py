@@ -1,1 +1,1 @@
-"""Finds: the signs, codes, extinguishers, levers and heat that a robot looks for besides people, read and located."""
+"""Read and locate finds: the signs, codes, extinguishers, levers and heat that a robot looks for besides people."""

@@ -22,7 +22,8 @@ class CodeReader:
     def __init__(self, config: CodesConfig = CodesConfig()) -> None:
         """Use OpenCV's two decoders of QR codes, and its detector of tags.
 
-        The one based on ArUco searches an image in a quarter of the time; the other one reads more rectified codes.
+        The decoder based on ArUco takes a quarter of the other's time per image; the other one reads more rectified
+        codes.
         """
         self._config = config
         self._in_images, self._in_squares = cv2.QRCodeDetectorAruco(), cv2.QRCodeDetector()
@@ -31,8 +32,8 @@ class CodeReader:
     def read(self, squares: Squares) -> list[Reading]:
         """The codes in an image, decoded ones first.
 
-        QR codes are searched for in the image, and in rectified squares that are as black and white as a code:
-        decoders cannot read codes that are seen obliquely, or whose modules are smaller than about three pixels.
+        QR codes are searched for in the image and in rectified squares with as many changes of grey level as a code,
+        because decoders cannot read codes seen obliquely, or with modules smaller than about three pixels.
         """
         grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)
         pyramid, found = Pyramid(grey), [*self._read_tags(grey), *self._read_codes(self._in_images, grey)]
@@ -49,7 +50,7 @@ class CodeReader:
             yield Reading("april_tag", str(number), quad.reshape(4, 2).astype(np.float32), 1.0)
 
     def _read_codes(self, decoder: Any, grey: NDArray[np.uint8]) -> Iterator[Reading]:
-        """Codes, including those located but not decoded, which are to be looked at from nearer."""
+        """Codes, including those located but not decoded, which the robot should view from a shorter distance."""
         for text, quad in _decoded(decoder, grey, self._config.least_area):
             yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else self._config.undecoded)
 
@@ -80,7 +81,7 @@ def _decoded(decoder: Any, grey: NDArray[np.uint8], least_area: float) -> Iterat
 
 
 def _distinct(readings: Sequence[Reading]) -> list[Reading]:
-    """The readings without those whose middle is within an earlier one of the same kind."""
+    """The readings whose centres are not within earlier readings of the same kind."""
     kept: list[Reading] = []
     for reading in readings:
         middle = reading.corners.mean(axis=0).tolist()

@@ -7,24 +7,27 @@ from pipeline.tracks.config import Confirmation, ObjectConfig
 
 @dataclass(frozen=True)
 class SquaresConfig:
-    """Which outlines in an image may be squares.
+    """Criteria for outlines in an image that may be squares.
 
     Attributes:
-        most_pixels: maximum size of an image, pixels; larger ones are shrunk, to take about as long as 1600 × 1200.
+        most_pixels: maximum size of an image, pixels; larger images are shrunk, so that they take about as long as
+            one of 1600 × 1200 pixels.
         least_side: minimum side of a sign that can be recognised, pixels.
         small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
             compared with, pixels.
-        contrast: offset of the thresholds below and above the mean, levels of 256.
-        more_coloured: difference from the mean saturation above which a pixel is coloured, levels of 256.
+        contrast: offset of the thresholds below and above the mean, in levels from 0 to 255.
+        more_coloured: difference from the mean saturation above which a pixel is coloured, in levels from 0 to 255.
         hues: step from one colour mask to the next, 256ths of the circle of hues.
         hue_width: range of hues in a colour mask, 256ths of the circle.
-        coloured: saturation, of 255, above which a pixel has a hue.
+        coloured: saturation, out of 255, above which a pixel has a hue.
         faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
-        tolerances: errors of an outline's polygon, as fractions of its length, tried until it has up to four corners.
+        tolerances: maximum errors of the polygon that approximates an outline, as fractions of the outline's length,
+            tried in turn until the polygon has at most four corners.
         filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
-        aslant: maximum ratio of two sides: that of a square seen at 70° to its normal.
-        oblong: ratio of two sides from which on signs are expected side by side only along the longer one.
-        same: maximum difference in middle and size of outlines of the same square, as a fraction of the diagonal.
+        aslant: maximum ratio of two sides, which is that of a square seen at 70° to its normal.
+        oblong: ratio of two sides above which signs are expected side by side only along the longer side.
+        same: maximum difference between the centres and sizes of outlines of the same square, as a fraction of the
+            diagonal.
         smallest, largest: minimum and maximum side of signs and codes, m, checked where the depth is known; the
             leagues' signs are up to 0.3 m wide.
     """
@@ -51,14 +54,14 @@ class SquaresConfig:
 
 @dataclass(frozen=True)
 class HazmatConfig:
-    """When a square is a hazmat sign.
+    """Criteria for squares that are hazmat signs.
 
     Attributes:
         confidence: minimum confidence of a sign, exclusive.
         rarer: odds of a sign among the training patches, divided by those among the squares of a camera's image;
             chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
         alike: minimum intersection over union of squares that vote on a sign's class.
-        sizes: scales of a square's outline over which probabilities are averaged: outlines are a little off.
+        sizes: scales of a square's outline over which probabilities are averaged, because outlines are inexact.
     """
 
     confidence: float = 0.5
@@ -74,10 +77,10 @@ class CodesConfig:
     Attributes:
         checked_side: side of a rectified square that is checked for the modules of a code, pixels.
         changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
-            range. Of the 21 modules of the smallest code, half differ from the one before: 10 changes of 30%.
-        read_side: side of a rectified square that is decoded, pixels: at least three per module up to version 10.
+            range. Half of the 21 modules of the smallest code differ from the one before: 10 changes of 30%.
+        read_side: side of a rectified square that is decoded, pixels; at least three per module up to version 10.
         least_area: minimum area of a code, square pixels.
-        undecoded: confidence of a code that was located but not decoded; it is looked at from nearer.
+        undecoded: confidence of a code that was located but not decoded; the robot views it from a shorter distance.
     """
 
     checked_side: int = 64
@@ -89,15 +92,15 @@ class CodesConfig:
 
 @dataclass(frozen=True)
 class ShapesConfig:
-    """What may be an extinguisher or a lever.
+    """Criteria for extinguishers and levers.
 
     Attributes:
         stride: distance between the rows and columns that are searched, pixels.
         noise: minimum height by which a pixel stands out, standard deviations of the depth.
         hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
-        coloured: saturation, of 255, above which a pixel of such a hue is red.
-        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations: 97%
-            of the objects are less than two above it.
+        coloured: saturation, out of 255, above which a pixel of such a hue is red.
+        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations; 97%
+            of the objects are less than two above the median.
         confidence: minimum confidence of an object, exclusive.
     """
 
@@ -114,10 +117,10 @@ SHAPE = Confirmation(confidence=0.5, baseline=0.3)
 
 @dataclass(frozen=True)
 class FindsConfig:
-    """The parameters of all readers, and how their kinds are tracked; the parts document their own.
+    """Parameters of all readers, and of the tracks of each kind of find; see the classes of the fields.
 
-    The extents of signs are those of labels as the leagues print them, 0.1 to 0.3 m; of extinguishers, those in the
-    RoboCup Rescue arena designer; of levers, with their plates.
+    The extents of signs are those of the labels that the leagues print, 0.1 to 0.3 m. The extents of extinguishers
+    are those in the RoboCup Rescue arena designer, and the extents of levers include their plates.
     """
 
     squares: SquaresConfig = SquaresConfig()
@@ -132,5 +135,5 @@ class FindsConfig:
 
     @property
     def kinds(self) -> dict[str, ObjectConfig]:
-        """How each kind is tracked."""
+        """The tracking parameters of each kind of find, by the name of the kind."""
         return {name: value for name, value in vars(self).items() if isinstance(value, ObjectConfig)}

@@ -13,11 +13,11 @@ from pipeline.plugins.finds.squares import Pyramid, Squares, rectified
 from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
 
 SIGN = "hazmat_sign"
-SIGN_SIDE = 96  # Side of a patch, pixels; the sign's is 80% of it, which leaves ten per letter of a word
+SIGN_SIDE = 96  # Side of a patch, pixels; the sign takes up 80% of it, so that a letter of a word has ten pixels
 
 
 class HazmatReader:
-    """Finds hazmat signs and their classes, whichever way up they hang."""
+    """Finds hazmat signs in any orientation, and their classes."""
 
     def __init__(self, network: PatchNetwork, config: HazmatConfig = HazmatConfig()):
         """Read with a trained network."""
@@ -34,7 +34,7 @@ class HazmatReader:
         if not len(quads):
             return []
         patches = np.stack([rectified(squares.pyramid, quad, SIGN_SIDE) for quad in quads])
-        # The mean over all four orientations is at least a quarter of this one.
+        # The mean probability over all four orientations is at least a quarter of the probability in one.
         one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
         likely = np.flatnonzero(self._sureness(one_way_up / 4) > self._config.confidence)
         if not len(likely):
@@ -55,7 +55,7 @@ class HazmatReader:
     def _signs(
         self, quads: NDArray[np.float32], chances: NDArray[np.float32]
     ) -> Iterator[tuple[Pixels, float, NDArray[np.float32]]]:
-        """The best square of each sign, its confidence, and the class shares, which similar squares vote on too."""
+        """The best square of each sign, its confidence, and the class shares, on which similar squares vote too."""
         config, left = self._config, list(chances[:, -1].argsort(kind="stable"))
         while left and (sure := float(self._sureness(chances[left[0], -1]))) > config.confidence:
             best, *others = left

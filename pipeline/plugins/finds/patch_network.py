@@ -1,4 +1,4 @@
-"""Convolutional classifiers of small square image patches: of hazmat signs, and of what stands out from walls."""
+"""Convolutional classifiers of small square image patches, for hazmat signs and for objects on walls."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 
 
 class PatchNetwork(nn.Sequential):
-    """Convolutions that halve a patch four times, and the scores of the classes, with "none of them" last."""
+    """Convolutions that halve a patch four times, and a linear layer that scores the classes, with "none" last."""
 
     def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH) -> None:
         """Start with random weights, for patches of ``side`` pixels with colours, or with colours and relief."""
@@ -45,7 +45,7 @@ class PatchNetwork(nn.Sequential):
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:
-        """(N, classes + 1) of (N, side, side, channels) patches, averaged over ``turns`` rotations by 90°."""
+        """(N, classes + 1) probabilities of (N, side, side, C) patches, averaged over ``turns`` rotations by 90°."""
         with torch.inference_mode():
             images = _to_input(patches)
             turned = [self(torch.rot90(images, k, (2, 3))).softmax(1) for k in range(turns)]

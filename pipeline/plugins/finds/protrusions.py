@@ -1,7 +1,7 @@
-"""Where a fire extinguisher ("bottle") or a door lever may be: what stands out from the wall, or has a bottle's red.
+"""Find regions that may be a fire extinguisher ("bottle") or a door lever, by relief or by a bottle's red colour.
 
 Along a column of the image, inverse depth is constant on an upright wall and increases linearly on the ground. A
-morphological opening leaves both unchanged, and removes what is less tall than its window.
+morphological opening leaves both unchanged, and removes objects that are less tall than its window.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from pipeline.tracks.likelihood import SPREAD, THINNEST
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large the regions of bottles and levers are, in m or m².
+    """Limits of the sizes of bottles' and levers' regions, m or m².
 
     Attributes:
         relief: median height by which a bottle stands out, which is its width.
@@ -54,7 +54,8 @@ class Protrusions:
     """The parts of a frame that may be a bottle or a lever.
 
     Attributes:
-        picture: (H, W, 4) uint8, the frame's colours, and how far each pixel stands out; 255 = a bottle's width.
+        picture: (H, W, 4) uint8, the frame's colours, and the height by which each pixel stands out; 255 = a
+            bottle's width.
         regions: (N, 2) int64 rows and columns of some of the pixels of each region.
     """
 
@@ -79,24 +80,24 @@ class Protrusions:
 
 
 def outline(region: NDArray[np.int64]) -> Pixels:
-    """Corners of the convex hull of a region, (N, 2) rows and columns."""
+    """Corners of the convex hull of a region, which is given by (N, 2) rows and columns of its pixels."""
     return np.asarray(cv2.convexHull(region[:, ::-1].astype(np.float32) + np.float32(0.5))[:, 0], np.float32)
 
 
 def square_around(region: NDArray[np.int64]) -> Pixels:
-    """Corners of a square around the middle of a region, (N, 2) rows and columns, twice as wide as it is long."""
+    """Corners of a square around a region, (N, 2) rows and columns, with twice the region's longer side."""
     low, high = region.min(axis=0), region.max(axis=0) + 1
     unit = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
     return ((low + high)[::-1] / 2 + unit * (high - low).max()).astype(np.float32)
 
 
 def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, ratio: float) -> Depth:
-    """How far each return stands out from what is above and below it in the image, m; 0 elsewhere.
+    """Height by which each return stands out from the surfaces above and below it in the image, m; 0 elsewhere.
 
     Args:
         depth: depth image, m.
         lens: intrinsics of the depth image.
-        sensor: the camera that measured it.
+        sensor: model of the camera that measured the depth.
         tallest: maximum height of objects that stand out, m.
         ratio: ratio of the farthest to the nearest depth of a band of depths; each band has its own window.
     """
@@ -112,7 +113,7 @@ def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, 
 
 
 def _filled(depth: Depth) -> NDArray[np.float32]:
-    """(H, W) inverse depth, 1/m; gaps get that of the farther of the next returns to the left and right, if any."""
+    """(H, W) inverse depth, 1/m; gaps get the value of the farther of the nearest returns to the left and right."""
     is_return, columns = depth > 0, np.arange(depth.shape[1])
     left = np.maximum.accumulate(np.where(is_return, columns, -1), axis=1) + 1
     right = np.minimum.accumulate(np.where(is_return, columns, len(columns))[:, ::-1], axis=1)[:, ::-1] + 1
@@ -123,7 +124,7 @@ def _filled(depth: Depth) -> NDArray[np.float32]:
 
 
 def _opened(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """An image opened with a window of an odd number of rows; its first and last rows are replicated beyond it."""
+    """An image opened with a window of an odd number of rows; the first and last rows are replicated as padding."""
     padded = cv2.copyMakeBorder(image, rows, rows, 0, 0, cv2.BORDER_REPLICATE)
     return np.asarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((rows, 1), np.uint8)), np.float32)[rows:-rows]
 
@@ -137,7 +138,7 @@ def _is_red(rgb: Rgb, config: ShapesConfig) -> PixelMask:
 
 def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> list[NDArray[np.int64]]:
     """(N, 2) rows and columns of each connected region that is as large as objects may be."""
-    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's shifts by a pixel
+    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's own shifts the mask by a pixel
     clean = cv2.dilate(cv2.erode(mask.astype(np.uint8), pair), pair, anchor=(0, 0))
     count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
     away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]
@@ -146,7 +147,7 @@ def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> l
     fits = (height < sizes.tallest) & (width < sizes.widest)
     fits &= np.maximum(width, height) > sizes.longest
     fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > sizes.area
-    fits[0] = False  # label 0 is what is not in the mask
+    fits[0] = False  # label 0 is the background
     found = []
     for part in np.flatnonzero(fits):
         x, y, w, h = boxes[part, : cv2.CC_STAT_AREA]

@@ -1,4 +1,4 @@
-"""Squares in an image, such as those that signs are printed on: outlines with four corners, found in several ways."""
+"""Find squares in an image, such as those that signs are printed on, as outlines with four corners."""
 
 from collections.abc import Iterator, Sequence
 
@@ -20,7 +20,7 @@ def find_quads(rgb: Rgb, config: SquaresConfig) -> NDArray[np.float32]:
 
 
 def _parts(quad: Pixels, config: SquaresConfig) -> Iterator[Pixels]:
-    """The halves of an oblong, or the quarters of a square: signs that hang side by side share one outline."""
+    """The halves of an oblong or the quarters of a square, because signs that hang side by side share one outline."""
     sides = np.linalg.norm(np.roll(quad, -1, axis=0) - quad, axis=1)
     wide, high = sides[::2].mean(), sides[1::2].mean()
     columns, rows = (2 if one > other / config.oblong else 1 for one, other in ((wide, high), (high, wide)))
@@ -39,12 +39,12 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     hue, saturation, value = cv2.split(cv2.cvtColor(smooth, cv2.COLOR_RGB2HSV_FULL))
     most = np.iinfo(np.uint8).max
     yield _above(value, -config.contrast, config.small_window)
-    # Inverted: shapes that touch only at corners are one region in one of the two masks.
+    # Inverted, because shapes that touch only at corners are joined in one of the two masks.
     yield most - _above(value, config.contrast, config.small_window)
     for above in (-config.contrast, config.contrast):
         yield most - _above(value, above, config.window)
     yield _above(saturation, config.more_coloured, config.window)
-    # On grey walls, saturation is noise: once its specks are removed, there are few outlines.
+    # On grey walls, saturation is noise, which has few outlines once its specks are removed.
     yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)
     for first in range(0, most + 1, config.hues):
         # Hues wrap around, and so do differences of unsigned bytes.
@@ -71,7 +71,7 @@ def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels
 
 
 def _large(contours: Sequence[cv2.typing.MatLike], min_side: int) -> Iterator[cv2.typing.MatLike]:
-    """The contours (N, 1, 2) at least ``min_side`` pixels wide and high: one in 300 in a noisy image."""
+    """The contours (N, 1, 2) at least ``min_side`` pixels wide and high, which in a noisy image are one in 300."""
     if not contours:
         return
     begins = np.cumsum([0, *map(len, contours[:-1])])

@@ -1,4 +1,4 @@
-"""All readers of finds together, which turn a frame into readings of what it shows."""
+"""All readers of finds combined, which extract the readings from a frame."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,14 +18,14 @@ from pipeline.victims.readers import not_among
 
 
 class FindReaders:
-    """Reads signs, codes and shapes, and takes over what a detector has found.
+    """Reads signs, codes and shapes, and adopts the finds of a detector.
 
     Attributes:
-        kinds: how each kind is tracked.
+        kinds: tracking parameters of each kind of find.
     """
 
     def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
-        """``hazmat``: reads hazmat signs; ``shapes``: reads extinguishers and levers."""
+        """Combine a reader of hazmat signs and one of extinguishers and levers with a reader of codes."""
         self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
         self._config, self.kinds = config, config.kinds
 

@@ -1,4 +1,4 @@
-"""Read fire extinguishers and door levers: what stands out is classified by its colours and its relief."""
+"""Recognise fire extinguishers and door levers: regions that stand out are classified by colour and relief."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ class ShapeReader:
         return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config)
 
     def read(self, frame: Frame) -> list[Reading]:
-        """The objects in a frame with enough confidence, the most confident first, each once."""
+        """The objects recognised in a frame with sufficient confidence, the most confident first, each once."""
         seen = Protrusions.of(frame, self._config)
         if not seen.regions:
             return []

@@ -1,4 +1,4 @@
-"""Squares in an image: found once for all readers, and rectified."""
+"""Find the squares in an image, once for all readers, and rectify them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,7 +34,7 @@ class Squares:
 
     @cached_property
     def pyramid(self) -> "Pyramid":
-        """The image in all sizes."""
+        """The image pyramid from which squares are rectified."""
         return Pyramid(self.image)
 
     @classmethod

@@ -22,14 +22,15 @@ class Rewards:
         detection: points for each correct find (DS), Rescue Robot League; the official number is not public.
         extra: bonus for each of RGB, normals and confidence in the 3D map, as a fraction of the map's points; the
             official number is not public.
-        teleoperated, autonomous: factors on the points of a run, by who drives, Rescue Robot League 2026D.
+        teleoperated, autonomous: factors on the points of teleoperated and of autonomous runs, Rescue Robot League
+            2026D.
         beta: weight of the portals in the score, Virtual Robot 2022; set by the map's designer between 0.1 and 1.
         reading: points for each code read, small league 2026.
         placed: additional points for a code whose distances on the map are correct, small league 2026.
         near_fiducials: maximum error of these distances, m, small league 2026.
         reading_alone: factor on the points of a run in which nobody drives the robot, small league 2026.
         alpha: difficulty of the map, Virtual Robot 2022; set by the map's designer between 0.1 and 2.
-        beside: maximum distance from a victim at which marks and robots count, m, Virtual Robot 2022.
+        beside: maximum distance of a mark or robot from the victim to which it is credited, m, Virtual Robot 2022.
     """
 
     detection: float = 1.0
@@ -47,7 +48,7 @@ class Rewards:
 
 @dataclass(frozen=True)
 class Penalties:
-    """What costs points.
+    """Points that the leagues deduct.
 
     Attributes:
         contact: fraction of a living victim's points that each contact with it costs, Virtual Robot 2022.
@@ -68,7 +69,7 @@ class MissionBrief:
         team, country, name: names of the team, its country and the mission, for file names and headers.
         start: date and time at which the clock starts.
         minutes: duration, min, simulated or real; 20 in the Rescue Robot League and in Virtual Robot.
-        tasks: what the robot is asked to do; at least one.
+        tasks: tasks of the robot, at least one.
         rewards, penalties: points awarded and lost.
     """
 
@@ -82,7 +83,7 @@ class MissionBrief:
     penalties: Penalties = field(default_factory=Penalties)
 
     def __post_init__(self) -> None:
-        """Raises InputError if a name, a number or the list of tasks is invalid."""
+        """Raise InputError if a name, a number or the list of tasks is invalid."""
         for name in ("team", "country", "name"):
             if not getattr(self, name).strip() or re.search(r"[\x00-\x1f\x7f]", getattr(self, name)):
                 rule = "must not be empty or contain line breaks or other control characters"

@@ -26,7 +26,7 @@ COMMENTS = ("team", "start time", "mission")
 
 @dataclass
 class CloudFile:
-    """The content of a PLY file, and what is wrong with it.
+    """The content of a PLY file, and the errors in it.
 
     Attributes:
         comments: comments in the header.
@@ -103,7 +103,7 @@ def _normals(points: Points, cameras: Places, neighbours: int) -> Directions:
 
 
 def read_cloud(path: Path) -> CloudFile:
-    """Read a point cloud, whether from sarsim or another program, and note what a judge would reject in its format.
+    """Read a point cloud, from sarsim or any other program, and note the errors for which a judge would reject it.
 
     Raises:
         InputError: the file is not a regular file, is too large, or cannot be read.
@@ -150,7 +150,7 @@ def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
 
 
 def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
-    """Read the vertices into the columns, or note what is wrong with them."""
+    """Read the vertices into the columns, or note the error in them."""
     rows = lines[:count]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))

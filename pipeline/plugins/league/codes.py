@@ -35,7 +35,7 @@ class ReadCode:
 
 
 def codes_among(finds: Iterable[Find], T_map_league: Pose) -> list[ReadCode]:
-    """The QR codes among finds, the most confident of each text; ``T_map_league``: pose of their frame."""
+    """The most confident QR code of each text among finds, positioned in the frame with the pose ``T_map_league``."""
     kept: dict[str, ReadCode] = {}
     for find in sorted(finds, key=lambda find: -find.confidence):
         if find.kind == QR_CODE and find.text not in kept:

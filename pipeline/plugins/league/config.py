@@ -10,10 +10,11 @@ class ValidationConfig:
     """Tolerances with which the rules are checked; all are assumptions.
 
     Attributes:
-        smallest, largest: limits of a point cloud's extent, m; in millimetres, even an arena of 1 m exceeds them.
+        smallest, largest: minimum and maximum extent of a point cloud, m; with coordinates in millimetres, even an
+            arena of 1 m exceeds the maximum.
         around: horizontal distance from the origin of a point cloud within which floor is expected, m.
         lowest_share: quantile of the heights of the points around the origin that is taken as the floor.
-        floor: maximum error of the floor's height, m: a voxel.
+        floor: maximum error of the floor's height, m, which is the size of a voxel.
         unit: maximum error of the length of a normal.
         rarest: minimum fraction of the pixels along the image's border that each grey of the checkerboard must have.
     """
@@ -29,10 +30,10 @@ class ValidationConfig:
 
 @dataclass(frozen=True)
 class InspectionConfig:
-    """Which walls a keyframe has shown well enough, and where to stand to inspect the others.
+    """When a keyframe has shown a wall well enough, and from where the other walls are inspected.
 
     Attributes:
-        square: side of the image squares that are tested as pieces of wall, depth values.
+        square: side of the image squares that are tested as pieces of wall, depth pixels.
         flatness: RMS distance of points from their plane above which a piece is rejected, in standard deviations of
             the depth.
         upright: maximum vertical component of a piece's normal.
@@ -41,9 +42,10 @@ class InspectionConfig:
         readable: minimum width of such a sign in the image for it to be readable, pixels.
         before: distance from a wall to the points that represent it, m. The points on its two sides are then farther
             apart than ``spacing``.
-        spacing: spacing of these points, m; those this close to a point that was read or aimed at count as inspected.
+        spacing: spacing of these points, m; a point this close to one that was read or aimed at needs no inspection.
         depth: length in front of a wall over which a line of sight is not checked, m.
-        beside_camera: length at the camera over which a line of sight is not checked, m: the robot will be there.
+        beside_camera: length at the camera over which a line of sight is not checked, m, because the robot will be
+            there.
     """
 
     square: int = 8

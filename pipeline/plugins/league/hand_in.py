@@ -34,7 +34,7 @@ class HandIn(Sink):
         self._brief, self._config = brief, config
 
     def finish(self, result: Result) -> None:
-        """Write them, each by itself; InputError if one cannot be written."""
+        """Write the files, even if one of them fails; InputError if one cannot be written."""
         if result.steps:
             mapper, driven = result.mapper, np.array(result.trajectory.estimated())
             finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
@@ -58,7 +58,7 @@ def hand_in(
     Args:
         folder: the run's folder.
         brief: the mission's brief.
-        driven: ``T_map_base`` along the robot's path, at least one; the first is the start.
+        driven: poses ``T_map_base`` along the robot's path, at least one; the first is the start pose.
         finds: the finds to report, confirmed people included.
         metric_map: determines the confidence of points and of the ground.
         semantic_map: its points form the 3D map; if it is empty, the occupied voxels do.

@@ -1,4 +1,4 @@
-"""Inspection of walls that no keyframe has shown from close and straight enough to read what may hang on them."""
+"""Inspection of walls that no keyframe has shown closely and frontally enough for signs on them to be readable."""
 
 from typing import NamedTuple
 
@@ -20,10 +20,10 @@ from pipeline.transforms import transform_places, wrap_angle
 
 
 class WallPieces(NamedTuple):
-    """Pieces of walls.
+    """Pieces of walls, each shown by one square of an image.
 
     Attributes:
-        points: (N, 3) centres of the pieces, m.
+        points: (N, 3) m, centres of the pieces.
         normals: normals that point away from the wall.
         sides: foreshortened width of a typical sign on each piece, as the keyframe would show it, pixels.
         config: settings of the inspection.
@@ -58,7 +58,7 @@ class WallPieces(NamedTuple):
         return WallPieces(self.points[index], self.normals[index], self.sides[index], self.config)
 
     def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
-        """(N, M) pixels across a typical sign on each piece, foreshortened, for cameras (M, 3), m; 0 from behind."""
+        """(N, M) pixels, foreshortened width of a sign on each piece, seen by cameras at (M, 3) m; 0 from behind."""
         ways = np.asarray(cameras, np.float64) - self.points[:, None]
         distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
         cosines = np.einsum("nmi,ni->nm", ways, self.normals) / distances
@@ -71,7 +71,7 @@ class WallPieces(NamedTuple):
 
 
 class Inspection(Strategy):
-    """Drives to where a remaining wall can be inspected soonest; each wall is aimed at only once."""
+    """Drives to the pose from which a remaining wall can be inspected soonest; each wall is aimed at only once."""
 
     def __init__(
         self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig, walls: InspectionConfig
@@ -85,7 +85,7 @@ class Inspection(Strategy):
         self._aimed: list[Places] = []
 
     def observe(self, context: Context) -> None:
-        """Do nothing: the keyframes themselves keep what they have shown."""
+        """Do nothing, because the keyframes store their own observations."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The pose reached soonest from which signs on a remaining wall are readable; None if there is none."""
@@ -110,7 +110,7 @@ class Inspection(Strategy):
         return None
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember the walls that the robot looks at next."""
+        """Mark the walls that are readable from the viewpoint as aimed at."""
         left = self._left(context)
         place = context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
@@ -126,7 +126,7 @@ class Inspection(Strategy):
         return bool(self._map.are_free_along(camera[None], point, cKDTree(point[None]), *free)[0])
 
     def _left(self, context: Context) -> WallPieces:
-        """The pieces of walls that were neither shown well enough nor aimed at yet, thinned."""
+        """The pieces of walls that were neither shown well enough nor aimed at, thinned to one per grid cell."""
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)

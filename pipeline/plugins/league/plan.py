@@ -30,7 +30,7 @@ class SearchedGround:
 
     Attributes:
         grid: grid of the layers, in ``map``.
-        walls: walls and obstacles.
+        walls: cells with walls and obstacles.
         confidence: probability, at least ½, that the map is right about the ground; 0 where nothing is known.
     """
 
@@ -87,7 +87,7 @@ def draw_plan(
     plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
     _draw_ground(plan, ground, T_map_league)
     _draw_start(plan, driven[0])
-    # Drawn over the start, because the path of a robot that could not leave it is a dot there.
+    # Drawn over the start, because the path of a robot that could not leave its start is a dot there.
     line = plan.pixel_of(driven)[:, None].astype(np.int32)
     cv2.polylines(plan.image, [line], False, MAP_COLOURS["path"], pixels("path"))
     for poi in pois:

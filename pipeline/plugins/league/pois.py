@@ -43,7 +43,7 @@ class PointOfInterest:
         time: time of the detection, ``HH:MM:SS``.
         type: one of ``POI_TYPES``.
         name: number of a tag, class of a sign, or kind of an object.
-        position: position in the frame of the 3D map.
+        position: position in the frame of the 3D map, m.
         robot: name of the robot that found it.
         mode: a key of ``MODES``.
     """
@@ -58,7 +58,7 @@ class PointOfInterest:
 
 @dataclass
 class PoiFile:
-    """The content of a list of points of interest, and what is wrong with it.
+    """The content of a list of points of interest, and the errors in it.
 
     Attributes:
         header: values of the header lines, by the names in ``HEADER``.
@@ -72,12 +72,12 @@ class PoiFile:
 
 
 def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetime) -> list[PointOfInterest]:
-    """The finds that the league counts, in order of time; of each object, only the most confident find is kept.
+    """The finds that the league lists, in order of time; of each object, only the most confident find is kept.
 
     Args:
         finds: all finds, confirmed people included.
         T_map_league: pose of the frame of the 3D map.
-        start: start of the mission; finds from an earlier run count as found at that time.
+        start: start of the mission, which is also the time of finds from an earlier run.
     """
     kept: list[PointOfInterest] = []
     for find in sorted(finds, key=lambda find: -find.confidence):
@@ -97,7 +97,7 @@ def name_of(kind: str, text: str) -> str:
 
 
 def is_same_object(a: PointOfInterest, b: PointOfInterest) -> bool:
-    """Whether two finds are one object: same type and name, and too close to be two that hang side by side."""
+    """Whether two finds are one object: same type and name, and too close to be two objects side by side."""
     return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
 
 
@@ -119,7 +119,7 @@ def _quoted(text: str) -> str:
 
 
 def read_pois(path: Path) -> PoiFile:
-    """Read a list, whether from sarsim or another program, and note what a judge would reject in it.
+    """Read a list, from sarsim or any other program, and note the errors for which a judge would reject it.
 
     Raises:
         InputError: the file is not a regular text file, or cannot be read.

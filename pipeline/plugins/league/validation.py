@@ -1,4 +1,4 @@
-"""What a judge would reject in submitted files, whether from sarsim or another program."""
+"""Find the errors for which a judge would reject submitted files, from sarsim or any other program."""
 
 import re
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
 
 
 def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> list[str]:
-    """Everything that a judge would reject, one line each; errors of a file begin with its name.
+    """The errors for which a judge would reject the files, one line each; errors in a file begin with its name.
 
     Raises:
         InputError: the folder does not exist or contains no files to check, or a file cannot be read at all.
@@ -64,7 +64,7 @@ def _of(path: Path, errors: list[str]) -> list[str]:
 
 
 def _letters(*texts: str) -> str:
-    """Only the letters and digits: every program is free to replace other characters in file names as it likes."""
+    """The letters and digits of texts, because programs replace other characters in file names in different ways."""
     return re.sub(r"[\W_]", "", "".join(texts)).casefold()
 
 

@@ -1,4 +1,4 @@
-"""Writes a ROS 2 bag: a folder with metadata.yaml and an MCAP file, for ``ros2 bag play`` and Foxglove."""
+"""Write a ROS 2 bag: a folder with metadata.yaml and an MCAP file, for ``ros2 bag play`` and Foxglove."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,7 +16,7 @@ LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/cam
 
 
 class Bag(ExitStack):
-    """Writes messages until it is closed."""
+    """A ROS 2 bag to which messages are written until it is closed."""
 
     def __init__(self, path: Path):
         """Start a bag in a new folder.

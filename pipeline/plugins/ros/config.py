@@ -11,9 +11,11 @@ class Nav2Config:
     """Parameters of drives performed by a robot's Nav2 stack.
 
     Attributes:
-        patience: time that a drive may take beyond the time for its path, s: Nav2 may wait, back up and try again.
+        patience: time that a drive may take in addition to the time for its path, s, because Nav2 may wait, back up
+            and try again.
         least_speed: mean speed along the planned path below which a drive is given up, m/s.
-        moved, turned: how far a correction of the map must move a goal in ``odom`` to send it again, m and rad.
+        moved, turned: minimum change of a goal in ``odom``, after a correction of the map, for which the goal is sent
+            again, m and rad.
         braking: maximum time that a robot takes to stop, s.
     """
 
@@ -31,19 +33,20 @@ class LiveConfig:
     Attributes:
         discovery: time within which nodes on one machine discover each other and acknowledge messages, s.
         idle: maximum time between two calls of a node's ``idle``, s.
-        odometry_queue: messages of a topic that are queued while a program computes, and odometry poses that are
-            kept: a few seconds of odometry.
-        queue: messages of a topic that are queued for a listener, as is ROS's default, and images that are kept.
+        odometry_queue: number of messages of a topic that are queued while a program computes, and of odometry poses
+            that are kept; enough for a few seconds of odometry.
+        queue: number of messages of a topic that are queued for a listener, which is ROS's default, and of images
+            that are kept.
         least_speed, least_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
-        least_way, least_turn: minimum motion of a robot that follows a command, m and rad.
+        least_way, least_turn: minimum motion that shows that a robot follows commands, m and rad.
         least_period: minimum control period, s.
-        hold: time on the robot's clock after which it is stopped if there is no new command, because the pipeline is
-            computing, s. A frame may be older than the newest odometry by half of this time.
+        hold: time on the robot's clock after which the robot is stopped if there is no new command, because the
+            pipeline is computing, s. A frame may be older than the newest odometry by half of this time.
         starting: number of odometry messages from which their period is estimated.
         trajectory: how long odometry is valid.
         depth_range: nearest and farthest depth that the camera measures, m. None: those of the camera that topics or
             frames name; if they name none, those of an Xtion are assumed, and no returns are left out.
-        depth_noise: standard deviation of a depth of 1 m, m; it grows with the square of depth. None: that of the
+        depth_noise: standard deviation of depth at 1 m, m, which grows with the square of depth. None: that of the
             camera that topics or frames name, or else of an Xtion.
         nav2: parameters of drives performed by a robot's Nav2 stack.
     """
@@ -67,7 +70,7 @@ class LiveConfig:
 
 @dataclass(frozen=True)
 class RosConfig:
-    """Parameters of what is sent, and of robots on a network.
+    """Parameters of the messages that are sent, and of robots on a network.
 
     Attributes:
         cloud_voxel: size of the voxels to which clouds are thinned before they are sent, m.

@@ -1,4 +1,4 @@
-"""A bag of all that a robot senses and does, and of the maps that an explorer builds from it."""
+"""A bag of a robot's sensor data and motions, and of the maps that an explorer builds from them."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from pipeline.sink import Result, Sink, Step
 
 
 class ExplorerBag(Bag, Sink):
-    """A bag of all that a robot senses and does, and of the maps that an explorer builds from it.
+    """A bag of a robot's sensor data and motions, and of the maps that an explorer builds from them.
 
     Attributes:
         robot: the robot for the explorer to drive.
@@ -35,7 +35,7 @@ class ExplorerBag(Bag, Sink):
         *,
         config: RosConfig = RosConfig(),
     ):
-        """Start a bag of a robot that drives with the maps of ``mapper``; InputError if it cannot be written.
+        """Start a bag of a robot that navigates with the maps of ``mapper``; InputError if it cannot be written.
 
         The other arguments are those of :class:`RecordedRobot`.
         """
@@ -50,7 +50,7 @@ class ExplorerBag(Bag, Sink):
         self.plugins: Sequence[Plugin] = ()
 
     def on_motion(self, motion: Motion) -> None:
-        """Write what the sensors of plug-ins have measured."""
+        """Write the measurements of plug-ins' sensors."""
         for plugin in self.plugins:
             for topic, time, message in plugin.measurements():
                 self.write(topic, time, message)

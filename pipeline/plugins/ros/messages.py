@@ -1,4 +1,4 @@
-"""Converts pipeline data to ROS 2 messages (Jazzy's types; units and frames as in REP 103, 105, 118), and back.
+"""Convert pipeline data to ROS 2 messages (Jazzy's types; units and frames as in REP 103, 105, 118), and back.
 
 Serialised messages are the same in a bag and on a network.
 """
@@ -52,7 +52,7 @@ def decode(data: bytes, name: str) -> Message:
 
 
 def time_of(data: bytes) -> float:
-    """The time, s, in the header at the start of a CDR message, without decoding the rest: images are large."""
+    """The time, s, in the header at the start of a CDR message; the rest is not decoded, because images are large."""
     return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
@@ -83,7 +83,7 @@ def _quaternion(T: Pose) -> Message:
 
 @lru_cache
 def _quaternion_of(rotation: bytes) -> list[float]:
-    """Quaternion from a rotation's float64 bytes, cached: this takes longest, and messages repeat the same pose."""
+    """Quaternion from a rotation's float64 bytes; cached, because this step is slow and messages repeat poses."""
     return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
 
 

@@ -1,4 +1,4 @@
-"""Sends a robot's sensor data and maps, topic by topic, to a bag or to a network."""
+"""Send a robot's sensor data and maps, topic by topic, to a bag or to a network."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -21,11 +21,11 @@ from pipeline.robot import Motion, Velocity
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colour images are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
-STILL = 1e-6  # Change of a camera's pose up to which it is not sent again, m: a simulator's rounding also moves it
+STILL = 1e-6  # m, maximum change of the camera's pose that is not sent, because it may be a simulator's rounding
 
 
 class RobotTopics:
-    """Sends what a robot senses, and its pose."""
+    """Sends a robot's sensor data and pose."""
 
     def __init__(self, send: Send, images: ImageFormat = "16UC1"):
         self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")

@@ -17,7 +17,7 @@ NO_CLASS = -1
 CLASS_OF_LABEL = np.full(len(Label), NO_CLASS, np.int8)
 """(8,) index in CLASSES of every label, or NO_CLASS."""
 CLASS_OF_LABEL[list(CLASSES)] = range(len(CLASSES))
-CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # finding victims is the victim detector's task
+CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # because the victim detector finds victims
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class BlockConfig:
     """How clouds are cut into blocks; a network needs the settings that it was trained with."""
 
     voxel_size: float = 0.03
-    """Edge length of a voxel, m; a cloud is thinned to one point per voxel, so that near blocks are not denser."""
+    """Edge length of a voxel, m; a cloud is thinned to one point per voxel, so that nearby blocks are not denser."""
     size: float = 1.0
     """Edge length of a column in x and y, m."""
     points: int = 4096
     """Maximum number of points of a block."""
     reach: float = 3.5
-    """Range of the camera, m; normalized coordinates are offsets from the camera divided by it."""
+    """Range of the camera, m; normalised coordinates are offsets from the camera, divided by this range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +78,12 @@ def cut(
 
 
 def channels(points: NDArray[np.float32], centre: Place, camera: Place, config: BlockConfig) -> NDArray[np.float32]:
-    """(n, 6) float32: x and y relative to the centre of the block, z in ``map``, then normalized x, y, z.
+    """(n, 6) float32: x and y relative to the centre of the block, z in ``map``, then normalised x, y, z.
 
-    Colours, if any, are inserted between them, as in the blocks of S3DIS: (n, 9).
+    Colours, if any, are inserted before the normalised coordinates, as in the blocks of S3DIS: (n, 9).
 
-    S3DIS normalizes by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
-    its range: distances keep their proportions, and the network can learn how noise depends on the distance.
+    S3DIS normalises by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
+    the camera's range. Distances keep their proportions, and the network can learn how noise depends on the distance.
     """
     xyz, colours = np.split(points, [3], axis=1)
     here = xyz - np.append(centre, 0)

@@ -1,4 +1,4 @@
-"""A network as one of the robot's point classifiers."""
+"""A point classifier for the robot that uses a network."""
 
 import json
 from dataclasses import asdict, replace
@@ -59,7 +59,7 @@ class NetworkClassifier(PointClassifier):
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """Class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
-        # Sampling and grid positions differ between frames, so that the seams between blocks do too.
+        # Sampling and grid positions differ between frames, so that the seams between blocks differ, too.
         rng = np.random.default_rng([0, int(np.float64(frame.time).view(np.uint64))])
         seen = coloured(cloud, frame.rgb[frame.returns]) if self._has_colours else cloud.points
         of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, self._config.grids, rng)
@@ -100,7 +100,7 @@ def segment(
 
 
 def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, BlockConfig]:
-    """The network in a file written by :func:`save_classifier`, and its blocks; ``only`` names the accepted network.
+    """The network in a file of :func:`save_classifier`, and its block settings; ``only`` names the accepted network.
 
     Raises:
         InputError: see :func:`load_weights`; or the network has the wrong classes or channels, or its block settings
@@ -137,7 +137,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:
-    """Write weights, the metadata that :class:`NetworkClassifier` needs, and how they were trained.
+    """Write weights, the metadata that :class:`NetworkClassifier` needs, and a record of the ``training``.
 
     Raises:
         InputError: see :func:`save_weights`.

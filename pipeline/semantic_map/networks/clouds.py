@@ -29,7 +29,7 @@ class LabelledCloud:
 
     @classmethod
     def of(cls, frame: Frame, T_map_camera: Pose, voxel_size: float, colours: bool = False) -> "LabelledCloud":
-        """From a frame with true labels; unlabelled returns are left out. With ``colours``, points are (M, 6).
+        """The cloud of a frame with true labels, without unlabelled returns. With ``colours``, points are (M, 6).
 
         Raises:
             InputError: the frame has no labels.

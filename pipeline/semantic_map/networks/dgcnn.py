@@ -21,7 +21,7 @@ EDGE_FEATURES, GLOBAL = 64, 1024
 NEAREST_POINTS = 20
 """Number of neighbours of a point, itself included, unless a file has another k."""
 GRAPH_CHANNELS = 3
-"""Number of channels, the last ones (normalized x, y, z), that the first neighbour graph is built on."""
+"""Number of channels, the last ones (normalised x, y, z), on which the first neighbour graph is built."""
 
 
 class EdgeConv(nn.Module):
@@ -47,7 +47,7 @@ class Dgcnn(PointNetwork):
     NAME = "dgcnn"
 
     def __init__(self, channels: int, classes: int, k: int = NEAREST_POINTS) -> None:
-        """Random weights; a point's first three ``channels`` are x, y, z, the last three normalized x, y, z."""
+        """Random weights; a point's first three ``channels`` are x, y, z, the last three normalised x, y, z."""
         super().__init__(channels, classes)
         self.k = k
         self.edge_conv1 = EdgeConv(channels, EDGE_FEATURES, EDGE_FEATURES)
@@ -62,7 +62,7 @@ class Dgcnn(PointNetwork):
 
     @property
     def fewest(self) -> int:
-        """Minimum number of points of a block: as many as a point has neighbours."""
+        """Minimum number of points of a block, which is the number of neighbours of a point."""
         return self.k
 
     @classmethod
@@ -92,7 +92,7 @@ class Dgcnn(PointNetwork):
         return cls(first[1] // 2, last[0], k)
 
     def about(self) -> dict[str, str]:
-        """The number of neighbours, which no tensor's shape gives."""
+        """The number of neighbours, which does not follow from the shape of any tensor."""
         return {"k": str(self.k)}
 
     def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""Prepares a network for inference."""
+"""Prepares trained networks for inference."""
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
@@ -60,7 +60,7 @@ class AsWritten:
 def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
     """Group successive blocks, so that each group has at least as many points as a single block may have.
 
-    With fewer points at once, threads wait for Python's global lock; many more do not fit into the cache.
+    With fewer points at once, threads wait for Python's global interpreter lock; many more do not fit into the cache.
     """
     some: list[NDArray[np.float32]] = []
     for block in blocks:

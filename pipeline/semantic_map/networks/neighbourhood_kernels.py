@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 CHUNK = 256
-"""Number of values whose maximum is found in one loop: without conditions, a compiler can vectorise the loop."""
+"""Number of values whose maximum is found in one loop without conditions, which a compiler can vectorise."""
 
 
 @njit(cache=True, nogil=True, boundscheck=False)

@@ -28,7 +28,7 @@ class PointNetwork(nn.Module, ABC):
     penalty: Tensor | float = 0.0
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Create no layers; subclasses create them."""
+        """Store the sizes; subclasses create the layers."""
         super().__init__()
         self.channels, self.classes = channels, classes
 
@@ -43,7 +43,7 @@ class PointNetwork(nn.Module, ABC):
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size given by a file's ``tensors`` or ``metadata``; ValueError if that is out of range."""
+        """A network of the size in a file's ``tensors`` or ``metadata``; ValueError if the size is out of range."""
         for name, least in (("channels", 4), ("classes", 1)):
             if not least <= whole(metadata.get(name, "")) <= MAX_CHANNELS:
                 found = f"not {metadata[name]!r:.20}" if name in metadata else "but is missing"

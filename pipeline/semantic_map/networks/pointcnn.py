@@ -1,8 +1,9 @@
 """PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours in a learned order.
 
 Levels, neighbours and dilations are those of the authors' settings for part segmentation on ShapeNet; their settings
-for S3DIS look up one level's neighbours in another. The width is that of their settings for Semantic3D, half as much.
-Here a level has a fraction of its block's points, whose number varies; theirs have 768, 384 and 128 of 2,048 points.
+for S3DIS look up one level's neighbours in another. The width is that of their settings for Semantic3D, which is half
+of that for ShapeNet. Here, a level has a fraction of its block's points, whose number varies; the levels of the
+authors have 768, 384 and 128 of 2,048 points.
 """
 
 from collections.abc import Sequence
@@ -61,10 +62,10 @@ class XConv(nn.Module):
     """X-Conv, algorithm 1 of the paper."""
 
     def __init__(self, k: int, dilation: int, channels: int, lifted: int, outputs: int, depth: int) -> None:
-        """A convolution.
+        """Create the layers.
 
         Args:
-            k, dilation: number of neighbours, and step with which they are taken from the nearest points.
+            k, dilation: number of neighbours, and step with which they are chosen from the nearest points.
             channels: number of features of a neighbour, 0 if it has none.
             lifted: number of features computed from its coordinates.
             outputs: number of features of the result.

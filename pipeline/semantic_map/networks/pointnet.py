@@ -10,16 +10,16 @@ from pipeline.semantic_map.networks.layers import largest_of_blocks, linear_of_b
 from pipeline.semantic_map.networks.network import PointNetwork
 
 PENALTY = 1e-3
-"""Weight of the regularization that keeps the feature transform near orthogonal (the paper's section 3.3)."""
+"""Weight of the regularisation that keeps the feature transform nearly orthogonal (section 3.3 of the paper)."""
 LOCAL, GLOBAL = 64, 1024
-"""Number of features of a point by itself, and of a block."""
+"""Number of features of a point on its own, and of a block."""
 
 
 class TransformNet(nn.Module):
     """T-Net: one matrix for all points of a block, the identity before training."""
 
     def __init__(self, channels: int, size: int) -> None:
-        """From ``channels`` features of a point to a ``size`` × ``size`` matrix."""
+        """Map ``channels`` features of each point to a ``size`` × ``size`` matrix."""
         super().__init__()
         self.size = size
         last = GLOBAL // 4

@@ -24,7 +24,7 @@ BALL_POINTS = 32
 
 
 def doubled(first: T) -> list[T]:
-    """The values for all levels and one more, each twice the one before."""
+    """The values for all levels and one more, each twice the previous one."""
     return [first * 2**level for level in range(ABSTRACTIONS + 1)]
 
 

@@ -1,4 +1,4 @@
-"""PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++, modernized.
+"""PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++, modernised.
 
 Differences from PointNet++: a linear stem lifts the features; offsets are divided by the radius, which gives them the
 scale of features; each level adds its centres' own features (a residual connection); the decoder is symmetric. The
@@ -25,7 +25,7 @@ class ResidualSetAbstraction(nn.Module):
     """Two layers on the balls around a few centres, added to the centres' own features."""
 
     def __init__(self, channels: int, outputs: int, radius: float) -> None:
-        """From ``channels`` to ``outputs`` features of a point; ``radius`` in m."""
+        """Map ``channels`` to ``outputs`` features of a point; ``radius`` in m."""
         super().__init__()
         self.radius = radius
         last = nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs)

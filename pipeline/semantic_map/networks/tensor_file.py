@@ -40,7 +40,7 @@ def copy_tensors(tensors: Mapping[str, Tensor], wanted: Mapping[str, Tensor], pa
     """Copy the tensors of a file, of any precision, into the ``wanted`` ones with the same names and shapes.
 
     Raises:
-        InputError: names or shapes differ, or a tensor holds impossible numbers; the message names ``path``.
+        InputError: names or shapes differ, or a tensor contains invalid numbers; the message names ``path``.
     """
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
     _refuse(sorted(tensors.keys() - wanted.keys()), "unexpected", path)

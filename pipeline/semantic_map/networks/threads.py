@@ -1,4 +1,4 @@
-"""Threads that share the rows of a block, or several blocks."""
+"""Threads that compute the rows of a block, or several blocks, in parallel."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +15,8 @@ Result = TypeVar("Result")
 class Threads:
     """A pool of threads, in which PyTorch starts no threads of its own.
 
-    PyTorch's threads split every small operation and then wait for the slowest one, a long time on a busy machine.
+    PyTorch's threads split every small operation and then wait for the slowest thread, which takes long on a busy
+    machine.
     """
 
     def __init__(self, count: int) -> None:
@@ -48,7 +49,7 @@ class Threads:
         try:
             work()
         finally:
-            # Tasks that have not started have no rows left, and waiting for them could take forever: cancel them.
+            # Cancel tasks that have not started, because no rows are left, and waiting for them could take forever.
             running = [other for other in others if not other.cancel()]
         for other in running:
             other.result()

@@ -42,7 +42,7 @@ SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 RISE = 0.05
 """Fraction of the training during which the learning rate rises."""
 SAVE_EVERY = 50
-"""Steps between checkpoints, besides those at validations; a killed process loses no more steps."""
+"""Number of steps between checkpoints, in addition to those at validations; a killed process loses at most these."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class TrainingWorker:
         return self.rank == 0
 
     def agreed(self, value: float) -> float:
-        """Process 0's value, in every process."""
+        """The value of process 0, in every process."""
         shared = torch.tensor(value, dtype=torch.float64, device=self.device)
         if self.count > 1:
             distributed.broadcast(shared, 0)
@@ -196,15 +196,15 @@ class Training:
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
                         if self.worker.leads:
                             self._validate()
-                        # Wait for process 0, which only sends: after a barrier, a process that leaves at once can
-                        # interrupt another's last receive.
+                        # Wait for process 0 by a broadcast, in which that process only sends. After a barrier, a
+                        # process that leaves at once can interrupt another's last receive.
                         self.worker.agreed(0.0)
                     elif self.step % SAVE_EVERY == 0:
                         self._save()
                     report(self)
             finally:
                 # As the last user of the group of processes, the wrapper would wait for the group's threads with
-                # the GIL held, while these need it to release their last tensors.
+                # the GIL held, while these threads need the GIL to release their last tensors.
                 shared = self.network
                 if self.progress < 1:
                     self._save()
@@ -224,7 +224,7 @@ class Training:
         return float(loss.detach())
 
     def _validate(self) -> None:
-        """Validate, and write the current weights whatever the score: a small validation set selects badly."""
+        """Validate, and write the current weights whatever the score, as a small validation set selects badly."""
         confusion = confusion_matrix(self.network, self._validation, self._blocks, self.config.seed)
         scores = [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
         self.rows.append([self.step, float(np.mean(self._losses)), *scores])
@@ -279,9 +279,10 @@ class Training:
 
 
 def rate(progress: float) -> float:
-    """The learning rate as a fraction of its peak, when this fraction of the training is completed after the step.
+    """The learning rate of a step, as a fraction of the peak rate.
 
-    It rises linearly, then falls to 0 along half a cosine.
+    The rate rises linearly, then falls to 0 along half a cosine. ``progress``: fraction of the training that is
+    completed after the step.
     """
     if progress < RISE:
         return progress / RISE

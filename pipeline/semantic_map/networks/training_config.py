@@ -15,7 +15,8 @@ class BlockAugmentation:
         jitter: standard deviation of the noise of every coordinate and of the height of the cloud, m, and of its roll
             and pitch about the camera, rad.
         dark: fraction of the clouds that are black; the others' colours are multiplied by a random factor up to 1.
-        thinnest: minimum fraction of a block's points that is kept; it is drawn uniformly between this and 1.
+        thinnest: minimum fraction of a block's points that is kept; the fraction is drawn uniformly between this and
+            1.
     """
 
     rare: float = 0.5
@@ -36,7 +37,7 @@ class TrainingConfig:
             on chance.
         minutes: limit of processor time in minutes, excluding validation. Training ends after this time or after
             --steps, whichever comes first, and the learning rate falls accordingly. Use it to compare networks whose
-            steps differ in duration. By default no limit.
+            steps differ in duration. By default, there is no limit.
         validate_every: number of steps between validations; weights are written only after a validation.
         augmentation: how blocks are cut and changed.
     """

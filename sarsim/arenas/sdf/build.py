@@ -1,4 +1,4 @@
-"""Arenas from SDF files, Gazebo's worlds and models, made with the same builder as all arenas."""
+"""Arenas from SDF files (Gazebo's worlds and models), made with the same builder as other arenas."""
 
 import logging
 from collections import Counter, defaultdict
@@ -36,13 +36,13 @@ from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MAX_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
-BEYOND = 2.0  # m by which planes, which are infinite, extend past the margin: goals may lie outside the outer objects
-MAX_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far out
+BEYOND = 2.0  # m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects
+MAX_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far from the others
 FAR_OUT = 3.0  # A body this many times as far from the centre as the others does not belong to the world
 MAX_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
 HEADROOM = robot_model().headroom  # m; a surface that is higher above the lowest point of a model is not ground
 TILE = 6.0  # m; visible surfaces are split into cubes of this size, so that rendering can skip those out of view
-MAX_FACETS = 10_000  # With more facets (0.1 ms each), pieces that collide as their hulls have one label each
+MAX_FACETS = 10_000  # Above this number (0.1 ms each), a piece that collides as its hull has a single label
 COLLIDES: Attributes = {"group": 3}  # collides, but is not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 
@@ -51,15 +51,15 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A future geom.
+    """A solid or a part of one that becomes a geom.
 
     Attributes:
-        solid: the solid to which it belongs.
+        solid: the solid to which the geom belongs.
         part: corners of a convex part of the solid's mesh piece; None for the whole solid.
-        facet: number of the facet of that piece that it shows, without colliding; None if it collides.
-        is_seen: whether it is drawn.
+        facet: index of the piece's facet that the geom shows, without colliding; None if the geom collides.
+        is_seen: whether the geom is drawn.
         corners: corners in the world, m.
-        outline: outline that decides its label.
+        outline: outline that determines the geom's label.
     """
 
     solid: Solid
@@ -71,7 +71,7 @@ class _Body:
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
-    """The arena of a world, not yet with a start.
+    """Build the arena of a world, without a start.
 
     Raises:
         InputError: the file is missing, broken or too large, refers to a file that may be harmful, or contains no
@@ -132,7 +132,7 @@ def _left_out(path: Path, world: SdfWorld, far_out: list[str]) -> str:
 
 
 def _named(things: list[str], between: str) -> str:
-    """The first ``MAX_NAMED`` names, and how many more there are."""
+    """The first ``MAX_NAMED`` names and the number of the others, as text."""
     more = [f"and {len(things) - MAX_NAMED} more"] if len(things) > MAX_NAMED else []
     return between.join([*things[:MAX_NAMED], *more])
 
@@ -147,10 +147,10 @@ def _far_out(name: str, place: NDArray[np.float64]) -> str:
 
 
 def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> tuple[list[Solid], Window | None]:
-    """The solids of a world, and the window of it that fits into an arena; None if all of it fits.
+    """The solids of a world, and the window of the world that fits into an arena; None if the whole world fits.
 
-    Solids are cut at the window, unless only those thrown out of the world are outside it. ``places``: (N, 2) m,
-    positions of the victims.
+    Solids are cut at the window, unless only solids that were thrown out of the world are outside it. ``places``:
+    (N, 2) m, positions of the victims.
     """
     around = [_box_around(solid) for solid in solids if solid.kind != "plane"]
     boxes = np.concatenate([np.array(around).reshape(-1, 2, 2), np.stack([places, places], axis=1)])
@@ -178,7 +178,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _as_hulls(solids: list[Solid]) -> set[int]:
-    """The ids of the pieces that collide as one geom: the most detailed ones, until ``MAX_PIECES`` suffice."""
+    """The ids of the pieces that collide as one geom: as many of the most detailed as ``MAX_PIECES`` requires."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
     hulls = {id(piece) for piece in pieces if not piece.parts}
     parts = sum(len(piece.parts) or 1 for piece in pieces)
@@ -211,7 +211,7 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
         is_hull = id(piece) in hulls
         for part in [piece.vertices] if is_hull else piece.parts:
             thick = with_volume(part)
-            if thick is None:  # A line is at most seen
+            if thick is None:  # a line does not collide
                 flat["parts without area, which do not collide"] += 1
                 continue
             if thick is not part:
@@ -227,7 +227,7 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
 def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
     """Remove the few bodies, if any, that lie so far out that the world could not be built.
 
-    Gazebo's physics may have thrown such bodies away. Also returns a description of each with its position.
+    Gazebo's physics may have thrown such bodies away. Also returns a description, with the position, of each of them.
     """
     if not bodies:
         return [], []
@@ -247,7 +247,7 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
 
 
 def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
-    """The arena of bodies, with room for victims at places (N, 2) m.
+    """Build the arena of bodies, with room for victims at places (N, 2) m.
 
     A floor is added if there is no ground, or if the file holds only models whose ground is raised.
     """
@@ -280,7 +280,7 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
 
 
 def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
-    """The label of a body in a world of ``footprint`` m²; a heightmap below the body counts as its ground."""
+    """The label of a body in a world of ``footprint`` m²; a heightmap below the body is its ground."""
     if body.solid.tile is not None:
         return label_of_ground(body.outline.slope)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
@@ -290,8 +290,8 @@ def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround)
 def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lowest and highest (x, y), m, of all bodies except planes and of places (N, 2) m, extended by ``MARGIN``.
 
-    If there are only planes, they count with the size in the file, up to the maximum area of an arena. If there is
-    nothing at all, the bounds are the margin around the origin.
+    If there are only planes, they have the size in the file, up to the maximum area of an arena. If there are neither
+    bodies nor victims, the bounds are at a distance of ``MARGIN`` from the origin.
     """
     around = np.concatenate([places, *(body.corners[:, :2] for body in bodies if body.solid.kind != "plane")])
     if not len(around) and not bodies:
@@ -304,7 +304,7 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
 
 
 def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Lowest and highest (x, y), m, of planes: ``BEYOND`` the bounds, unless that would make the arena too large."""
+    """Lowest and highest (x, y), m, of planes: ``BEYOND`` outside the bounds, unless the arena would be too large."""
     beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MAX_AREA else 0.0
     return low - beyond, high + beyond
 
@@ -325,7 +325,7 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
 
 
 def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Split triangles (N, 3, 3) m into those of each cube with side ``TILE``."""
+    """Split triangles (N, 3, 3) m by the cube of side ``TILE`` in which their centres lie."""
     middle = triangles.mean(axis=1)
     tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
     _, which = np.unique(tile, axis=0, return_inverse=True)

@@ -23,7 +23,7 @@ _NAMED: dict[str, Colour] = {
     "Blue": (0, 0, 1), "SkyBlue": (0.13, 0.44, 0.7), "Yellow": (1, 1, 0), "ZincYellow": (0.9725, 0.9529, 0.2078),
     "Orange": (1, 0.51, 0.05), "DarkYellow": (0.7, 0.7, 0), "Purple": (1, 0, 1), "Turquoise": (0, 1, 1),
     "Gold": (0.8, 0.65, 0.12), "Indigo": (0.33, 0, 0.5), "PioneerBody": (1, 0, 0), "Pioneer2Body": (0.68, 0, 0),
-    # Approximate mean of a texture that comes with Gazebo.
+    # Approximate means of textures that come with Gazebo.
     "Wood": (0.6, 0.42, 0.25), "WoodFloor": (0.55, 0.38, 0.22), "WoodPallet": (0.65, 0.5, 0.33),
     "Bricks": (0.55, 0.33, 0.27), "PaintedWall": (0.8, 0.78, 0.72), "CeilingTiled": (0.85, 0.85, 0.83),
     "WindowFrame": (0.6, 0.6, 0.6), "Grass": (0.3, 0.42, 0.18), "Steps": (0.5, 0.5, 0.5),
@@ -55,14 +55,15 @@ class Materials:
     def of_shape(self, shape: "Element", visuals: "Sequence[Element]", base: Path) -> Colour | None:
         """The colour of a shape in a file in folder ``base``.
 
-        It is the shape's own, or else that of a visual with the same geometry, or else of the link's first visual.
+        This is the shape's own colour, or else that of a visual with the same geometry, or else that of the link's
+        first visual.
         """
         alike = [visual for visual in visuals if _form(visual) == _form(shape)]
         owners = (shape, *alike, *visuals[:1])
         return next((colour for owner in owners if (colour := self._material(owner, base))), None)
 
     def mean(self, uri: str, base: Path) -> Colour | None:
-        """The mean colour of a picture; None if it is missing or unreadable, which does not make a world invalid."""
+        """The mean colour of a picture; None if the picture is missing or unreadable, which is not an error."""
         try:
             path = self._resources.find(uri.strip(), base, str(base)) if uri.strip() else None
             if path is None or not path.is_file():
@@ -153,7 +154,7 @@ def mean_colour(image: Image.Image) -> Colour | None:
 
 
 def product(a: Colour, b: Colour) -> Colour:
-    """The colour of a surface of one colour with a texture of another."""
+    """The product of two colours: that of a surface of one colour with a texture whose mean is the other colour."""
     red, green, blue = np.multiply(a, b).tolist()
     return red, green, blue
 
@@ -165,7 +166,7 @@ def _form(shape: "Element") -> list[str]:
 
 
 def _written(text: str | None) -> Colour | None:
-    """The colour in a text; None if it is not valid, because a wrong colour does not make a world invalid."""
+    """The colour in a text; None if the text is not a valid colour, which is not an error."""
     try:
         red, green, blue = np.clip([float(word) for word in (text or "").split()[:3]], 0.0, 1.0).tolist()
     except ValueError:

@@ -1,7 +1,7 @@
-"""Replaces a surface by a few convex parts for collisions: prisms between its two sides, or plates on its facets.
+"""Replaces a surface with a few convex parts for collisions: prisms between its two sides, or plates on its facets.
 
 Only the robot collides with the parts, while images and rays see the surface itself. The parts may therefore deviate
-from it by ``ROUNDED``.
+from the surface by up to ``ROUNDED``.
 """
 
 from collections.abc import Iterable, Iterator
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Direction, Places
 
 THICKNESS = 2e-4  # m, thickness of a plate
-SLIVER = 1e-4  # m; a triangle with a smaller height counts as a line
+SLIVER = 1e-4  # m; a triangle with a smaller height is treated as a line
 ROUNDED = 1e-3  # m by which a part may fill a concave corner of its surface
 LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
 UPRIGHT = 0.03  # Maximum cosine between the normals of a prism's sides and its axis
@@ -23,7 +23,7 @@ NARROW = 1.0  # m; an open surface is filled only where it is narrower than this
 
 
 def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
-    """The corners (N, 3) m of each of the prisms that fill a mesh; None if it is not extruded along an axis."""
+    """The corners (N, 3) m of each of the prisms that fill a mesh; None if the mesh is not extruded along an axis."""
     largest = mesh.face_normals[mesh.area_faces.argmax()]
     found = [parts for axis in (*np.eye(3)[::-1], largest) if (parts := _drawn_out(mesh, axis))]
     return min(found, key=len, default=None)
@@ -41,10 +41,10 @@ def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterat
 
 
 def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
-    """The prisms of a mesh that is extruded along an axis; None if it has another shape."""
+    """The prisms of a mesh that is extruded along an axis; None if the mesh has another shape."""
     height, slope = mesh.vertices @ axis, np.abs(mesh.face_normals @ axis)
     is_high = height > (height.min() + height.max()) / 2
-    number = is_high[mesh.faces].sum(axis=1)  # of each triangle's high corners
+    number = is_high[mesh.faces].sum(axis=1)  # number of each triangle's high corners
     is_side = (number == 1) | (number == 2)
     upper, sides = mesh.faces[number == 3], mesh.faces[is_side]
     if not len(upper) or (slope[is_side] > UPRIGHT).any() or (slope[~is_side] < CAP).any():
@@ -63,7 +63,7 @@ def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
 
 
 def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """(N,) whether points (N, 2) lie in one of the convex polygons (K, 2), given counter-clockwise."""
+    """(N,) bool, whether points (N, 2) lie in one of the convex polygons (K, 2) with counter-clockwise corners."""
     is_in = np.zeros(len(points), np.bool_)
     for corners in polygons if len(points) else []:
         along = np.roll(corners, -1, axis=0) - corners
@@ -74,7 +74,7 @@ def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -
 
 
 def _is_closed(ends: NDArray[np.int64], sides: NDArray[np.int64], is_high: NDArray[np.bool_]) -> bool:
-    """Whether the sides adjoin all boundary edges of a prism's upper end (M, 3), and no other edges of it."""
+    """Whether the sides adjoin all boundary edges of a prism's upper end (M, 3) and none of its inner edges."""
     edges, count = np.unique(_edges(ends), axis=0, return_counts=True)
     upper = _edges(sides)
     upper = np.unique(upper[is_high[upper].all(axis=1)], axis=0)
@@ -87,8 +87,9 @@ def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
-    """(N, 3) m, for each upper end of a side edge of a prism, the edge's lower end, if its offset is within ``LEAN``.
+    """(N, 3) m, the point below each vertex of a mesh that is extruded along an axis.
 
+    For the upper end of a side edge, this is the edge's lower end if its offset across the axis is within ``LEAN``.
     For any other vertex, it is the point straight below, along the axis.
     """
     height = vertices @ axis
@@ -104,7 +105,7 @@ def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_
 
 
 def _across(axis: Direction) -> NDArray[np.float64]:
-    """(2, 3) two directions that form a right-handed basis with the axis."""
+    """(2, 3) two unit vectors that form a right-handed orthonormal basis with the axis."""
     x, y = np.linalg.svd(axis[None])[2][1:]
     return np.stack([x, y]) if np.cross(x, y) @ axis > 0 else np.stack([y, x])
 
@@ -120,7 +121,7 @@ def _width(corners: NDArray[np.float64]) -> float:
 def _merged(
     triangles: NDArray[np.int64], views: list[NDArray[np.float64]], height: NDArray[np.float64] | None = None
 ) -> list[list[int]]:
-    """Merge triangles (M, 3) to polygons that are convex in every view, with indices counter-clockwise in the first.
+    """Merge triangles (M, 3) into polygons that are convex in every view, and counter-clockwise in the first view.
 
     The method of Hertel and Mehlhorn removes each edge, longest first, if the two polygons next to it form a convex
     one. The result has at most four times the minimum number of polygons.
@@ -161,7 +162,8 @@ def _around(polygon: list[int]) -> Iterator[tuple[int, int]]:
 def _joined(one: list[int], other: list[int], start: int, end: int, places: list[list[list[float]]]) -> list[int]:
     """Merge two convex polygons at their common edge, which goes from ``start`` to ``end`` in the first.
 
-    Empty if the result is not convex in each of the views ``places``, or if there is no such edge.
+    The result is empty if the merged polygon is not convex in each of the views ``places``, or if there is no such
+    edge.
     """
     first, second = one.index(end), other.index(start)
     if one[first - 1] != start or other[second - 1] != end:

@@ -15,9 +15,9 @@ MODEL = "__model__"
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A frame: its 4×4 pose relative to another frame and, if it is a model, the frames inside it.
+    """A frame: its 4×4 pose relative to another frame and, if it is that of a model, the frames inside the model.
 
-    The pose is that of the model's frame ``placed``, which need not be the model's own frame.
+    For a model, the pose is that of the model's frame ``placed``, which need not be the model's own frame.
     """
 
     T: Pose
@@ -47,7 +47,7 @@ class Frames:
         self, name: str, T: Pose, relative_to: str,
         inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False, otherwise: str = "",
     ) -> str:  # fmt: skip
-        """Add a frame, and return its name, which is changed if it is already used (the file is then invalid).
+        """Add a frame and return its name, which is changed if it is already in use (the file is then invalid).
 
         Args:
             name: name of the frame.
@@ -64,7 +64,7 @@ class Frames:
         return name
 
     def has(self, name: str) -> bool:
-        """Whether there is a frame of this name, which may be in a nested model, ``model::frame``."""
+        """Whether there is a frame of this name, which may be in a nested model (``model::frame``)."""
         outer, _, inner = name.partition("::")
         within = self._frames[outer].inside if outer in self._frames else None
         merged = [frame.inside for frame in self._frames.values() if frame.merged and frame.inside is not None]
@@ -75,18 +75,18 @@ class Frames:
         )
 
     def pose(self, name: str, otherwise: str = "") -> Pose:
-        """Pose in this scope of a frame, which may be in a nested model, ``model::frame``.
+        """Pose in this scope of a frame, which may be in a nested model (``model::frame``).
 
-        If the frame does not exist, it is the pose of the frame ``otherwise``, if given.
+        If the frame does not exist, the pose of the frame ``otherwise`` is returned, if given.
 
         Raises:
-            InputError: there is no such frame, or poses depend on each other in a circle.
+            InputError: there is no such frame, or the poses of frames form a cycle.
         """
         if otherwise and not self.has(name):
             name = otherwise
         if name == self.root:
             return np.eye(4)
-        if name in self._frames:  # also if ``::`` is part of the name itself, as old Gazebo wrote it
+        if name in self._frames:  # also if ``::`` is part of the name itself, as in old Gazebo files
             return self._pose(name)
         outer, _, inner = name.partition("::")
         if outer not in self._frames:

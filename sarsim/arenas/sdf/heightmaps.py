@@ -28,12 +28,12 @@ BASE = 1.0  # m, thickness of a height field below its lowest point, so that not
 
 @dataclass(frozen=True, eq=False)
 class GroundTile:
-    """A rectangle of a heightmap.
+    """A rectangular part of a heightmap.
 
     Attributes:
-        T_world: pose of its centre, at height 0 of the map.
+        T_world: pose of the tile's centre, at height 0 of the map.
         half: (2,) m, half sizes along x and y.
-        heights: (rows, columns) m; x increases with the column and y with the row.
+        heights: (rows, columns) m, heights of the points; x increases with the column and y with the row.
     """
 
     T_world: Pose
@@ -42,7 +42,7 @@ class GroundTile:
 
     @property
     def corners(self) -> Places:
-        """The points of the surface in the tile's frame, m."""
+        """(N, 3) m, points of the surface in the tile's frame."""
         x, y = (np.linspace(-h, h, n) for h, n in zip(self.half, self.heights.shape[::-1], strict=True))
         return np.stack([*np.meshgrid(x, y), self.heights], axis=-1).reshape(-1, 3)
 
@@ -74,7 +74,7 @@ class NaturalGround:
         self._high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
 
     def height_at(self, x: float, y: float) -> float | None:
-        """World z, m, of the highest surface at a position in the world; None if there is no heightmap."""
+        """World z, m, of the highest surface at a position in the world; None if there is no heightmap there."""
         around = ((self._low <= (x, y)) & (self._high >= (x, y))).all(axis=1)
         heights = [self._tiles[n].height_at(x, y) for n in np.flatnonzero(around)]
         return max((height for height in heights if height is not None), default=None)
@@ -139,6 +139,6 @@ def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pos
 
 
 def _ends(cells: int, length: float) -> NDArray[np.int64]:
-    """The indices of the points where the tiles of ``cells`` cells along ``length`` m start and end."""
+    """Indices of the points at which tiles start and end, along an axis with ``cells`` cells and ``length`` m."""
     count = int(np.clip(round(length / TILE), 1, min(MAX_TILES, cells)))
     return np.linspace(0, cells, count + 1).round().astype(np.int64)

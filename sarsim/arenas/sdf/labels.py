@@ -1,25 +1,25 @@
 """Labels convex bodies by shape and position, because SDF has no labels.
 
-The ground is at the lowest height such that level surfaces between it and a step (8 cm) above fill a quarter of the
-world's bounding rectangle, unless level surfaces higher up, within the P3-AT's headroom, have at least the same area,
-as above the underside of a slab. Planes are infinite. The label of a body depends on the largest of its faces that
-do not face down; the first rule that applies decides:
+The ground is at the lowest height at which the level surfaces up to a step (8 cm) above fill a quarter of the world's
+bounding rectangle. A height is not that of the ground if level surfaces above the step, but within the P3-AT's
+headroom, have at least the same area, as above the underside of a slab. Planes are infinite. The label of a body
+depends on its main face, the largest of its faces that do not face down. The first rule that applies gives the label:
 
-1. if that face is tilted by at most the slope that the P3-AT can climb (20°),
+1. if the main face is tilted by at most the slope that the P3-AT can climb (20°),
    - inclined ramp, if it is wide and tilted by more than 8°;
    - terrain, if it is level and within a step of the ground;
    - deck (``STRAIGHT_RAMP``), if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
-   - terrain, the floor of a higher level, if it is level, lower than a door and fills a quarter of the rectangle;
+   - terrain (the floor of a higher level) if it is level, lower than a door and fills a quarter of the rectangle;
    - ceiling, if it is level and the body's underside is above the height of a door (2 m) over the ground;
 2. wall, if the face is within 20° of the vertical and at least as long as the P3-AT is wide (0.6 m with clearance),
-   and the body's thickness is at most a quarter of this length; or if the body is as tall as a door;
+   and the body's thickness is at most a quarter of the face's length; or if the body is as tall as a door;
 3. clutter.
 
-Each tile of a heightmap (about 2 m) has its own label: terrain if it is level, at any height, inclined ramp if the
-P3-AT can climb it, otherwise clutter. For other bodies above a heightmap, the ground is the heightmap's.
+Each tile of a heightmap (about 2 m) has its own label: terrain if it is level, at any height; inclined ramp if the
+P3-AT can climb it; otherwise clutter. For other bodies above a heightmap, the heightmap is the ground.
 
-A face is wide if its area is at least 0.6 m × 0.6 m. For a facet of a larger surface, all of that surface that faces
-up counts.
+A face is wide if its area is at least 0.6 m × 0.6 m. For a facet of a larger surface, the area is that of the whole
+part of the surface that faces up.
 """
 
 from dataclasses import dataclass
@@ -50,17 +50,17 @@ def _pioneer() -> RobotModel:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The properties of a convex body that decide its label.
+    """The properties of a convex body that determine its label.
 
     The main face is the largest of the faces that do not face down.
 
     Attributes:
         low, high: heights of the lowest and highest point, m.
-        length: maximum width as seen along the normal of the main face, to 1%, m.
+        length: maximum width as seen along the normal of the main face, accurate to 1%, m.
         thickness: extent along that normal, m.
-        slope: z component of that unit normal.
+        slope: z component of the unit normal of the main face.
         area: area of the main face, m².
-        surface: area that faces up of the surface to which the main face belongs, m².
+        surface: upward-facing area of the surface to which the main face belongs, m².
     """
 
     low: float
@@ -83,7 +83,7 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     a, b, c = corners[hull.simplices].swapaxes(0, 1)
     areas = np.bincount(face.ravel(), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).round(6)
     areas[normals[:, 2] < -np.sin(_pioneer().max_tilt)] = 0.0
-    largest = np.lexsort((normals[:, 2], areas))[-1]  # of equal ones, the one that faces up most
+    largest = np.lexsort((normals[:, 2], areas))[-1]  # of equal faces, the one that faces up most
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
@@ -117,7 +117,7 @@ def outline_of_ground(corners: NDArray[np.float64], slope: float) -> Outline:
 
 
 def ground_of(outlines: list[Outline], footprint: float) -> float | None:
-    """Height of the ground, m, in a world of ``footprint`` m²; None if it has no ground."""
+    """Height of the ground, m, in a world of ``footprint`` m²; None if the world has no ground."""
     level = sorted((o.high, o.area) for o in outlines if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
     robot = _pioneer()
@@ -152,7 +152,7 @@ def label_of(outline: Outline, ground: float, footprint: float) -> Label:
 
 
 def label_of_ground(slope: float) -> Label:
-    """The label of natural ground, a heightmap's tile at any height; ``slope``: z of its unit normal."""
+    """The label of natural ground: a tile of a heightmap, at any height; ``slope``: z of its unit normal."""
     if slope > np.cos(RAMP_TILT):
         return Label.TERRAIN
     return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER

@@ -1,4 +1,4 @@
-"""Triangles from mesh files, read by pycollada or trimesh: in pure Python, broken files only raise exceptions."""
+"""Reads triangles from mesh files, with pycollada or trimesh; in pure Python, broken files only raise exceptions."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ class MeshSurface:
 
     Attributes:
         name: name of this part of the file, by which ``<submesh>`` selects it.
-        vertices: (N, 3) float64 m.
+        vertices: (N, 3) float64 m, corners of the triangles.
         triangles: (M, 3) int64 indices of vertices, counter-clockwise as seen from outside.
         colour: colour of the triangles; None if the file gives none.
     """
@@ -54,7 +54,7 @@ class Meshes:
         self._read: dict[Path, list[MeshSurface] | str] = {}
 
     def surfaces(self, path: Path) -> list[MeshSurface]:
-        """The surfaces of a mesh file (:func:`read_surfaces`); raises the same InputError at every call, if any."""
+        """The surfaces of a mesh file (:func:`read_surfaces`); for an invalid file, every call raises InputError."""
         if path not in self._read:
             try:
                 self._read[path] = read_surfaces(self.resources, path, self.materials)
@@ -69,7 +69,7 @@ class Meshes:
 
 
 def read_surfaces(resources: Resources, path: Path, materials: Materials) -> list[MeshSurface]:
-    """The surfaces of a mesh file, in m, as Gazebo interprets it.
+    """The surfaces of a mesh file, in m, as Gazebo interprets the file.
 
     Raises:
         InputError: the file is of an unsupported type or cannot be read, has too many triangles or none, or has a
@@ -98,13 +98,13 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """Gives trimesh the files to which a mesh refers."""
+    """Provides trimesh with the files to which a mesh refers."""
 
     def __init__(self, resources: Resources, path: Path):
         self._resources, self._path = resources, path
 
     def get(self, name: str) -> bytes:
-        """The content of a file; KeyError, which trimesh treats as a missing file, if it cannot be read."""
+        """The content of a file; if it cannot be read, KeyError, which trimesh treats as a missing file."""
         try:
             path = self._resources.find(name, self._path.parent, str(self._path))
             if path is None or not path.is_file():
@@ -116,7 +116,7 @@ class _Beside(trimesh.resolvers.Resolver):
             raise KeyError(name) from error
 
     def keys(self) -> list[str]:
-        """An empty list: files can only be requested by name."""
+        """An empty list, because files can only be requested by name."""
         return []
 
     def namespaced(self, namespace: str) -> "_Beside":
@@ -124,7 +124,7 @@ class _Beside(trimesh.resolvers.Resolver):
         return _Beside(self._resources, self._path.parent / namespace / self._path.name)
 
     def write(self, name: str, data: bytes) -> None:
-        """Do nothing: no file is written."""
+        """Do nothing, because no file may be written."""
 
 
 def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
@@ -153,9 +153,9 @@ def _of_material(material: Any) -> Colour | None:
 
 
 def _collada(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
-    """Read COLLADA's visual scene, with the transforms of its nodes and its unit.
+    """Read the visual scene of a COLLADA file, and apply its unit and the transforms of its nodes.
 
-    ``<up_axis>`` is ignored, as in Gazebo, because worlds are made to look right there.
+    ``<up_axis>`` is ignored, as in Gazebo, because worlds are made to look right in Gazebo.
     """
     file = collada.Collada(BytesIO(content), ignore=[collada.common.DaeError])
     unit = file.assetInfo.unitmeter or 1.0

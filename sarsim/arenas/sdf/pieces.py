@@ -24,9 +24,10 @@ from sarsim.arenas.sdf.meshes import MeshSurface
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
 THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
-"""m, of plates on flat parts; far from the origin, single precision does not resolve the thinnest."""
-FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; a plate has half its thickness
-MAX_PIECES = 2_000  # Maximum number of pieces of a mesh, convex parts of a world, facets of a piece; 2 ms per geom
+"""m, thicknesses of plates on flat parts, in the order in which they are tried; far from the origin, single precision
+does not resolve the thinnest."""
+FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; for a plate, half its thickness
+MAX_PIECES = 2_000  # Maximum numbers of a mesh's pieces, a world's convex parts and a piece's facets; 2 ms per geom
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +35,11 @@ class MeshPiece:
     """A connected piece of a surface.
 
     Attributes:
-        vertices: (N, 3) m.
+        vertices: (N, 3) m, corners of the triangles.
         triangles: (M, 3) indices of vertices.
         parts: corners of its convex parts, each (K, 3) m; empty if there are too many.
         colour: colour of the surface.
-        facets: (M,) number of each triangle's flat facet, if the surface is drawn and the parts only collide.
+        facets: (M,) index of each triangle's flat facet; None unless the surface is drawn and the parts only collide.
     """
 
     vertices: Places
@@ -49,7 +50,7 @@ class MeshPiece:
 
     @cached_property
     def seen(self) -> list[NDArray[np.float64]]:
-        """The triangles of each facet, (K, 3, 3) m, if the surface is drawn and the parts only collide."""
+        """The triangles of each facet, (K, 3, 3) m; empty unless the surface is drawn and the parts only collide."""
         if self.facets is None:
             return []
         order = np.argsort(self.facets, kind="stable")
@@ -62,15 +63,15 @@ class MeshPiece:
         return len(self.parts) / max(float(np.linalg.norm(np.ptp(self.vertices, axis=0))), SLIVER)
 
     def area_up(self, R: Rotation3) -> float:
-        """Projection on the ground, m², of the triangles that face up, if the piece is rotated by ``R`` (3, 3)."""
+        """Area projected on the ground, m², of the triangles that face up if the piece is rotated by ``R`` (3, 3)."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)
         return float(np.maximum(np.cross(b - a, c - a) @ R[2] / 2, 0.0).sum())
 
 
 def with_volume(corners: Places) -> Places | None:
-    """Corners (N, 3) m of a part, or else of a thin plate on it if it is flat; None if it is no more than a line.
+    """Corners (N, 3) m of a part or, if the part is flat, of a thin plate on it; None if the part is only a line.
 
-    MuJoCo, which stores them in single precision, finds no hull of a part without volume.
+    MuJoCo stores corners in single precision, and finds no hull of a part without volume.
     """
     if _has_volume(corners):
         return corners
@@ -122,7 +123,7 @@ def two_sided(triangles: NDArray[np.float64]) -> tuple[Places, NDArray[np.int64]
 def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
     """Extrude outlines (N, 2) m from z = 0 to ``height`` m, in convex parts; an outline inside another is a hole.
 
-    ValueError if they enclose no area.
+    ValueError if the outlines enclose no area.
     """
     area = shapely.Polygon()
     for outline in outlines:

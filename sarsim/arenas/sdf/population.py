@@ -1,6 +1,7 @@
 """Positions of the copies in a ``<population>``, as in Gazebo classic.
 
-Random positions are drawn with the seed ``SEED``, so that a world is always the same; Gazebo's differ at every start.
+Random positions are drawn with the seed ``SEED``, so that a world is always the same. In Gazebo, they differ at every
+start.
 """
 
 from typing import TYPE_CHECKING
@@ -52,8 +53,8 @@ def places_of(population: "Element", where: str) -> Places:
 
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
-    """Positions in a grid relative to the first, row by row, and the first relative to the grid's centre, m."""
-    distribution = required(population.find("distribution"))  # its <type> is grid
+    """Positions in a grid relative to the first one, row by row, and the first relative to the grid's centre, m."""
+    distribution = required(population.find("distribution"))  # not None, because its <type> is grid
     rows, columns = (_count(distribution, tag, where) for tag in ("rows", "cols"))
     _bounded(rows * columns, where)
     step = child_numbers(distribution, "step", (0.5, 0.5, 0.0), where) * (1, 1, 0)
@@ -82,7 +83,7 @@ def _in_cylinder(radius: float, length: float, count: int, rng: np.random.Genera
 
 
 def _spread(points: Places, count: int, rng: np.random.Generator) -> Places:
-    """The centres of ``count`` clusters of points."""
+    """(count, 3) m, centres of clusters of points (N, 3) m; if there are too few points, they are repeated."""
     if count >= len(points):
         return points[np.arange(count) % len(points)]
     middles, _ = kmeans2(points, count, minit="points", rng=rng)

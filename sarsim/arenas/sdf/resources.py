@@ -1,4 +1,4 @@
-"""The files to which a world refers, found in its folder and in folders of models; read once, with bounded size."""
+"""Finds the files to which a world refers in its folder and folders of models; reads each once, with bounded size."""
 
 import os
 import re
@@ -23,15 +23,15 @@ _ONLINE = re.compile(r"https?://(.+)/models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(
 """The address of a model, or of one of its files, in Gazebo's online library."""
 _PACKAGE = "package.xml"
 """The file that makes a folder a ROS package."""
-_DEEPEST = 20  # Maximum number of ends of a path that are searched for
+_DEEPEST = 20  # Maximum number of suffixes of a path that are searched for
 _PACKAGE_LEVELS = 3  # Maximum number of levels from a world's folder up to its package
-_MAX_PACKAGES = 200  # Maximum number of packages next to it that are searched
+_MAX_PACKAGES = 200  # Maximum number of packages next to that package that are searched
 _INSIDE = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
 
 PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[:2])}"
-"""A description for messages of where a world's files are searched for."""
+"""The places where a world's files are searched for, as text for messages."""
 
 
 class MissingError(InputError):
@@ -74,9 +74,9 @@ class Resources:
     A ``model://`` or ``package://`` URI is searched for in the world's folder, in ``models`` inside and next to it,
     in the ROS package that contains the world and the packages next to it, and in the folders that Gazebo's
     environment variables list; then in and above the folder of the file that refers to it. A path is relative to the
-    folder of that file; if nothing is there, for example because the path is from another machine, the ends of the
-    path are searched for in the folders of models. Case is ignored. Nothing outside these folders is read, and
-    nothing is downloaded: an online model is searched for by its name.
+    folder of that file; if nothing is there, for example because the path is from another machine, the suffixes of
+    the path are searched for in the folders of models. Case is ignored. Nothing outside these folders is read.
+    Nothing is downloaded; an online model is searched for by its name.
     """
 
     def __init__(self, world: Path):
@@ -95,7 +95,7 @@ class Resources:
         self._folders = [folder for folder in folders if folder.is_dir()]
 
     def _packages_around(self, home: Path) -> dict[str, Path]:
-        """The package that contains a folder and the packages next to it, by name; empty if there is none."""
+        """The package that contains a folder and the packages next to it, by name; empty if there is no package."""
         holding = (folder for folder in (home, *home.parents[:_PACKAGE_LEVELS]) if (folder / _PACKAGE).is_file())
         package = next(holding, None)
         if package is None:
@@ -114,7 +114,7 @@ class Resources:
         """The file or folder for a URI in a file in folder ``base``; None if there is none.
 
         Raises:
-            InputError: it is outside the folders of the world and of models, or its name is invalid.
+            InputError: the path is outside the folders of the world and of models, or is not a valid file name.
         """
         shown = " ".join(uri.split())[:200]
         try:
@@ -133,7 +133,7 @@ class Resources:
         return existing
 
     def _existing(self, folder: Path, name: str) -> Path | None:
-        """The entry of a folder with a name, ignoring case; ``_OUTSIDE`` if it must not be read, None if none."""
+        """The entry of a folder by name, ignoring case; ``_OUTSIDE`` if it must not be read, None if missing."""
         path = (folder / name).resolve()
         if not self._is_inside(path, folder):
             return _OUTSIDE
@@ -165,11 +165,11 @@ class Resources:
         named += [folder for name, folder in self._packages.items() if name == first]
         yield from ((folder, others) for folder in named)
         yield from ((folder, rest) for folder in around)
-        if others:  # the model's folder was renamed
+        if others:  # in case the model's folder was renamed
             yield base, others
 
     def _downloaded(self, place: str, name: str, file: str) -> Iterator[tuple[Path, str]]:
-        """Places of a model of the online library, or of a file of it, as in Gazebo's cache or just by name."""
+        """Places of a model in the online library, or of one of its files: as in Gazebo's cache, or only by name."""
         server, *_, owner = place.split("/")
         for folder in self._folders:
             for kept in (name, f"{server}/{owner}/models/{name}"):
@@ -179,13 +179,13 @@ class Resources:
                     yield from ((model, str(version) + file) for version in versions(model))
 
     def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
-        """The ends of a path from another machine or folder, at least a folder and a file, in the model folders."""
+        """The suffixes of a path from another machine or folder, each with at least a folder and a file name."""
         parts = [part for part in Path(path).parts if part != "/"]
         for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":
-        """The root of an XML file; InputError if it is not one, or the world's files are too large in total."""
+        """The root of an XML file; InputError if the file is invalid, or the world's files are too large in total."""
         if path not in self._parsed:
             self._parsed[path] = parse_xml(path, min(MAX_TEXT, MAX_MODEL_BYTES - self._size))
             self._size += path.stat().st_size

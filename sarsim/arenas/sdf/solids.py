@@ -25,24 +25,24 @@ from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-THINNEST = 1e-4  # m, minimum half size, for solids that are flat in the file: MuJoCo has no flat solids
+THINNEST = 1e-4  # m, minimum half size of solids that are flat in the file, because MuJoCo has no flat solids
 PLATE = 0.005  # m, half thickness of a plane that is not level
 LEVEL = 1e-9  # A plane is level and faces up if 1 − z of its normal is below this
-PLANE = 0.1  # m between the grid lines of a plane, a size that MuJoCo requires
+PLANE = 0.1  # m, spacing of a plane's grid lines, which MuJoCo requires as one of its sizes
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A body in the world.
+    """A shape in the world, as MuJoCo represents it.
 
     Attributes:
-        kind: MuJoCo's name of its type; ``mesh`` for a piece of a mesh.
+        kind: MuJoCo's name for the type of geom; ``mesh`` for a piece of a mesh.
         size: MuJoCo's sizes, m.
         T_world: pose in the world.
-        corners: points whose convex hull contains it, in its own frame, m.
+        corners: points whose convex hull contains the solid, in its own frame, m.
         piece: piece of a mesh; None for other types.
         colour: colour of the solid; None if the file gives none.
-        tile: tile of a heightmap; the lowest point of its height field is at 0.
+        tile: tile of a heightmap; the lowest point of its height field is at z = 0 of the solid's frame.
     """
 
     kind: str
@@ -55,13 +55,13 @@ class Solid:
 
     @property
     def placed(self) -> dict[str, str | NDArray[np.float64]]:
-        """MJCF attributes of its type and of its pose in the world."""
+        """MJCF attributes for the solid's type and its pose in the world."""
         R, position = self.T_world[:3, :3], self.T_world[:3, 3]
         return {"type": self.kind, "pos": position, "quat": Rotation.from_matrix(R).as_quat(scalar_first=True)}
 
 
 class SolidReader:
-    """Makes solids of shapes; each mesh is cut into pieces once."""
+    """Converts shapes to solids; each mesh is cut into pieces once."""
 
     def __init__(self, meshes: Meshes):
         """``meshes``: meshes of the world."""
@@ -130,7 +130,7 @@ def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bo
 
 
 def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> Values:
-    """Sizes of a form, m, from child elements with defaults; InputError if one is invalid or negative."""
+    """Sizes of a form, m, from child elements with defaults; InputError if a size is invalid or negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
         raise InputError(f"{where}: the sizes of <{form.tag}> must be non-negative, not {values.min():g}")
@@ -179,7 +179,7 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
         raise InputError(f"{shape.where}: the <normal> of a <plane> must not be the zero vector")
     try:
         half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
-    except InputError:  # for example, the size is too large: the plane counts as infinite
+    except InputError:  # for example, if the size is too large; the plane is then infinite
         half = np.full(2, ENDLESS)
     z = normal / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)

@@ -10,12 +10,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The state of a model or a world.
+    """The saved state of a model or a world.
 
     Attributes:
-        element: element that contains the states of its links and nested models; None if there is none.
-        prefix: prefix of their names there: before version 7, Gazebo writes all into the outermost model's state.
-        pose: element that contains its own pose; None if it has none.
+        element: element that contains the states of the links and nested models; None if there is none.
+        prefix: prefix of their names in ``element``, because before version 7, Gazebo writes the states of all nested
+            models into the outermost model's state.
+        pose: element that contains the model's own pose; None if there is none.
     """
 
     element: "Element | None" = None
@@ -38,7 +39,7 @@ class State:
 
 
 def world_state(world: "Element") -> State:
-    """The state of a world: as in Gazebo, the first in its file."""
+    """The state of a world, which is the first one in its file, as in Gazebo."""
     return State(world.find("state"))
 
 

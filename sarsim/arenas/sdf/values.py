@@ -37,10 +37,11 @@ def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where
 
 
 def pose_of(owner: "Element", where: str) -> Pose:
-    """The ``<pose>`` of an element, relative to the frame that it names; the identity if there is none.
+    """The ``<pose>`` of an element, relative to the frame that it names; the identity if there is no ``<pose>``.
 
-    The values are x y z in m, then roll, pitch and yaw about the fixed axes, in rad or, if so marked, in degrees:
-    R = Rz(yaw) Ry(pitch) Rx(roll) (http://sdformat.org/tutorials?tut=specify_pose); or a quaternion x y z w.
+    The values are x y z in m, followed by a quaternion x y z w, or by roll, pitch and yaw about the fixed axes, in
+    rad or, if so marked, in degrees: R = Rz(yaw) Ry(pitch) Rx(roll)
+    (http://sdformat.org/tutorials?tut=specify_pose).
     """
     pose, where = owner.find("pose"), f"{where}, <pose>"
     if pose is None or not (pose.text or "").strip():
@@ -63,7 +64,7 @@ class Reference(NamedTuple):
 
     Attributes:
         relative_to: name of the frame.
-        otherwise: name of the frame to use if that does not exist; empty if it must exist.
+        otherwise: name of the frame to use if ``relative_to`` does not exist; empty if it must exist.
     """
 
     relative_to: str
@@ -73,7 +74,7 @@ class Reference(NamedTuple):
 def reference_of(owner: "Element", default: str) -> Reference:
     """The frame in which the pose of an element is given.
 
-    Before SDF 1.7, it is named by ``frame``, which Gazebo ignored, so an unknown name there is not an error.
+    Before SDF 1.7, the attribute ``frame`` names this frame. Gazebo ignored it, so an unknown name is not an error.
     """
     pose = owner.find("pose")
     now, before = ("", "") if pose is None else (pose.get("relative_to", ""), pose.get("frame", ""))

@@ -1,7 +1,7 @@
 """The victims of an SDF world: models that are marked as victims by their names or by the names of their folders.
 
-A victim with shapes becomes a body with these shapes, all labelled as victim; one without shapes becomes a person of
-the library, who lies at its position.
+A victim with shapes becomes a body with these shapes, all labelled as victim. A victim without shapes is replaced by
+a person of the library, who lies at the same position.
 """
 
 import logging
@@ -39,7 +39,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
     """Add the victims of the world in the file ``path``.
 
     Raises:
-        InputError: they have too many shapes.
+        InputError: a victim has too many shapes.
     """
     unseen = list[SdfModel]()
     for victim, solids in zip(victims, _solids_of(world, victims), strict=True):
@@ -70,7 +70,7 @@ def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
 
 
 def _pose(victim: SdfModel) -> WorldPose:
-    """Position and heading; a mesh with y up that is turned about x to stand upright keeps its heading."""
+    """Position and heading of a victim; a mesh with y up that is turned about x to stand up keeps its heading."""
     T = victim.T_world
     x, y, z = T[:3, 3].tolist()
     return WorldPose(_called(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))

@@ -16,7 +16,7 @@ from sarsim.arenas.sdf.pieces import pieces_of, with_volume
 from sarsim.arenas.sdf.solids import Solid
 
 AROUND = 4.0  # m by which an arena is longer and wider than its contents
-SPARE = 0.98  # Fraction of the maximum area that is used: cutting and rounding add to it
+SPARE = 0.98  # Fraction of the maximum area that is used, because cutting and rounding enlarge the area
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Window:
 
 
 def window_of(boxes: NDArray[np.float64], area: float) -> Window:
-    """The window of a world, centred as far as possible on its origin, or else on the object nearest to that.
+    """The window of a world, centred as far as possible on the point of an object that is nearest to the origin.
 
     ``boxes``: (N, 2, 2) m, lowest and highest x, y of each object; ``area``: maximum area of the arena, m².
     """
@@ -58,7 +58,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
 
 
 def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
-    """Limit solids to a window: they are cut at its edges, except ground, which is kept if its centre is inside."""
+    """Limit solids to a window: cut them at its edges, but keep each tile of ground whose centre is inside."""
     for solid in solids:
         corners = transform_places(solid.T_world, solid.corners)[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -84,21 +84,21 @@ def _cut(solid: Solid, window: Window) -> Iterator[Solid]:
     if len(triangles) == 0:
         return
     if solid.piece is None or (len(solid.piece.parts) == 1 and with_volume(vertices) is vertices):
-        with suppress(QhullError):  # raised for a sliver
+        with suppress(QhullError):  # raised if only a sliver is left
             vertices, triangles = _hull(vertices)  # a cut convex solid is convex
     for piece in pieces_of(MeshSurface("", vertices, triangles, solid.colour)):
         yield replace(solid, kind="mesh", size=np.zeros(0), corners=piece.vertices, piece=piece)
 
 
 def _surface(solid: Solid) -> tuple[Places, NDArray[np.int64]]:
-    """The surface of a box or a mesh: vertices and triangles."""
+    """Vertices (N, 3) m and triangles (M, 3) of a solid's surface."""
     if solid.piece is not None and len(solid.piece.triangles):
         return solid.piece.vertices, solid.piece.triangles
     return _hull(solid.corners)
 
 
 def _hull(points: Places) -> tuple[Places, NDArray[np.int64]]:
-    """The convex hull of points (N, 3) m: vertices and triangles."""
+    """Vertices (K, 3) m and triangles (M, 3) of the convex hull of points (N, 3) m."""
     hull = ConvexHull(points)
     mesh = trimesh.Trimesh(points, hull.simplices, process=True)
     mesh.fix_normals()

@@ -2,13 +2,13 @@
 
 Poses are resolved as in SDF 1.12: ``relative_to`` any frame, link, joint or nested model of the same scope,
 ``placement_frame``, ``attached_to``, and ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
-``<state>`` of a world overrides the poses of its models and links; its sizes are already those in the file.
+``<state>`` of a world overrides the poses of its models and links; the state's sizes already equal those in the file.
 Everything is static.
 
 A link has the shapes of its collision elements, in the colours of its visuals; if no collision shape can be read, it
 has the shapes of its visuals. Elements without shapes (physics, joints) are not read. Plugins, sensors, actors, roads
 and lights are left out and counted. Items that are missing or broken, or were thrown out of the world, are left out
-and named; Gazebo shows the rest, too.
+and named in a warning; Gazebo, too, shows the rest of such a world.
 """
 
 from collections import Counter
@@ -54,14 +54,14 @@ _SHIPPED = {
 
 @dataclass(frozen=True, eq=False)
 class SdfModel:
-    """A model in the world.
+    """A model, as it is placed in the world.
 
     Attributes:
         name: name in the world: that of its ``<include>``, or else the model's own.
         scoped: unique name: the names of the models that contain it and its own, joined by ``::``.
         uri: URI from which it is included; empty if it is defined in the file itself.
         T_world: pose in the world.
-        missing: whether it has shapes, or could not be included, and none of its shapes can be read.
+        missing: whether it could not be included, or has shapes but none of them can be read.
         is_empty: whether it and all models nested in it have no shapes, although all could be included.
     """
 
@@ -74,7 +74,7 @@ class SdfModel:
 
 
 Choice = Callable[[SdfModel], bool]
-"""Selects models."""
+"""A function that selects models."""
 
 
 def _none(model: SdfModel) -> bool:
@@ -83,15 +83,15 @@ def _none(model: SdfModel) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SdfShape:
-    """A shape in the world.
+    """A collision or visual shape, as it is placed in the world.
 
     Attributes:
         model: scoped name of its model.
         geometry: its ``<geometry>``.
         T_world: pose in the world.
         colour: red, green, blue, from 0 to 1; None if the file gives none.
-        base: folder of the file that contains it.
-        where: its location for error messages.
+        base: folder of the file that contains the shape.
+        where: location of the shape for error messages.
     """
 
     model: str
@@ -110,7 +110,7 @@ _OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
 class _Model:
     """A model or a world, with its frames, and its links and nested models by the names of their frames.
 
-    An included model that cannot be read is empty, and ``lost`` says why.
+    An included model that cannot be read is empty, and ``lost`` is the error.
     """
 
     name: str
@@ -129,7 +129,7 @@ class SdfWorld:
 
     Attributes:
         left_out: number of elements of each kind in ``LEFT_OUT``.
-        is_model: whether the file contains only models, without a world, and therefore without its ground.
+        is_model: whether the file contains only models and no world, and therefore no ground of a world.
         lost: a message for each broken item.
         missing: the URIs that could not be found, in file order.
         resources: the world's files.
@@ -174,7 +174,7 @@ class SdfWorld:
 
     @contextmanager
     def without(self) -> Iterator[None]:
-        """Note an error in the block about a missing or broken item, and continue without the item."""
+        """Record an error that a missing or broken item raises in the block, and continue without the item."""
         try:
             yield
         except RefusedError:
@@ -199,7 +199,7 @@ class SdfWorld:
         return root
 
     def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
-        """Read a model or a world; ``files`` is the chain of including files, down to the one that contains it."""
+        """Read a model or a world; ``files``: the chain of including files, down to the one that contains it."""
         where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
@@ -284,7 +284,7 @@ class SdfWorld:
     def _placed(
         self, model: _Model, outside: SdfModel, state: State, without: Choice
     ) -> Iterator[tuple[_Model, SdfModel, State]]:
-        """A model and all models nested in it, each as placed in the world and with its state."""
+        """Yield a model and all models nested in it, each with its placement in the world and its state."""
         yield model, outside, state
         for name, nested in model.nested.items():
             with self.without():
@@ -304,7 +304,7 @@ class SdfWorld:
         return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
 
     def _is_read(self, shape: "Element", model: _Model) -> bool:
-        """Whether a shape has a geometry, and its mesh file, if any, can be read."""
+        """Whether a shape has a geometry that can be read, including its mesh file, if any."""
         mesh = shape.find("geometry/mesh")
         if mesh is None:
             return shape.find("geometry/*") is not None
@@ -369,7 +369,7 @@ def _is_invisible(shape: "Element") -> bool:
 
 
 def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
-    """Add a nested model: ``owner`` has its ``placement_frame`` and ``merge``, and ``placed`` its pose."""
+    """Add a nested model; ``owner`` gives its ``placement_frame`` and ``merge``, and ``placed`` gives its pose."""
     frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
     frame = frame or nested.element.get("placement_frame") or MODEL
     T, parent = pose_of(placed, nested.where), reference_of(placed, model.frames.root)

@@ -1,1 +1,1 @@
-"""Things that a rescue robot looks for besides people: signs, codes, tags, fire extinguishers, door levers."""
+"""Objects to find other than people: signs, codes, tags, fire extinguishers and door levers."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 MODULES = 8  # Modules along a side of a tag's black square
 TAG_SIDE = 0.16  # m, side of the black square of a tag on a wall
-MAX_TAGS = 50  # Tags from 0 on that are kept for the walls
+MAX_TAGS = 50  # Lower tag numbers are reserved for the tags by which maps are scored
 QUIET = 4  # Modules of white margin around a code, required by ISO/IEC 18004
 
 

@@ -1,7 +1,7 @@
 """Baby dolls, the victims of rescue arenas, some half under a blanket.
 
-The frame of a doll is that of the arena designer's box, which hangs on a wall at y = 0.59 and is open towards -y: x
-is to the right for a viewer, z is up, and z = 0 is the middle of the box.
+The frame of a doll is that of the arena designer's box, which hangs on a wall at y = 0.59 m and is open towards -y.
+For a viewer, x points to the right and z up; z = 0 is the middle of the box.
 """
 
 from collections.abc import Sequence

@@ -18,13 +18,13 @@ BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
 GREEN, BLUE = (0, 122, 82), (0, 87, 184)
 FINER = 2  # Supersampling factor of drawings
-BEYOND = 1.5  # Half width of the coloured areas, from which the diamond is cut, over half a diagonal of the diamond
-EDGE = 0.92  # Diagonal of the inner line over that of the sign
+BEYOND = 1.5  # Ratio of the half width of the coloured areas, from which the diamond is cut, to its half diagonal
+EDGE = 0.92  # Ratio of the diagonal of the inner line to that of the sign
 
 
 @dataclass(frozen=True)
 class SignStyle:
-    """How a sign is printed; the default is the plain placard.
+    """The print style of a sign; the default is that of the plain placard.
 
     Attributes:
         line: whether the sign has the inner line.
@@ -33,8 +33,8 @@ class SignStyle:
         bold: thickness added to letters, as a fraction of their height.
         narrow: maximum mean width of letters, as a fraction of their height.
         size: size of the symbol relative to that on the placard.
-        tint: factors on red, green and blue, due to ink and paper.
-        variant: which variant of a sign is drawn, if it has several, 0 to 3.
+        tint: factors by which ink and paper change red, green and blue.
+        variant: index of the variant that is drawn, 0 to 3, for signs with several variants.
     """
 
     line: bool = True
@@ -72,7 +72,7 @@ class _Sign:
         number: class number.
         ink: colour of symbol and words.
         foot: colour of the number.
-        split: y of the edge between the two parts.
+        split: y of the edge between the two parts, from -1 at the top of the drawing to 1 at the bottom.
     """
 
     top: Colour
@@ -107,7 +107,7 @@ _SIGNS = {
 
 
 def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """(size, size, 3) uint8 RGB, the sign of a class as a square; the diamond's top corner is its top left corner."""
+    """(size, size, 3) uint8 RGB, the sign of a class as a square; its top left corner is the diamond's top corner."""
     upright = _drawn(name, round(FINER * size * np.sqrt(2)), style or SignStyle())
     # The diamond's top, right, bottom and left corners become the square's corners, clockwise from the top left.
     far, half = len(upright) - 1.0, (len(upright) - 1) / 2
@@ -151,13 +151,13 @@ def _diamond(half: float, centre: tuple[float, float] = (0.0, 0.0)) -> NDArray[n
 
 
 def _stripes(drawing: Drawing) -> None:
-    """Seven vertical red stripes."""
+    """Draw seven vertical red stripes."""
     for x in np.arange(-6, 7, 2) / 7.5:
         drawing.area([(x - 0.07, -1), (x + 0.07, -1), (x + 0.07, 1), (x - 0.07, 1)], RED)
 
 
 def _margin(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
-    """The inner line, and in some variants a white margin outside it, if the sign has a white part."""
+    """Draw the inner line and, in some variants of signs with a white part, a white margin outside it."""
     if WHITE in (sign.top, sign.bottom) and sign.bottom in (WHITE, BLACK) and not style.variant % 2:
         ring = (1 + EDGE) / 2
         drawing.line(_diamond(ring), 1 - EDGE, WHITE, closed=True)
@@ -180,7 +180,7 @@ def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
 
 
 def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
-    """The lines of text at the middle of the sign, each at most as wide as the diamond allows."""
+    """Draw the lines of text in the middle of the sign, each no wider than the diamond allows."""
     height = 0.26 if len(sign.words) == 1 else 0.2
     for line, text in enumerate(sign.words):
         y = 0.06 + (line - (len(sign.words) - 1) / 2) * height * 1.2 + (0.1 if sign.bottom == BLACK else 0.0)

@@ -1,6 +1,6 @@
-"""Things to find as MJCF: signs, codes, tags, fire extinguishers, door levers.
+"""Objects to find as MJCF: signs, codes, tags, fire extinguishers and door levers.
 
-The frame of a flat thing or a lever has its origin on the wall, x to the right and y up for a viewer, and z towards
+The frame of a flat object or a lever has its origin on the wall, x to the right and y up for a viewer, and z towards
 the viewer. The frame of a fire extinguisher has its origin at the centre of its foot, and z up.
 """
 
@@ -20,10 +20,10 @@ from sarsim.arenas.things.hazmat import SignStyle, sign_png
 from sarsim.arenas.things.thing import declare
 from sarsim.victims.mjcf import geom, numbers, quaternion
 
-BACKING = "backing_"  # Prefix of the name of the body with the objects on which a thing hangs or under which it lies
+BACKING = "backing_"  # Prefix of the name of the body with an object's backing, such as paper or a blanket
 THICK = 0.001  # m, thickness of paper; a depth camera cannot resolve it
 PAPER, METAL, RUBBER = (0.93, 0.93, 0.91), (0.62, 0.63, 0.65), (0.06, 0.06, 0.06)
-PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # of fire extinguishers
+PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # Colours of fire extinguishers
 LABELS = ((0.92, 0.92, 0.90), (0.93, 0.83, 0.15), (0.85, 0.85, 0.80))
 ACROSS = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """Quaternion that aligns a capsule or cylinder with x."""
@@ -33,7 +33,7 @@ UPRIGHT = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 
 @dataclass(frozen=True, eq=False)
 class ThingModel:
-    """A thing to find, before it is added to an arena.
+    """An object to find, before it is added to an arena.
 
     Attributes:
         name: name of its body, unique in the arena.
@@ -43,7 +43,7 @@ class ThingModel:
         geoms: geoms of its body.
         assets: materials and textures.
         files: contents of the pictures to which the textures refer, by name.
-        backing: geoms that come with the thing but are not part of it, such as paper or a blanket.
+        backing: geoms that come with the object but are not part of it, such as paper or a blanket.
     """
 
     name: str
@@ -56,7 +56,7 @@ class ThingModel:
     backing: list[Element] = field(default_factory=list)
 
     def add_to(self, root: Element, position: ArrayLike, R: Rotation3) -> None:
-        """Add the thing to a ``<mujoco>`` element, with origin ``position`` (3,) m and orientation ``R`` (3, 3)."""
+        """Add the object to a ``<mujoco>`` element, with origin ``position`` (3,) m and orientation ``R`` (3, 3)."""
         declare(root, self.name, self.kind, self.text, self.state)
         pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
         bodies = []
@@ -126,7 +126,7 @@ def april_tag(name: str, number: int, side: float) -> ThingModel:
 
 
 def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
-    """A lever of length ``length`` m on a plate with a keyhole."""
+    """A door lever of length ``length`` m on a plate with a keyhole."""
     way = -1 if to_left else 1
     parts = [
         ColouredGeom("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
@@ -140,7 +140,10 @@ def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
 
 
 def fire_extinguisher(name: str, radius: float, height: float, paint: int, label: int) -> ThingModel:
-    """A red bottle with label, valve, handle, gauge and hose; ``radius`` and ``height`` in m."""
+    """A fire extinguisher, a red bottle with label, valve, handle, gauge and hose.
+
+    ``radius`` and ``height`` are in m; ``paint`` and ``label`` are the indices of the colours of bottle and label.
+    """
     red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
     parts = [
         ColouredGeom("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
@@ -171,7 +174,7 @@ def _hose(radius: float, shoulder: float, top: float) -> list[ColouredGeom]:
 
 
 def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:
-    """A sheet just behind a thing that hangs on the wall; ``half``: half sizes, m."""
+    """A sheet directly behind an object that hangs on the wall; ``half``: half sizes, m."""
     size = numbers((*half, THICK / 4), 6)
     pose = {"pos": numbers((0, 0, -3 * THICK / 4), 6), "quat": quat, "size": size, "rgba": numbers((*colour, 1))}
     return geom(name, Label.CLUTTER, type="box", contype="0", conaffinity="0", **pose)
@@ -180,7 +183,7 @@ def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float
 def _printed(
     name: str, content: bytes, half: float, quat: str = "1 0 0 0"
 ) -> tuple[Element, list[Element], dict[str, bytes]]:
-    """A square plate, 2 ``half`` m wide, with a picture on its front at z = 0; also returns its assets and file."""
+    """A square plate, 2 ``half`` m wide, with a picture on its front at z = 0, and the plate's assets and file."""
     file = f"{name}.png"
     texture = Element("texture", name=name, type="2d", file=file)
     material = Element("material", name=name, texture=name, texuniform="false", specular="0.02", shininess="0.05")

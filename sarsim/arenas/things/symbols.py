@@ -78,7 +78,10 @@ class Drawing:
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
     def words(self, text: str, centre: ArrayLike, size: tuple[float, float], bold: float, colour: Colour) -> None:
-        """Write a text as high as ``size`` (width, height) and no wider; ``bold``: stroke over letter height."""
+        """Write a text as high as ``size`` (width, height) and at most as wide.
+
+        ``bold``: ratio of the stroke's width to the height of the letters.
+        """
         letters = _letters(text, bold)
         height = self._length(size[1])
         width = min(round(letters.shape[1] * height / letters.shape[0]), self._length(size[0]))
@@ -97,10 +100,10 @@ class Drawing:
 
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """A place for a symbol on a drawing.
+    """The place and colours of a symbol on a drawing, and methods that draw each symbol there.
 
     Attributes:
-        drawing: the drawing.
+        drawing: the drawing to which the symbol is added.
         centre: (2,) centre of the symbol on the drawing.
         scale: half size of the symbol on the drawing.
         ink: colour of the symbol.
@@ -114,20 +117,20 @@ class Symbol:
     ground: Colour
 
     def flame(self) -> None:
-        """A flame above a line."""
+        """Draw a flame above a line."""
         self._area(FLAME, self.ink)
         self._area(FLAME_CORE, self.ground)
         self._area(BASE, self.ink)
 
     def flame_over_circle(self) -> None:
-        """A flame on a ring above a line: oxidiser."""
+        """Draw a flame on a ring above a line, the symbol of oxidisers."""
         self._area(np.array(FLAME) * 0.62 + [0.0, -0.4], self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.42 * self.scale, self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.31 * self.scale, self.ground)
         self._area(BASE, self.ink)
 
     def skull(self) -> None:
-        """A skull and crossbones, outlined in ink and filled with the background colour."""
+        """Draw a skull and crossbones, outlined in ink and filled with the background colour."""
         for end in ((0.85, 0.9), (0.85, 0.2)):
             for width, colour in ((0.24, self.ink), (0.14, self.ground)):
                 self._bone(np.array([end, (-end[0], 1.1 - end[1])]), width, colour)
@@ -141,7 +144,7 @@ class Symbol:
             self._line([(x, 0.26), (x, 0.46)], 0.04, self.ink)
 
     def trefoil(self) -> None:
-        """Three blades around a disc: radiation."""
+        """Draw three blades around a disc, the symbol of radiation."""
         for middle in (30, 150, 270):
             angles = np.radians(np.arange(middle - 30, middle + 31, 5))
             rim = np.column_stack([np.cos(angles), -np.sin(angles)])
@@ -149,7 +152,7 @@ class Symbol:
         self.drawing.disc(self._at((0, 0)), 0.2 * self.scale, self.ink)
 
     def biohazard(self) -> None:
-        """Three open crescents on a ring: infectious substance."""
+        """Draw three open crescents on a ring, the symbol of infectious substances."""
         ways = [np.array([np.cos(a), -np.sin(a)]) for a in np.radians((90, 210, 330))]
         for shift, radius, colour in ((0.44, 0.5, self.ink), (0.56, 0.4, self.ground)):
             for way in ways:
@@ -161,7 +164,7 @@ class Symbol:
         self.drawing.disc(self._at((0, 0)), 0.12 * self.scale, self.ground)
 
     def corrosion(self) -> None:
-        """Two test tubes with drops that corrode a piece of metal and a hand."""
+        """Draw two test tubes with drops that corrode a piece of metal and a hand."""
         for x, turn in ((-0.42, 0.3), (0.42, np.pi - 0.3)):
             cos, sin = np.cos(turn), np.sin(turn)
             tube = 0.7 * np.array(TUBE) @ np.array([(cos, sin), (-sin, cos)])
@@ -175,11 +178,11 @@ class Symbol:
             self._line([(x, 0.66), (x + 0.1, 0.8)], 0.03, self.ground)
 
     def gas_cylinder(self) -> None:
-        """A tilted gas cylinder."""
+        """Draw a tilted gas cylinder."""
         self._area(np.array(CYLINDER) @ np.array([(0.97, -0.22), (0.22, 0.97)]), self.ink)
 
     def bomb(self) -> None:
-        """A bursting round bomb: explosive."""
+        """Draw a bursting round bomb, the symbol of explosives."""
         self.drawing.disc(self._at((0, 0.35)), 0.42 * self.scale, self.ink)
         for way in np.radians(np.arange(0, 181, 22.5)):
             tip = np.array([np.cos(way), -np.sin(way)])

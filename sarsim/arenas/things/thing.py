@@ -1,7 +1,7 @@
-"""The things to find in a model: bodies with a kind, a text and a state.
+"""The objects to find in a model: bodies with a kind, a text and a state.
 
-The MJCF states these in ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, with
-URL-encoded values. A victim without such a text is alive.
+The MJCF gives these in ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, with
+URL-encoded values. A victim without such an element is alive.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,15 +23,16 @@ MAX_TEXT = 4000  # Maximum number of bytes of a text that are read; the largest 
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """A thing to find.
+    """An object to find.
 
     Attributes:
         name: name of its body.
         kind: one of ``KINDS``, except heat.
         text: class of a sign, text of a QR code, or number of a tag; otherwise empty.
         state: alive or dead for a victim; otherwise empty.
-        T_world_thing: pose of its frame. Signs, codes, tags: origin at the centre of the front, x right and y up (a
-            sign's towards the top of its print), z towards the viewer. Levers: the same axes. Others: z up.
+        T_world_thing: pose of its frame. Signs, codes and tags have their origin at the centre of the front, x to the
+            right, y up (for a sign, towards the top of its print) and z towards the viewer. Levers have the same
+            axes. Other objects have z up.
         box: lowest and highest corner in its own frame, m.
         geoms: ids of its geoms, which are also the instance ids in camera images.
     """
@@ -51,17 +52,17 @@ class Thing:
 
     @property
     def normal(self) -> Direction:
-        """Direction of its z axis in the world; for flat things, it points towards the viewer."""
+        """Direction of the z axis in the world; for flat objects, it points towards the viewer."""
         return self.T_world_thing[:3, 2]
 
     @property
     def is_warm(self) -> bool:
-        """Whether it is a living victim."""
+        """Whether the object is a living victim."""
         return self.kind == VICTIM and self.state == ALIVE
 
 
 def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
-    """The things to find in a model: first the victims, then the others, both in the order of their bodies."""
+    """The objects to find in a model: first the victims, then the others, both in the order of their bodies."""
     said = dict(_said(model))
     victims = [
         Thing(PREFIX + v.id, VICTIM, *said.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms)
@@ -71,19 +72,19 @@ def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
 
 
 def of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
-    """The things of a kind; for the kind heat, those that are warm."""
+    """The objects of a kind; for the kind heat, the warm objects."""
     return [thing for thing in things if (thing.is_warm if kind == HEAT else thing.kind == kind)]
 
 
 def declare(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
-    """State in a ``<mujoco>`` element what the body ``name`` is."""
+    """Add the kind, text and state of the body ``name`` to a ``<mujoco>`` element."""
     custom = root.find("custom")
     custom = SubElement(root, "custom") if custom is None else custom
     SubElement(custom, "text", name=name, data=data_of(kind, text, state))
 
 
 def data_of(kind: str, text: str = "", state: str = "") -> str:
-    """The data of a custom text that states what a body is."""
+    """The ``data`` attribute of a custom text with the kind, text and state of a body."""
     return ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
 
 
@@ -98,7 +99,7 @@ def _others(model: mujoco.MjModel, data: mujoco.MjData, stated: dict[str, tuple[
 
 
 def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """The body, and its kind, text and state, from each custom text of this form."""
+    """Yield the name of a body, and its kind, text and state, from each custom text of this form."""
     for n in range(model.ntext):
         start = int(model.text_adr[n])
         raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MAX_TEXT)])

@@ -17,7 +17,7 @@ SIGNIFICANT = 6
 
 
 def check_names(methods: Sequence[str], arenas: Sequence[str]) -> None:
-    """Raises InputError unless all methods and arenas of a sweep exist; imports nothing that takes seconds."""
+    """Raises InputError unless all methods and arenas of a sweep exist; avoids imports that take seconds."""
     if not arenas:
         raise InputError("--arenas: give at least one arena")
     for arena in arenas:
@@ -34,7 +34,7 @@ def arenas_of(names: Sequence[str]) -> list[str]:
 
 @cache
 def frozen(split: str) -> Mapping[str, str]:
-    """The arenas of a split with their checksums."""
+    """The checksums of a split's arenas, by name."""
     content: Mapping[str, str] = yaml.safe_load(asset("splits", f"{split}.yaml").read_text())
     return content
 

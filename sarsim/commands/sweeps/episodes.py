@@ -29,16 +29,16 @@ from sarsim.settings import EpisodeConfig
 
 FOLDER = "episodes"
 OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
-"""Keys of a report that are settings, or whose values vary from run to run."""
+"""Pattern of the keys of a report that are settings, or whose values vary from run to run."""
 LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
 GRACE = 1.1
 """An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
 
 CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
-"""Decimal places to which a curve is stored."""
+"""Number of decimal places with which each field of a curve is stored."""
 
 Row = dict[str, Any]
-"""An episode: method, arena, seed, checksum, and its figures under their keys in report.json; or ``failed``."""
+"""Method, arena and seed of an episode, with the arena's checksum and the figures of report.json, or ``failed``."""
 
 
 class EpisodeResult(NamedTuple):
@@ -56,7 +56,7 @@ class EpisodeResult(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepJob:
-    """An episode.
+    """One episode of a sweep.
 
     Attributes:
         method: name of the method, or MODULE:CLASS.
@@ -77,14 +77,14 @@ class SweepJob:
 
     @property
     def row(self) -> Row:
-        """The first items of the episode's row."""
+        """The part of the episode's row that is known before the episode."""
         return {"method": self.method, "arena": self.arena, "seed": self.seed}
 
 
 def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder: Path) -> None:
     """Run an episode, and write its row to a sweep's folder.
 
-    ``settings`` are fields of :class:`EpisodeConfig`, ``limit`` is the episode's wall-clock limit, s.
+    ``settings``: fields of :class:`EpisodeConfig`; ``limit``: the episode's wall-clock limit, s.
 
     Raises:
         InputError: the method or the arena fails; the message is one line.
@@ -96,7 +96,7 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
         failure = ""
     except Exception as error:
         failure = str(error) if isinstance(error, InputError) else one_line(error)
-    # Only here, because the traceback kept the episode alive; its maps are in reference cycles.
+    # The episode's maps are in reference cycles, which an error's traceback keeps alive until here.
     gc.collect()
     if failure:
         raise InputError(failure)
@@ -109,7 +109,10 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError if the block takes longer; if it continues even so, the process is ended soon after."""
+    """Raise TimeoutError if the block takes longer than ``seconds``.
+
+    If the block continues nevertheless, the process is ended after ``GRACE`` times as long.
+    """
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"exceeded the time limit of {seconds:g} s")
@@ -134,7 +137,7 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
 
 
 def driven(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
-    """Run an episode with ``--exploration`` set to the method; returns figures and the explored curve."""
+    """Run an episode with ``--exploration`` set to the method; returns its figures and the explored curve."""
     from sarsim.episode import Episode  # here, because only the workers need it
 
     found = checked(job.arena)
@@ -176,7 +179,8 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
     )
     columns = {key: [row.get(key) for row in rows] for key in keys}
     for key, values in columns.items():
-        if any(isinstance(value, float) for value in values):  # so that a type does not depend on the episodes
+        # A column of numbers gets the same type whichever episodes it holds.
+        if any(isinstance(value, float) for value in values):
             columns[key] = [float(value) if isinstance(value, int) else value for value in values]
     with atomic_write(path) as part:
         pq.write_table(pa.table({key: pa.array(values) for key, values in columns.items()}), part)

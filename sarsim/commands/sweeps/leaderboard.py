@@ -63,7 +63,7 @@ class Entry:
 
     @property
     def board(self) -> tuple[tuple[str, ...], tuple[int, ...], str]:
-        """What entries must have in common to be comparable: arenas, seeds, and all checksums together."""
+        """The properties that comparable entries share: arenas, seeds, and a digest of all checksums."""
         sums = sorted({f"{row['arena']} {row['checksum']}" for row in self.rows if row.get("checksum")})
         return self.arenas, self.seeds, hashlib.sha256("\n".join(sums).encode()).hexdigest()
 
@@ -78,7 +78,7 @@ class Entry:
 
 
 def entry_of(rows: Iterable[Row], **about: Any) -> Entry:
-    """An entry from the rows of a method's episodes; ``about`` holds its other fields."""
+    """An entry from the rows of a method's episodes; ``about`` holds the entry's other fields."""
     kept = [
         {"arena": row["arena"], "seed": row["seed"]} | {key: _rounded(row[key]) for key in KEPT if key in row}
         for row in rows
@@ -175,7 +175,7 @@ def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], lis
 
 
 def _ratio(group: Sequence[Entry]) -> list[Values]:
-    """Ratios of the times to explore 99% to the reference's, arena by arena and seed by seed; 1 if neither did."""
+    """(arenas, seeds) ratios of the time to explore 99% to that of ``REFERENCE``; 1 if neither explored 99%."""
     times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
     if REFERENCE not in times:
         return []
@@ -204,7 +204,7 @@ def _mean_speed(group: Sequence[Entry]) -> list[Values]:
 
 
 def _turning(group: Sequence[Entry]) -> list[Values]:
-    """Fractions of the time spent turning in place, inf for episodes without this figure; empty if none has it."""
+    """Fractions of the time spent turning in place, inf for episodes without this figure; empty if all lack it."""
     found = [e.values("navigation.time_s.turning", np.inf) / e.values("sim_time_s", 1.0) for e in group]
     return found if np.isfinite(found).any() else []
 
@@ -232,4 +232,4 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
     "people found": _people_found,
 }
-"""Columns of a table: a function of its entries gives the values to estimate, none if the column is left out."""
+"""For each column of a table, a function that returns the values of each entry, or nothing to omit the column."""

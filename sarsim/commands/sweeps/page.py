@@ -21,7 +21,7 @@ from sarsim.scoring.progress import ExploredCurve, fractions_at
 AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
 """Axes of the plots: for each field of a curve, the label and the key of the value at an episode's end."""
 SAMPLES = 101
-"""Number of points along an axis at which shares are drawn, a hundredth of the axis apart."""
+"""Number of points along an axis at which fractions are drawn, a hundredth of the axis apart."""
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
 """Colours that colour-blind people can distinguish (Okabe and Ito, 2008); the faintest comes last."""
 DASHES = ("", "6 2", "2 2")
@@ -29,7 +29,7 @@ DASHES = ("", "6 2", "2 2")
 
 
 class Stroke(NamedTuple):
-    """How a method's line is drawn: its colour, and the lengths in points of its dashes and gaps."""
+    """Style of a method's line: its colour, and the lengths in points of its dashes and gaps."""
 
     colour: str
     dashes: str
@@ -63,7 +63,7 @@ def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stro
 
 
 def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> None:
-    """Draw the methods' bands up to the end of the longest episode."""
+    """Draw the methods' means and intervals up to the end of the longest episode."""
     label, end = AXES[axis]
     longest = max(entry.values(end, 0.0).max() for entry in entries)
     places = np.linspace(0, longest, SAMPLES)
@@ -83,7 +83,7 @@ def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int)
 
     Args:
         curves: curves of the episodes, arena by arena and, in each arena, seed by seed.
-        axis: field of the curves that the plot is over.
+        axis: field of the curves along the plot's x-axis.
         places: (P,) points on the axis, s or m; after its end, an episode holds its last fraction.
         seeds: number of seeds per arena.
 

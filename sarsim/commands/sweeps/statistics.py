@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 SHARE = 0.95
 """Fraction of the resampled means in an interval."""
 RESAMPLED = 2000
-"""Number of resamples; the ends of an interval are then the 51st values from below and from above."""
+"""Number of resamples; the ends of an interval are then the 51st lowest and the 51st highest mean."""
 
 
 Mean = Callable[[NDArray[np.float64]], NDArray[np.float64]]

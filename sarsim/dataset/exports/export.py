@@ -66,13 +66,13 @@ class ImageExport(Export):
     """images/<split>/*.jpg, with annotations of the objects in them."""
 
     min_area: int = 100
-    """Fewest visible pixels for an object to get a box."""
+    """Minimum number of visible pixels for an object to get a box."""
 
     def __post_init__(self) -> None:
         check("min-area", self.min_area, 1)
 
     def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
-        """Write every frame's image, and yield its name without suffix, and the frame."""
+        """Write every frame's image, and yield the image's name without suffix, and the frame."""
         images = folder / "images" / entry.split
         images.mkdir(parents=True, exist_ok=True)
         for index, frame in enumerate(scene):

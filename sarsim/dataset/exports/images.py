@@ -69,7 +69,7 @@ def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> str:
-    """An (H, W) mask in COCO's compressed RLE: runs down the columns, minus the run two before, 5 bits a letter."""
+    """An (H, W) mask in COCO's compressed RLE: column-major runs, each minus the run two before, 5 bits a letter."""
     flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
     counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
     letters = []
@@ -116,7 +116,7 @@ class Yolo(ImageExport):
     def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
         """Move the last fifth of each scene's frames from train to val; True if any was moved.
 
-        They are consecutive, because neighbouring frames look alike.
+        The moved frames are consecutive, because neighbouring frames look alike.
         """
         moved = False
         for entry in dataset.entries:

@@ -1,7 +1,7 @@
 """Exports of labelled points: the folders of S3DIS, and blocks in HDF5.
 
 S3DIS: Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016. Blocks are the form in which
-PointNet (Qi et al., CVPR 2017) and DGCNN read it.
+PointNet (Qi et al., CVPR 2017) and DGCNN read S3DIS.
 """
 
 from collections import Counter
@@ -27,7 +27,7 @@ NAMES = (
     *("window", "wall", "floor", "beam", "table", "ceiling", "chair", "clutter"),
     *("column", "door", "sofa", "bookcase", "board"),
 )
-"""The classes of S3DIS, because published readers know no others; a label is named by its index in this list."""
+"""The classes of S3DIS, the only ones that published readers know; each label takes the name at its number."""
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
 SIZE = 1.0  # Side of a block in xy, m
@@ -39,9 +39,9 @@ class Cloud:
     """Labelled points in the world frame.
 
     Attributes:
-        points: (N, 3) float32 m.
-        rgb: (N, 3) uint8.
-        label: (N,) uint8.
+        points: (N, 3) float32 m, positions.
+        rgb: (N, 3) uint8 colours.
+        label: (N,) uint8 labels.
         instance: (N,) int32 geom ids, -1 = none.
     """
 
@@ -95,7 +95,8 @@ class S3dis(Export):
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
         instances, numbers = objects(scene, cloud), Counter[str]()
-        # Objects with one point are left out: indoor3d_util.py joins tables, and NumPy reads one line as a vector.
+        # Objects with one point are left out, because indoor3d_util.py joins tables and NumPy reads one line as a
+        # vector.
         known, counts = np.unique(instances, return_counts=True)
         several = np.isin(instances, known[counts > 1])
         cloud, instances = cloud.of(several), instances[several]
@@ -119,7 +120,7 @@ class S3dis(Export):
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int32]:
-    """(N,) int32 the object of each point; -1 for specks of dust."""
+    """(N,) int32 id of the object to which each point belongs; -1 for specks of dust."""
     return scene.content.object_of_geom[cloud.instance]
 
 
@@ -145,7 +146,7 @@ class Blocks(Export):
     min_points: int = 100
     """Blocks with fewer points than this are left out."""
     colours: bool = False
-    """Whether r g b, 0 to 1, come between both kinds of coordinates, as in the nine channels of S3DIS."""
+    """Whether r g b, 0 to 1, come between the two kinds of coordinates, as in the nine channels of S3DIS."""
 
     def __post_init__(self) -> None:
         check("points", self.points, 1)
@@ -176,8 +177,8 @@ class Blocks(Export):
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
         """The blocks of a cloud, (points, 6 or 9) each, with their (points,) labels.
 
-        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, and x y z as fractions
-        of the cloud's extent.
+        Channels: x and y from the block's centre and z from the lowest point, m; r g b from 0 to 1, if wanted; and
+        x y z as fractions of the cloud's extent.
         """
         if not len(cloud.points):
             return

@@ -64,7 +64,7 @@ class TumSequence:
     """Writes a sequence of the benchmark: image by image, and finally the lists of images and readings."""
 
     def __init__(self, folder: Path):
-        """Make the folder; OSError, here or later, if it cannot be written."""
+        """Create the folder; OSError, here or later, if it cannot be written."""
         self._folder, self._lists = folder, dict[str, list[str]]()
         for kind in IMAGES:
             (folder / kind).mkdir(parents=True)
@@ -108,7 +108,7 @@ class TumDrive(ExitStack, Sink):
         """Record what :class:`pipeline.datasets.recorded_robot.RecordedRobot` reports, until closed.
 
         Raises:
-            InputError: ``path``, which appears on closing, is not an empty folder or cannot be made.
+            InputError: ``path``, which appears on closing, exists and is not an empty folder, or cannot be created.
         """
         super().__init__()
         folder = self.enter_context(whole_folder(path))

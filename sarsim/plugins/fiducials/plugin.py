@@ -16,7 +16,7 @@ from sarsim.plugins.fiducials.tags import hang_fiducials
 
 @dataclass(frozen=True)
 class FiducialsConfig:
-    """How many tags hang on the walls.
+    """Settings of the tags on the walls.
 
     Attributes:
         number: number of tags.

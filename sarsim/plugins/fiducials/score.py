@@ -22,14 +22,17 @@ from sarsim.arenas.things.codes import FAMILY, TAG_SIDE
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
 MATCHED_TAG = 1.0
-"""m; up to here, the corners give the distance to a few millimetres. The depth camera's range begins at 0.8 m."""
+"""Maximum distance, m, of a tag located by its corners alone: they give the distance to a few millimetres.
+
+The depth camera's range begins at 0.8 m.
+"""
 
 
 def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
     """The tags in a colour image, and the centre of each, (3,) m in ``camera_optical``.
 
-    A tag's corners give its direction, and its depth gives the distance. If it is too near for the depth camera, the
-    corners give the distance, too (Collins and Bartoli 2014). A more distant tag without depth is left out.
+    A tag's corners give its direction, and its depth gives the distance. If the tag is too near for the depth camera,
+    the corners also give the distance (Collins and Bartoli 2014). A more distant tag without depth is left out.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -42,7 +45,10 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
 
 
 def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
-    """The point in ``camera_optical`` where the diagonals of (4, 2) corners cross; integers are pixel centres."""
+    """(3,) m in ``camera_optical``, where the diagonals of a tag cross; None if the distance is unknown.
+
+    ``corners``: (4, 2) columns and rows, in which integers are pixel centres.
+    """
     a, b, c, d = np.column_stack([corners.astype(np.float64), np.ones(4)])
     middle = np.cross(np.cross(a, c), np.cross(b, d))
     u, v = middle[:2] / middle[2] + 0.5
@@ -63,7 +69,7 @@ class FiducialScore(Sink):
     finishing = "scoring the distances between the tags"
 
     def __init__(self, T_world_tag: Poses, keyframes: Keyframes) -> None:
-        """``T_world_tag``: true poses of the tags 0 to N - 1; ``keyframes``: hold the estimated poses."""
+        """Compare with ``T_world_tag``, (N, 4, 4) true poses of the tags; ``keyframes`` hold the estimated poses."""
         self._true, self._keyframes = T_world_tag[:, :3, 3], keyframes
         self._seen: list[tuple[int, int, NDArray[np.float64], float]] = []
 

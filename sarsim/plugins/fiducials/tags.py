@@ -18,17 +18,17 @@ from sarsim.arenas.things.codes import MAX_TAGS, MODULES, TAG_SIDE, tag_picture
 from sarsim.arenas.things.thing import data_of
 from sarsim.arenas.walls import Walls, facing
 
-THICK = 0.001  # m; a depth camera cannot resolve it
+THICK = 0.001  # m, thickness of a tag, which a depth camera cannot resolve
 TAG_SPACING = 0.5  # m, minimum distance between tags
 
 
 def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     """Hang tags 0 to ``number`` - 1 on walls in front of drivable ground, each as far from the others as possible.
 
-    A tag is labelled as wall and does not collide. It is a thing to find, of kind april_tag.
+    A tag is labelled as wall and does not collide. It is an object to find, of kind april_tag.
 
     Returns:
-        Poses T_world_tag: origin at the tag's centre; x right, y up and z towards the viewer.
+        (number, 4, 4) poses T_world_tag: origin at the tag's centre; x right, y up and z towards the viewer.
 
     Raises:
         InputError: the number is below 0 or above ``MAX_TAGS``, or there is not enough room on the walls.
@@ -60,7 +60,7 @@ def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
 
 
 def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
-    """At most ``number`` tag poses: the first is random, each further one as far as possible from earlier ones."""
+    """At most ``number`` 4×4 tag poses: the first is random, every later one as far as possible from the earlier."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / MODULES * (MODULES / 2 + 2)

@@ -10,7 +10,7 @@ from sarsim.assets import asset
 
 
 class Finds(Plugin):
-    """Looks for everything that a rescue robot looks for besides people."""
+    """Reads and scores the objects besides people that a rescue robot looks for."""
 
     Settings = FindsConfig
 
@@ -22,7 +22,7 @@ class Finds(Plugin):
         """The score, if the truth is known."""
         if context.world is None:
             return []
-        from sarsim.plugins.finds.score import FindScore  # recordings need no simulator
+        from sarsim.plugins.finds.score import FindScore  # imported here, because recordings need no simulator
 
         return [FindScore(context.world, context.mapper)]
 

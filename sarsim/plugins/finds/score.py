@@ -1,7 +1,7 @@
-"""Whether the robot has found the objects other than people, by kind, and read their texts correctly.
+"""Score of the finds besides people: by kind, how many objects were found, and how many texts were read correctly.
 
 Reported finds are matched one to one with objects of the same kind within ``NEAR``, preferably with the same text. An
-object reported twice counts as found once, and as one false alarm.
+object reported twice is scored as one found object and one false alarm.
 """
 
 from collections.abc import Sequence
@@ -25,12 +25,12 @@ class FindScore(Sink):
     finishing = "scoring the finds"
 
     def __init__(self, robot: SimulatedRobot, mapper: Mapper):
-        """``robot``: the robot in the arena; ``mapper``: holds what it has found."""
+        """Compare the finds of ``mapper`` with the objects in the arena of ``robot``."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._mapper, self._has_thermal = robot, mapper, False
         self._things = things_of(model, data)
         self._visibility = Visibility(model, self._things)
-        # A find near a tag on a wall that matches nothing is not a false alarm.
+        # An unmatched find near a tag on a wall is not a false alarm.
         tags = [body.id for body in map(model.body, range(model.nbody)) if body.name.startswith("fiducial_")]
         self._others = data.xpos[tags]
 

@@ -1,4 +1,4 @@
-"""The judge of a lane: decides from the robot's true pose, not from its map, what counts as a traverse."""
+"""The judge of a lane, who decides from the robot's true pose, not from its map, whether a traverse is complete."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,9 @@ class LaneJudge:
         lane: the lane.
         robot: the robot's dimensions.
         towards: +1 or -1, the sign of x of the end zone to drive into.
-        begin: when the attempt began, s.
+        begin: time when the attempt began, s.
         limit: maximum duration of the attempt, s.
-        crossed: when the whole robot was first inside that end zone, s; None before.
+        crossed: time when the whole robot was first inside that end zone, s; None if it has not been.
         has_tipped: whether the robot fell over.
     """
 
@@ -37,7 +37,7 @@ class LaneJudge:
     has_tipped: bool = False
 
     def see(self, time: float, T_world_base: Pose) -> bool:
-        """Judge a true 4×4 pose at a time, s; returns False if the attempt has ended, by a fall or the limit."""
+        """Judge a true 4×4 pose at ``time``, s; returns False if the attempt has ended, by a fall or the limit."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
         if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot, self.lane):

@@ -12,7 +12,7 @@ from sarsim.plugins.lanes.lanes import DIMENSIONS as D
 from sarsim.plugins.lanes.lanes import HOLES_END
 
 YELLOW, ORANGE, PIPE = (0.93, 0.78, 0.16), (0.93, 0.50, 0.12), (0.80, 0.80, 0.82)
-RAILS_START, STEPS_START = 0.2, 0.3  # m inwards from an end zone's centre: the robot fits between rails, steps
+RAILS_START, STEPS_START = 0.2, 0.3  # m inwards from an end zone's centre, so that the robot fits between obstacles
 
 
 def build_lane(lane: str, end: int = -1) -> ArenaBuilder:
@@ -23,7 +23,7 @@ def build_lane(lane: str, end: int = -1) -> ArenaBuilder:
 
 
 def _look_in(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) -> None:
-    """Start on the outer floor at an end, ``inwards`` m from its centre and ``y`` m to the left, facing the lane."""
+    """Start on an outer floor, facing the lane, ``inwards`` m from the floor's centre and ``y`` m to the left."""
     deck = decks[0] if end < 0 else decks[-1]
     deck.start(-end * inwards, -end * y, 0.0 if end < 0 else pi)
 
@@ -138,7 +138,7 @@ def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
         _divider(deck, x, side)
     hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
     deck = flat[0] if end < 0 else halves[1]
-    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley: the next divider is too near for the depth camera
+    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley, as the next divider is too near for the depth camera
 
 
 def _divider(deck: Deck, x: float, side: int) -> None:
@@ -154,7 +154,10 @@ def _centre(builder: ArenaBuilder, end: int) -> None:
 
 
 def _traverse(builder: ArenaBuilder, end: int) -> None:
-    """Across a side slope, between panels. The guide has no such lane; sloping all four floors is our choice."""
+    """A lane across a side slope, between panels.
+
+    The guide has no such lane; sloping all four floors is our choice.
+    """
     R = turned(0.0, 0.0, radians(D.slope))
     rise = D.width / 2 * sin(radians(D.slope))
     decks = [
@@ -228,7 +231,7 @@ def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
             at = at + step * heading
             ground.box("terrain", (*at, -high / 2), size, colour=TIMBER)
             if pallet == 1:
-                # In the middle of the pallet, a post would block the next run, which starts there.
+                # A post in the middle of the pallet would block the next run, which starts there.
                 _gate(builder, number + 1, at - (long - D.lumber[1]) / 2 * heading, heading)
     length, width = 2 * (HOLES_END + D.floor), turn + long + wide
     for side in (-1, 1):

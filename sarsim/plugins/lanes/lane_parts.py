@@ -25,7 +25,7 @@ class Deck:
     Attributes:
         builder: builder of the arena.
         origin: origin in the world, m.
-        R: axes in the world.
+        R: (3, 3) rotation from the deck's frame to the world, by default the identity.
     """
 
     builder: ArenaBuilder
@@ -37,7 +37,7 @@ class Deck:
         return self.origin + self.R @ np.array([x, y, z])
 
     def pose(self, middle: Triple, R: Rotation3) -> dict[str, NDArray[np.float64]]:
-        """MJCF attributes for a position, m, and axes (3, 3), both in the deck's frame."""
+        """MJCF attributes for a position, m, and a (3, 3) rotation, both in the deck's frame."""
         quat = np.empty(4)
         mujoco.mju_mat2Quat(quat, (self.R @ R).ravel())
         return {"pos": self.point(*middle), "quat": quat}
@@ -75,7 +75,7 @@ class Deck:
 
 
 def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
-    """Axes (3, 3) after a yaw to the left, a pitch that raises the front and a roll that raises the left, rad."""
+    """(3, 3) rotation by a yaw to the left, a pitch that raises the front and a roll that raises the left, rad."""
     (a, b), (c, d), (e, f) = ((cos(t), sin(t)) for t in (yaw, pitch, roll))
     Rz = np.array([(a, -b, 0), (b, a, 0), (0, 0, 1.0)])
     Ry = np.array([(c, 0, -d), (0, 1.0, 0), (d, 0, c)])
@@ -100,7 +100,7 @@ def hall(builder: ArenaBuilder, low: Sequence[float], high: Sequence[float], bel
 def four_floors(builder: ArenaBuilder, ridge: bool = False) -> list[Deck]:
     """Add four floors with railings around them; the middle two are level or rise to a ridge.
 
-    Two of a lane's 14 railings are gates; here they are closed. It is assumed that the slopes meet in a ridge.
+    Two of a lane's 14 railings are gates, which are closed here. It is assumed that the slopes meet in a ridge.
     """
     tilt = radians(D.slope) if ridge else 0.0
     run, rise = D.floor * cos(tilt), D.floor * sin(tilt)

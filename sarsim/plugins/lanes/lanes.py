@@ -109,7 +109,7 @@ class Lane:
     end: float = END_ZONE
 
     def cannot(self, robot: "RobotModel") -> str | None:
-        """Why the robot's body is unsuited to the lane, with the deciding numbers; None if it is suited."""
+        """Reason why the robot's body is unsuited to the lane, with the deciding numbers; None if it is suited."""
         step = max(self.step, self.twist * robot.width / 2)
         if step > robot.max_step:
             return f"a step of {step:.2g} m; the robot can climb at most {robot.max_step:g} m"

@@ -79,8 +79,8 @@ class Panel:
 
     Attributes:
         x, y: position of the centre, from the south-west corner of the maze.
-        is_upright: whether it runs along y.
-        is_entrance: whether it is a tarp.
+        is_upright: whether the panel runs along y.
+        is_entrance: whether the panel is a tarp.
         is_inner: whether there are cells on both sides.
     """
 

@@ -1,1 +1,1 @@
-"""The missions of the rescue leagues: what is submitted, and how it is scored."""
+"""The missions of the rescue leagues: their clock, the submission of their files, and their scores."""

@@ -1,4 +1,4 @@
-"""Tubes that serve as fiducials: where the map shows them, and whether codes are at the right distances from them.
+"""Tubes that serve as fiducials: their positions in the map, and a check of the codes' distances from them.
 
 The small league of RoboCup Rescue checks whether the map, seen from above, shows a tube cut in two by a wall as half
 circles, and whether a code's straight-line distances to the two nearest tubes are right.
@@ -20,14 +20,14 @@ SECTOR = 10  # Degrees; width of the sectors into which a circle is divided
 
 @dataclass(frozen=True)
 class TubeConfig:
-    """How a tube is found in a map; all values are assumptions.
+    """Parameters of the search for a tube in a map; all values are assumptions.
 
     Attributes:
         astray: maximum displacement of a tube in the map along x and along y, m.
-        off: maximum distance of a point on a circle from it, m: a voxel of a coarse map.
+        off: maximum distance from a circle at which a point is on the circle, m: a voxel of a coarse map.
         step: spacing of the centres that are tried, m.
         low: height above a tube's foot, m, up to which points belong to the floor.
-        arc: minimum fraction of a circle with points on it: most of a half circle; a flat panel covers 0.27.
+        arc: minimum fraction of a circle with points on it; a half circle is 0.5, and a flat panel covers 0.27.
         nearest: number of fiducials from which a code's distances are checked, by the rule book of 2026.
     """
 
@@ -45,8 +45,8 @@ class Tubes:
 
     Attributes:
         feet: (N, 3) m in the world, the centre of each tube's foot.
-        heights, radii: (N,) m.
-        codes: text and position of each code.
+        heights, radii: (N,) m, heights and radii of the tubes.
+        codes: text and position, (3,) m in the world, of each code.
     """
 
     feet: Places
@@ -85,7 +85,7 @@ def _around(
 
 
 def _circle(points: NDArray[np.float64], near: Place, radius: float, config: TubeConfig) -> NDArray[np.float64]:
-    """(2,) centre of the circle of this radius with points in the most sectors; NaN if these are too few."""
+    """(2,) m, centre of the circle of ``radius``, m, with points in the most sectors; NaN if these are too few."""
     steps = np.arange(-config.astray, config.astray + config.step / 2, config.step)
     tried = near + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     arcs = np.array([_arc(points, middle, radius, config.off) for middle in tried])
@@ -124,6 +124,6 @@ def is_well_placed(
 
 
 def nearest_code(text: str, place: Place, codes: Sequence[tuple[str, Place]]) -> Place | None:
-    """Position, m, of the code with a given text that is nearest to ``place``; None if no code has it."""
+    """Position, m, of the code with a given text that is nearest to ``place``; None if no code has this text."""
     of_text = [true for said, true in codes if said == text]
     return min(of_text, key=lambda true: float(np.linalg.norm(true - place)), default=None)

@@ -30,7 +30,7 @@ from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.victims import NEAR, pairs_of_least
 
-SHOWN = 0.1  # m; the 3D map also covers cells this near to those it shows: a voxel of a coarse map
+SHOWN = 0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of those that it shows
 ALIKE = 0.5  # m; the registration ignores points farther than this from every true surface
 MAX_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
 ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
@@ -38,13 +38,13 @@ ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
 
 @dataclass(frozen=True, eq=False)
 class TrueFind:
-    """An object in the arena that counts as a find.
+    """An object in the arena that scores as a find.
 
     Attributes:
         type: one of the league's types.
         name: the name that a find must have.
-        position: its position in the world.
-        is_victim, is_living: whether it is a victim, and whether it is alive.
+        position: (3,) m in the world.
+        is_victim, is_living: whether the object is a victim, and whether it is alive.
     """
 
     type: str
@@ -66,14 +66,14 @@ def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
 
 @dataclass(frozen=True, eq=False)
 class TrueArena:
-    """What a judge knows about the arena.
+    """The facts about the arena that a judge knows.
 
     Attributes:
         surface: the true ground.
-        finds: the finds that score.
+        finds: the objects that score as finds.
         scene: Open3D's RaycastingScene of all visible surfaces.
-        T_world_league: pose of the league's frame.
-        portals: doorways and junctions.
+        T_world_league: 4×4 pose of the league's frame.
+        portals: (N, 2) m in the world, doorways and junctions.
         tubes: the small league's fiducials and codes.
     """
 
@@ -205,9 +205,10 @@ def score_handed_in(
 
 
 def small_run(codes: Sequence[ReadCode], points: NDArray[np.floating], arena: TrueArena, within: float) -> SmallRun:
-    """Measure what the small league scores, from the codes read and the map's points (N, 3), m in the world.
+    """Measure the quantities that the small league scores, from the codes read and the map's points.
 
-    A code is well placed if its distances from the two nearest fiducials in the map are right to ``within`` m.
+    ``points``: (N, 3) m in the world. A code is well placed if its distances from the two nearest fiducials in the
+    map are right to ``within`` m.
     """
     shown, right = mapped_tubes(points, arena.tubes), {}
     for code in codes:
@@ -234,7 +235,9 @@ def league_run(
     arena: TrueArena,
     resets: int,
 ) -> LeagueRun:
-    """Measure what the Rescue Robot League scores; points (N, 3) and places (M, 3) of finds, m in the world.
+    """Measure the quantities that the Rescue Robot League scores.
+
+    ``points``: (N, 3) m in the world, of the 3D map; ``places``: (M, 3) m in the world, of the finds.
 
     A find is right if it is matched, one to one, with an object of its type and name within ``NEAR``. A run is
     autonomous unless a find's mode says otherwise.
@@ -272,11 +275,11 @@ def virtual_run(
     contacts: int,
     reach: float,
 ) -> VirtualRun:
-    """Measure what the Virtual Robot competition scores.
+    """Measure the quantities that the Virtual Robot competition scores.
 
-    A mark, or the parked robot, counts if it is within ``reach``, m, of a victim; places (M, 3) of finds, m in the
-    world. Assumed: finds named victim and sources of heat mark victims, and sources of heat mark living ones. A
-    living victim counts if it is marked as living and the robot is parked near it.
+    A mark, or the parked robot, is near a victim if it is within ``reach``, m; ``places``: (M, 3) m in the world, of
+    the finds. Assumed: finds named victim and sources of heat mark victims, and sources of heat mark living ones. A
+    living victim scores if it is marked as living and the robot is parked near it.
     """
     victims = [find for find in arena.finds if find.is_victim]
     true, is_living = _places(victims)[:, :2], np.array([find.is_living for find in victims], np.bool_)

@@ -87,7 +87,7 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
     map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
     detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each object found; a
     wrong find costs nothing, because the summary names no penalty.
-    autonomy: the sum of both × 5, or × 1 if teleoperated; this rule's points are what the factor adds.
+    autonomy: the sum of both × 5, or × 1 if teleoperated; this rule's points are those that the factor adds.
     resets: the summary names no penalty in the labyrinth.
     """
     bonus = 1 + rewards.extra * run.extras
@@ -144,7 +144,7 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
 def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
     """The score of the small league's labyrinth 2026: points for codes read and well placed, × 4 if nobody drove.
 
-    Laps do not count in mapping. Assumed: a reading counts if a code in the arena has its text, each text once.
+    Laps are not scored in mapping. Assumed: a reading scores if a code in the arena has its text, each text once.
     """
     codes, placed = rewards.reading * run.read, rewards.placed * run.placed
     factor = rewards.reading_alone if run.is_autonomous else 1.0

@@ -44,7 +44,7 @@ class League(Plugin):
     needs = ("finds",)
 
     def __init__(self, settings: LeagueConfig, command: Any) -> None:
-        """Read the mission that the command names, with the command's time limit and its wish to drive home."""
+        """Read the mission that the command names; ``minutes`` replaces its time limit, ``home`` adds a task."""
         super().__init__(settings, command)
         brief = load_mission(command.mission)
         minutes = getattr(command, "minutes", None)
@@ -53,7 +53,7 @@ class League(Plugin):
         self.brief = replace(brief, minutes=brief.minutes if minutes is None else minutes, tasks=tasks)
 
     def begin(self, explorer: Explorer, time: float) -> None:
-        """Start the clock; if the robot is to find something, it inspects walls when all ground has been explored."""
+        """Start the clock; if finding is a task, the robot inspects walls after it has explored all ground."""
         brief, mission, mapper = self.brief, explorer.mission, explorer.mapper
         end, numbers = time + timedelta(minutes=brief.minutes).total_seconds(), mapper.config.exploration
         beside = brief.rewards.beside if "park" in brief.tasks else None
@@ -67,7 +67,7 @@ class League(Plugin):
             )
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """What submits the files and, in a simulation, scores them."""
+        """The sinks that submit the files and, in a simulation, score them."""
         hands_in = HandIn(self.brief, config=self.settings)
         return [hands_in] if context.world is None else [hands_in, MissionScore(context.world, self.brief)]
 
@@ -93,7 +93,7 @@ class MissionScore(Sink):
         self._robot, self._brief = robot, brief
 
     def finish(self, result: Result) -> None:
-        """Score the files as a judge would, who has only them."""
+        """Score the files as a judge does who has no other data of the episode."""
         if result.is_reported:
             result.add(mission_score(result.folder, self._robot, self._brief))
 

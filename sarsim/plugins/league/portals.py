@@ -9,13 +9,13 @@ from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.plugins.league.portals_kernels import edge_cells
 
 DOORWAY = 0.9  # m, width of the leagues' doors
-CORRIDOR = 1.2  # m, minimum width of their corridors
+CORRIDOR = 1.2  # m, minimum width of the leagues' corridors
 EIGHT = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, as a ring
 
 
 def portals(surface: GroundTruthSurface, clearance: float) -> Places:
-    """The doorways and junctions of the ground between the walls; other obstacles are ignored.
+    """(N, 2) m in the world, doorways and junctions of the ground between the walls; other obstacles are ignored.
 
     Args:
         surface: the true ground.
@@ -37,8 +37,8 @@ def _between_walls(surface: GroundTruthSurface, clearance: float) -> MaskLayer:
 def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]:
     """(2,) cells in the middle of passages at most ``narrow`` m wide to each side, with wider ground at both ends.
 
-    A doorway is a region that a morphological opening with a disc removes, and that touches at least two of the
-    remaining regions or ends of them (morphological room segmentation, Bormann et al. 2016).
+    A doorway is a region that a morphological opening with a disc removes, and that touches the remaining regions in
+    at least two places (morphological room segmentation, Bormann et al. 2016).
     """
     inside = np.pad(free, 1)
     wide = ndimage.distance_transform_edt(inside)[1:-1, 1:-1] * CELL > narrow
@@ -54,9 +54,10 @@ def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]
 
 
 def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """(2,) cells of the skeleton where three or more branches meet; one cell of those near each other.
+    """(2,) cells of the skeleton where three or more branches meet; of cells near each other, only one.
 
-    A branch counts if it leaves the square around the largest free disc at the cell: those into its corners do not.
+    A branch is counted only if it leaves the square around the largest free disc at the cell, because branches also
+    lead into the square's corners.
     """
     thin = skeleton(free)
     reach = np.sqrt(2) * ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] + 1
@@ -69,7 +70,7 @@ def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
 
 
 def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
-    """Number of branches of a skeleton that lead from a cell (2,) farther than ``reach`` cells."""
+    """Number of branches of a skeleton that extend farther than ``reach`` cells from a cell (2,)."""
     low = np.maximum(cell - int(reach) - 3, 0)
     thin, cell = thin[tuple(map(slice, low, cell + int(reach) + 4))], cell - low
     distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
@@ -85,7 +86,7 @@ def _middle(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _neighbours(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(8, nx, ny) the neighbours of each cell of a mask, in the order of ``RING``."""
+    """(8, nx, ny) values of a mask (nx, ny) at the neighbours of each cell, in the order of ``RING``."""
     padded = np.pad(mask, 1)
     nx, ny = mask.shape
     return np.stack([padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny] for i, j in RING])

@@ -65,5 +65,5 @@ def score_mission(
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-score-mission``."""
     run(score_mission)

@@ -11,12 +11,12 @@ from tyro.conf import Fixed
 from pipeline.plugins.league.config import ValidationConfig
 from sarsim.commands.settings import run_with_settings
 
-REJECTED = 1  # Exit status
+REJECTED = 1  # Exit status if a file is invalid
 
 
 @dataclass(frozen=True, kw_only=True)
 class MissionValidation:
-    """Files to check.
+    """The files to check, and the limits of the checks.
 
     Attributes:
         path: folder of the files, or an episode's folder that contains handed_in/.
@@ -28,7 +28,10 @@ class MissionValidation:
 
 
 def validate_mission(config: MissionValidation) -> None:
-    """Check the 2D map, 3D map and list of finds that a team submits. The exit status is 1 if any is invalid."""
+    """Check the 2D map, 3D map and list of finds that a team submits.
+
+    The exit status is 1 if a file is invalid.
+    """
     from pipeline.plugins.league.validation import validate
 
     errors = validate(config.path, config=config.tolerances)
@@ -38,5 +41,5 @@ def validate_mission(config: MissionValidation) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-validate-mission``."""
     run_with_settings(validate_mission, MissionValidation)

@@ -1,1 +1,1 @@
-"""A labelled lidar on the robot: an addition to a run."""
+"""A labelled lidar on the robot, as a plug-in."""

@@ -1,4 +1,4 @@
-"""Settings of the lidar, and those of sensors on the market."""
+"""Settings of the lidar, with presets of sensors on the market."""
 
 import math
 import re
@@ -14,9 +14,9 @@ from pipeline.errors import InputError
 from sarsim.flags import Given
 
 MAX_BEAMS = 2**20
-"""Most beams of a scan; the densest sensor on the market has a quarter of them."""
+"""Maximum number of beams in a scan; the densest sensor on the market has a quarter of this number."""
 MIN_APART = 1e-3
-"""degrees, smallest difference of two beams' angles; the finest sensors on the market differ by 0.01°."""
+"""Minimum difference between the elevations of two rows, degrees; the finest sensors on the market have 0.01°."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class LidarModel:
     Attributes:
         elevations: elevation of each row, degrees above the horizontal.
         columns: number of columns in the field of view.
-        field_of_view: degrees, centred on the x axis; columns go counter-clockwise.
+        field_of_view: horizontal field of view, degrees, centred on the x axis; columns run counter-clockwise.
         range: nearest and farthest distance that is reported, m.
         rate: turns per second.
         sigma: standard deviation of a range at distance 0 and at the farthest distance, m, at normal incidence.
         reach: distance from which a fraction ``detection`` of the beams returns at normal incidence, m.
-        detection: that fraction.
+        detection: fraction of the beams that returns from the distance ``reach``.
     """
 
     elevations: tuple[float, ...]
@@ -90,7 +90,7 @@ class LidarModel:
 
 
 def spread(rows: int, lowest: float, highest: float) -> tuple[float, ...]:
-    """Elevations of rows at equal distances, degrees; a single row lies in the middle."""
+    """(rows,) evenly spaced elevations, degrees; a single row lies in the middle."""
     return tuple(np.linspace(lowest, highest, rows).tolist()) if rows != 1 else ((lowest + highest) / 2,)
 
 
@@ -110,12 +110,12 @@ PRESETS = {
   10 m and 3 cm up to 30 m.
 """
 ANY = PRESETS["vlp-16"]
-"""The other properties of a lidar that is given as ROWSxCOLUMNS."""
+"""Preset with the other properties of a lidar that is given as ROWSxCOLUMNS."""
 
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """Which lidar the robot carries. By default, all but the sensor's name is that of the sensor.
+    """The lidar that the robot carries; by default, all settings are those of the sensor.
 
     Attributes:
         sensor: vlp-16, os1-64, utm-30lx, or rows and columns of beams, such as 16x900.
@@ -123,11 +123,11 @@ class LidarConfig:
         vertical: elevation of the lowest and the highest row, or of every row, degrees.
         horizontal: horizontal field of view, degrees.
         rate: turns per second. A simulated robot gives at most one scan per control period, 25 a second.
-        rolling: measure each column where the robot is at its time, not all where the scan begins.
-        noise: noise of the ranges, and beams without return.
+        rolling: measure each column at the robot's pose at that time, not all at the pose where the scan begins.
+        noise: simulate noise of the ranges, and beams without return.
         sigma: standard deviation of a range at distance 0 and at the farthest one, m.
         reach: distance from which a fraction ``detection`` of the beams returns, m.
-        detection: that fraction.
+        detection: fraction of the beams that returns from the distance ``reach``.
     """
 
     sensor: Annotated[str, tyro.conf.Positional] = "vlp-16"

@@ -1,4 +1,4 @@
-"""A labelled lidar as a plug-in, ``--lidar SENSOR``. The robot's own maps stay with its camera."""
+"""A labelled lidar as a plug-in, ``--lidar SENSOR``; the robot's own maps use only its camera."""
 
 import shutil
 from collections import deque
@@ -25,9 +25,9 @@ from sarsim.plugins.lidar.scanner import Scan, Scanner
 from sarsim.plugins.lidar.semantic_kitti import SequenceWriter, sequence_folder, write_labels
 from sarsim.settings import SimulatorConfig, TeleopConfig
 
-STREAM = 0x11DA2  # tells the lidar's random numbers from others of the same seed
+STREAM = 0x11DA2  # part of the lidar's seed, so that its random numbers differ from others of the same seed
 UNSENT = 64
-"""Most scans that wait to be sent: without a bag or a network, nobody asks for them."""
+"""Maximum number of scans that wait to be sent, because without a bag or a network nothing takes them."""
 ENTITY = "world/robot/lidar"
 
 
@@ -54,7 +54,7 @@ class Lidar(Plugin):
         return self._robot
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """What writes the scans, and shows one at every step."""
+        """The sink that writes the scans, and shows one at every step."""
         robot = required(self._robot)
         return [ScanFiles(robot, required(context.folder), context.recorder)]
 
@@ -68,7 +68,7 @@ class Lidar(Plugin):
 
     @contextmanager
     def scene(self, world: Any, folder: Path, index: int) -> Iterator[Callable[[Any], object]]:
-        """A sequence with a scan of every frame, as if the robot stood still there."""
+        """Write a sequence with a scan at every frame's pose, as if the robot stood still there."""
         scanner = self._scanner(world.model, world.data, world.camera.base_body, self.command.seed, index)
         writer = SequenceWriter(sequence_folder(folder, index))
         try:
@@ -79,7 +79,7 @@ class Lidar(Plugin):
             raise
 
     def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
-        """The label table of all sequences."""
+        """Write the label table of all sequences."""
         write_labels(folder, splits)
 
 
@@ -87,7 +87,7 @@ class ScanningRobot:
     """A robot with a lidar, which scans from the camera's first frame onwards.
 
     Attributes:
-        model, control_period: those of the robot.
+        model, control_period: the robot's dimensions and abilities, and its control period, s.
         scanner: the lidar.
         listeners: called with each scan.
         unsent: the newest scans, for a bag or a network.
@@ -100,7 +100,7 @@ class ScanningRobot:
         self.unsent: deque[Scan] = deque(maxlen=UNSENT)
 
     def sense(self) -> Frame:
-        """Take a frame of the camera at the current position."""
+        """Take a frame of the camera at the robot's current pose."""
         frame = self._robot.sense()
         self._advance(frame.time)
         return frame
@@ -140,7 +140,7 @@ class ScanFiles(Sink):
             log_scan(self._recorder.stream, self._newest, self._robot.scanner.T_base_lidar)
 
     def figures(self) -> dict[str, Any]:
-        """How many scans and points there are."""
+        """The numbers of scans and points so far."""
         return {"lidar": {"scans": self._writer.scans, "points": self._writer.points}}
 
     def finish(self, result: Result) -> None:

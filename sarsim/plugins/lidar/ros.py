@@ -15,7 +15,7 @@ FRAME, POINTS, SCAN = "lidar", "/points", "/scan"
 
 
 def scan_messages(scan: Scan, model: LidarModel, T_base_lidar: Pose) -> Iterator[tuple[str, float, Message]]:
-    """Topics, times and messages of a scan: where the lidar is, its points, and, if it has one row, its ranges."""
+    """Topics, times, s, and messages of a scan: the lidar's pose, its points, and, if it has one row, its ranges."""
     time = scan.start
     yield "/tf", time, messages.transforms(time, {(BASE, FRAME): T_base_lidar})
     columns = {

@@ -18,11 +18,11 @@ from sarsim.sensors.rendering import hidden
 SITE = "lidar"
 """Name of the site in a robot's MJCF at which the lidar is mounted."""
 ABOVE_CAMERA = 0.06
-"""m above the camera, where the lidar stands on a robot without such a site: on top of its mast, level."""
+"""m, height above the camera of a lidar on a robot without such a site: on top of the robot's mast, level."""
 MIN_COSINE = np.cos(np.radians(80))
-"""Cosine of the incidence beyond which noise grows no further: Soudarissanane et al. measured up to 80°."""
+"""Cosine of the incidence angle beyond which noise grows no further; Soudarissanane et al. measured up to 80°."""
 NOTHING = -1  # geom id of a beam that hits nothing
-TINY = 1e-9  # s, the rounding of times that are sums of control periods
+TINY = 1e-9  # s, tolerance for rounding errors of times that are sums of control periods
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Scan:
 
     Attributes:
         start: time of the first column, s.
-        T_world_lidar: pose of ``lidar`` at that time.
-        points: (N, 3) m in ``lidar``, each in the frame at its own time.
+        T_world_lidar: 4×4 pose of ``lidar`` at that time.
+        points: (N, 3) m in ``lidar`` at the time when each point was measured.
         range: (N,) float32 measured distance, m.
         ring: (N,) uint16 row of the beam, from the first of the model's elevations.
         column: (N,) int32 column of the beam, in the order in which a turn measures them.
@@ -58,17 +58,17 @@ class Scan:
 
     @property
     def intensity(self) -> NDArray[np.float32]:
-        """(N,) fraction of the light that a matt white surface sends back: the cosine of the incidence."""
+        """(N,) fraction of the light that a matt white surface sends back: the cosine of the incidence angle."""
         along = np.einsum("ij,ij->i", self.points, self.normal)
         return np.clip(-along / np.maximum(self.range, np.float32(1e-6)), 0, 1).astype(np.float32)
 
 
 class Scanner:
-    """A lidar that a robot carries; the robot's own geoms are left out, as if they were of glass.
+    """A lidar that a robot carries; the robot's own geoms are left out, as if they were transparent.
 
     Attributes:
         model: the sensor.
-        rolls: whether each column is measured where the robot is at its time.
+        rolls: whether each column is measured at the robot's pose at that time.
     """
 
     def __init__(
@@ -84,14 +84,14 @@ class Scanner:
 
         Args:
             world: MuJoCo model of the arena and the robot.
-            data: its state, at which the scanner looks whenever it scans.
+            data: the model's state, which the scanner reads at every scan.
             base_body: id of the robot's body ``base_link``, or of its root at the same pose.
             model: the sensor.
-            rng: draws the sensor's errors; None for none.
-            rolls: whether each column is measured where the robot is at its time.
+            rng: draws the sensor's errors; None for a sensor without errors.
+            rolls: whether each column is measured at the robot's pose at that time.
 
         Raises:
-            InputError: a geom's label is not one.
+            InputError: a geom's label is invalid.
         """
         self.model, self.rolls = model, rolls
         self._world, self._data, self._base, self._rng = world, data, base_body, rng
@@ -125,19 +125,19 @@ class Scanner:
         return from_rotation(self._data.xmat[self._base].reshape(3, 3), self._data.xpos[self._base])
 
     def _mount(self, root: int) -> Pose:
-        """Level above the first camera that the robot carries, or else above its origin."""
+        """4×4 pose of ``lidar`` in ``base_link``: level, above the robot's first camera or else above the origin."""
         carried = np.flatnonzero(self._world.body_rootid[self._world.cam_bodyid] == root)
         camera = optical_pose(self._data, int(carried[0])) if len(carried) else self._T_world_base
         place = (inverse(self._T_world_base) @ camera)[:3, 3]
         return from_rotation(np.eye(3), place + np.array([0, 0, ABOVE_CAMERA]))
 
     def scan(self, time: float) -> Scan:
-        """A scan whose beams are all measured now; ``time`` in s is noted as its start."""
+        """A scan whose beams are all measured at the current pose; ``time``, s, is recorded as its start."""
         with hidden(self._world, self._is_robot):
             return self._measured(time, self.pose, self._rays, np.arange(self.model.columns), None)
 
     def advance(self, time: float) -> list[Scan]:
-        """The scans that have become complete up to ``time``, s; call it whenever the robot has moved on.
+        """The scans that have become complete up to ``time``, s; to be called whenever the robot has moved.
 
         The first call begins the first turn. A lidar that does not roll measures a whole scan at the first call after
         the beginning of a turn; if several turns have passed, it measures only the last.
@@ -228,7 +228,7 @@ class Scanner:
             (rays @ R.T).ravel(),
             self._groups,
             True,  # geoms of the world too
-            -1,  # no body is excluded: the robot has several, and is hidden
+            -1,  # no body is excluded, because the robot has several bodies and its geoms are hidden
             geom,
             distance,
             normal.reshape(-1),
@@ -238,7 +238,7 @@ class Scanner:
         return geom, distance, normal @ R
 
     def _errors(self, distance: Values, cosine: Values) -> tuple[Values, Mask]:
-        """Measured distances, m, and which beams return, from true distances and cosines of the incidence.
+        """(N,) measured distances, m, and (N,) returns, from true distances and cosines of the incidence angles.
 
         The standard deviation grows linearly with the distance, between the values of the data sheet, and with the
         inverse cosine of the incidence, as the signal gets weaker (Soudarissanane et al., "Incidence angle influence
@@ -258,7 +258,7 @@ class Scanner:
 
 
 def _robot_site(world: mujoco.MjModel, root: int) -> int | None:
-    """Id of the robot's site ``lidar``; None if it has none. A robot in an arena has a prefix to its names."""
+    """Id of the robot's site ``lidar``, with or without a prefix to its name; None if there is none."""
     for site in np.flatnonzero(world.body_rootid[world.site_bodyid] == root).tolist():
         if world.site(site).name.rpartition("/")[2] == SITE:
             return int(site)
@@ -266,7 +266,7 @@ def _robot_site(world: mujoco.MjModel, root: int) -> int | None:
 
 
 def _between(t0: float, T0: Pose, t1: float, T1: Pose, times: NDArray[np.floating]) -> Poses:
-    """(K, 4, 4) poses at times between two poses, s; before and after, they stay as they are."""
+    """(K, 4, 4) poses at ``times``, (K,) s, interpolated between two poses and constant before and after them."""
     share = np.clip((times - t0) / (t1 - t0), 0, 1)
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     poses[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix([T0[:3, :3], T1[:3, :3]]))(share).as_matrix()
@@ -275,7 +275,7 @@ def _between(t0: float, T0: Pose, t1: float, T1: Pose, times: NDArray[np.floatin
 
 
 def _joined(parts: list[Scan]) -> Scan:
-    """One scan of several parts of it, in order."""
+    """One scan from its parts, which are in order of time."""
     names = ("points", "range", "ring", "column", "time", "normal", "label", "instance")
     first = parts[0]
     return Scan(first.start, first.T_world_lidar, *(np.concatenate([getattr(p, n) for p in parts]) for n in names))

@@ -3,11 +3,11 @@
 ``lidar/labels.yaml`` is a label table with the keys of the benchmark's ``semantic-kitti.yaml``. Each sequence is a
 folder ``lidar/sequences/NN``:
 
-- ``velodyne/*.bin``: a scan each, rows of float32 x, y, z in m in the lidar's frame and intensity;
+- ``velodyne/*.bin``: one scan each, with rows of float32 x, y, z, m in the lidar's frame, and intensity;
 - ``labels/*.label``: uint32 of each point, the label in the lower 16 bits and 1 + the geom id in the upper ones;
 - ``poses.txt``: the first three rows of the lidar's true pose in the world, a line for each scan;
-- ``calib.txt``: identities, as the poses are the lidar's own; ``times.txt``: when each scan began, s;
-- ``trajectory_true.tum``: poses and times again, as evo and others read them.
+- ``calib.txt``: identities, because the poses are the lidar's own; ``times.txt``: start time of each scan, s;
+- ``trajectory_true.tum``: the poses and times in the TUM layout, which evo and other tools read.
 """
 
 import shutil
@@ -40,7 +40,7 @@ class SequenceWriter:
     """Writes the files of one sequence, scan by scan.
 
     Attributes:
-        scans, points: numbers so far.
+        scans, points: numbers of scans and points written so far.
     """
 
     def __init__(self, folder: Path):
@@ -95,7 +95,7 @@ def write_labels(folder: Path, splits: Mapping[int, str]) -> None:
     """Write the label table into a run's or a dataset's folder; ``splits``: train, val or test by sequence.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the table cannot be written.
     """
     numbers = {int(label): int(label) for label in Label}
     table = {

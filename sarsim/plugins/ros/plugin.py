@@ -38,13 +38,13 @@ class BagConfig:
 
 
 class BagOfEpisode(Plugin):
-    """Records what the robot senses and does, and its maps."""
+    """Records the robot's sensor data, commands and maps in a bag."""
 
     Settings = BagConfig
     _bag: ExplorerBag | None = None
 
     def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
-        """The robot, listened to; InputError if the bag cannot be written."""
+        """The robot, wrapped so that the bag records it; InputError if the bag cannot be written."""
 
         def T_world_base() -> Pose:
             return world.trajectory[-1].T_world_base
@@ -61,7 +61,7 @@ class BagOfEpisode(Plugin):
         return self._bag.robot
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """What writes the maps and closes the bag."""
+        """The sink that writes the maps and closes the bag."""
         bag = required(self._bag)
         bag.plugins = context.plugins
         return [bag]

@@ -35,7 +35,7 @@ from sarsim.robots.model import paced_model, robot_sensor
 
 _log = logging.getLogger(__name__)
 STARTING_TIME = 120.0
-"""s, how much longer to wait for a robot that has not started yet: a simulated one compiles first."""
+"""s, additional time to wait for a robot that has not started yet, because a simulated robot compiles first."""
 
 
 class InterruptedDriveError(Exception):
@@ -50,7 +50,7 @@ class TimedPose(NamedTuple):
 
 
 class _Topics(Sink):
-    """Publishes the maps and the plan, and reports how the robot has driven."""
+    """Publishes the maps and the plan, and reports the outcomes of the drives."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class _Topics(Sink):
                 self._send(topic, step.keyframe.frame.time, message)
 
     def finish(self, result: Result) -> None:
-        """Add the figures to the report."""
+        """Add the numbers of legs, frontiers, keyframes and loop closures to the report."""
         navigator, localisation = self._explorer.pilot.navigator, result.mapper.localisation
         outcomes = [leg.outcome for leg in navigator.legs]
         figures = {
@@ -100,7 +100,7 @@ class RosDrive(ExplorerRun):
 
     Attributes:
         robot: the robot on the network.
-        stopped: why the robot was stopped before the end; None if it was not.
+        stopped: reason why the robot was stopped before the end; None if it was not.
     """
 
     def __init__(self, config: RosExploration, node: RosNode):
@@ -142,7 +142,7 @@ class RosDrive(ExplorerRun):
         interrupted: Callable[[], bool] = lambda: False,
         on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> bool:
-        """Like every run, except that the robot stops at once when it is ``interrupted``.
+        """Run as :class:`pipeline.run.ExplorerRun` does, except that the robot stops at once when ``interrupted``.
 
         Raises:
             InputError: the robot stops sending data, or does not follow commands; the maps so far are kept.
@@ -173,7 +173,7 @@ class RosDrive(ExplorerRun):
             raise InterruptedDriveError
 
     def _send(self, topic: str, time: float, message: Message) -> None:
-        """Send data in sarsim's frame ``map``, unless the robot has its own: Nav2 would mix up the two."""
+        """Send data in sarsim's frame ``map``, unless the robot has its own, because Nav2 would mix up the two."""
         if not self._has_other_map:
             self._node.send(topic, time, message)
 

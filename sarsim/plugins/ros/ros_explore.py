@@ -27,5 +27,5 @@ def ros_explore(config: RosExploration) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-ros-explore``."""
     run_with_settings(ros_explore, RosExploration)

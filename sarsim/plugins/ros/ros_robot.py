@@ -33,5 +33,5 @@ def ros_robot(config: RosRobotConfig) -> None:
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point of ``sarsim-ros-robot``."""
     run_with_settings(ros_robot, RosRobotConfig)

@@ -1,4 +1,4 @@
-"""Loop closures in worlds where they matter, by replaying recorded tours with localisation alone."""
+"""Loop closures in worlds where they matter, measured by replaying recorded tours with localisation alone."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,8 +32,8 @@ class TourJob:
 
     Attributes:
         world: one of ``WORLDS``, or an arena.
-        seed: decides the world's details, the path and the noise.
-        length: m.
+        seed: determines the world's details, the path and the noise.
+        length: length of the tour, m.
     """
 
     world: str
@@ -42,7 +42,7 @@ class TourJob:
 
     @property
     def name(self) -> str:
-        """Name of its files, without suffix."""
+        """Name of the tour's files, without suffix."""
         return f"{world_name(self.world)}-{self.seed}-{self.length:g}"
 
 
@@ -82,7 +82,7 @@ def measure(settings: LoopsSettings) -> Result:
 
 
 def run_tour(job: TourJob, folder: Path) -> None:
-    """Record a tour, unless its file exists, replay it, and leave its scores as JSON."""
+    """Record a tour, unless its file exists, replay it, and write its scores as JSON."""
     file = folder / f"{job.name}.npz"
     if not file.exists():
         record(job.world, job.seed, job.length, file)
@@ -93,7 +93,7 @@ def run_tour(job: TourJob, folder: Path) -> None:
 
 
 def figures_of(tours: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Counts summed over tours, medians of the rest, and the NEES over all that was compared."""
+    """Sums of counts and medians of other figures over tours, and the mean NEES of all compared poses."""
     figures = {key: float(sum(tour[key] for tour in tours)) for key in SUMMED}
     figures |= {key: float(np.median([tour[key] for tour in tours])) for key in MEDIANS}
     if figures["revisits"]:

@@ -1,4 +1,4 @@
-"""Replays a tour with localisation alone: the poses, constraints and times that result."""
+"""Replay a tour with localisation alone, to obtain its poses, constraints and times."""
 
 from dataclasses import dataclass, field
 from time import process_time
@@ -16,19 +16,19 @@ from scripts.benchmarks.loops.tours import Tour
 
 CORRECTED = 3  # Keyframes between two corrections, as between two steps of an episode
 FOUND = (0.02, 0.02, 0.0, 0.0, 0.0, 0.005)
-"""m and rad, errors of the pose at which a carried robot is found: x, y, z, roll, pitch, yaw."""
+"""m and rad, standard deviations of the pose given to a carried robot, in x, y, z, roll, pitch and yaw."""
 
 
 @dataclass(eq=False)
 class Replay:
-    """What localisation made of a tour.
+    """The results of localisation on a tour.
 
     Attributes:
         slam: the localisation at the end.
         keyframes: index of the frame of each keyframe.
         online: pose of each frame, as estimated during the tour.
-        stated: for each correction, the number of keyframes, and the newest pose and its covariance then.
-        frame_s, settle_s: processor time of each frame and correction, s, each with the number of keyframes then.
+        stated: for each correction, the index of the newest frame, its pose, and the covariance of this pose.
+        frame_s, settle_s: number of keyframes and processor time, s, of each frame and of each correction.
     """
 
     slam: Slam
@@ -44,7 +44,7 @@ class Replay:
 
 
 def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> Replay:
-    """Localise every frame of a tour; where the robot was carried, it is told roughly where it was set down."""
+    """Localise every frame of a tour; after the robot was carried, its localisation is given an approximate pose."""
     run = Replay(Slam(closes_loops, config=config))
     slam = run.slam
     rng = np.random.default_rng(0)
@@ -71,6 +71,6 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
 
 
 def found(rng: np.random.Generator) -> NDArray[np.float64]:
-    """A random small transform: the error with which a carried robot is found."""
+    """A small random transform, the error of the pose given to a robot that was carried."""
     x, y, z, _, _, yaw = rng.normal(size=6) * FOUND
     return from_yaw(x, y, z, yaw)

@@ -1,4 +1,4 @@
-"""Which frames of a tour show places again, from ground truth."""
+"""Find the frames of a tour that revisit places, from the ground truth."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,16 @@ from pipeline.transforms import transform_places
 from scripts.benchmarks.localisation_scores import distances_driven
 from scripts.benchmarks.loops.tours import Tour
 
-AGAIN = 20.0  # m of path between two passes
-SAME_SURFACE = 0.05  # m
-MIN_SEEN = 0.4  # Fraction of a frame's points that were seen in the earlier pass
+AGAIN = 20.0  # m, minimum length of the path between two passes
+SAME_SURFACE = 0.05  # m, maximum distance between points on the same surface
+MIN_SEEN = 0.4  # Minimum fraction of a frame's points that were seen in the earlier pass
 DETERMINED = 0.005
-"""Minimum eigenvalue, per point, of the information of heading (with a lever of ``LEVER``), x and y in the normals of
-these points; along a corridor it is 0, in a square room 0.3."""
-LEVER = 2.0  # m
-SPLIT = 3.0  # m of path that end a stretch of revisit
+"""Minimum eigenvalue, per point, of the information on heading, x and y in the normals of the points seen again.
+
+It is 0 along a corridor and 0.3 in a square room; ``LEVER`` relates the heading to x and y.
+"""
+LEVER = 2.0  # m, length that converts the heading to a distance
+SPLIT = 3.0  # m, length of path without a revisit that ends a stretch of revisit
 
 
 def revisits(tour: Tour) -> list[Indices]:
@@ -45,7 +47,7 @@ def _is_seen_again(
     frame: int,
     trees: list[cKDTree],
 ) -> bool:
-    """Whether an earlier pass saw enough of a frame's points, and enough of them to determine its pose."""
+    """Whether earlier passes saw enough of a frame's points, and these points determine the frame's pose."""
     seen = np.zeros(len(points), np.bool_)
     for k in np.flatnonzero(distances[: frame + 1] < distances[frame] - AGAIN):
         if np.linalg.norm(places[k] - places[frame]) < 7 and trees[k].n:

@@ -16,16 +16,16 @@ FALSE = 0.2, np.deg2rad(5)
 """m and rad; a constraint that is off by more in a direction that it determines is false."""
 RIGHT = 0.1, np.deg2rad(2)
 """m and rad; a constraint that is off by less links two passes."""
-MAX_CLOSURES = 12  # of a drive that count
+MAX_CLOSURES = 12  # Maximum number of closures of a tour that are counted
 LENGTHS = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
-"""m of path, by the name of the NEES."""
+"""Ranges of the path's length, m, by the name of the NEES."""
 APART = 10, 50, 200
-"""Keyframes between which relative poses are compared."""
-PAIRS = 60  # Relative poses compared, at most, for each
+"""Numbers of keyframes over which relative poses are compared."""
+PAIRS = 60  # Approximate number of relative poses compared for each of these numbers
 
 
 def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
-    """The figures of a tour; ``stretches``: of revisit, from :func:`revisits`."""
+    """The figures of a tour; ``stretches`` are the stretches of revisit from :func:`revisits`."""
     way, true = distances_driven(tour.true), tour.true[run.keyframes]
     graph, path = run.slam.graph, float(way[-1])
     ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
@@ -68,9 +68,9 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
 def offsets(
     true: Poses, first: Indices, second: Indices, T: Poses, whitening: NDArray[np.float64]
 ) -> tuple[Values, Values]:
-    """How far constraints are off, m and rad, in the directions that they determine.
+    """(N,) m and (N,) rad, errors of constraints in the directions that they determine.
 
-    A direction counts as far as the constraint's information exceeds that of ``FALSE``.
+    A direction is weighted by the constraint's share of the sum of its own information and that of ``FALSE``.
     """
     errors = errors_of(relative(true, first, second), T)
     information = whitening.swapaxes(1, 2) @ whitening
@@ -90,7 +90,7 @@ def _nees_by_length(tour: Tour, run: Replay, distances: Values) -> dict[str, lis
 
 
 def _relative_nees(true: Poses, run: Replay) -> dict[str, list[float]]:
-    """The NEES, per dimension, of the final poses of keyframes relative to others, by how many are between them."""
+    """The NEES, per dimension, of final relative poses of keyframes, by the number of keyframes between them."""
     graph, found = run.slam.graph, dict[str, list[float]]()
     for apart in APART:
         first = np.arange(0, max(0, len(true) - apart), max(1, (len(true) - apart) // PAIRS))

@@ -1,4 +1,4 @@
-"""Tours: a robot follows waypoints at its true pose, and its depth images and odometry are kept.
+"""Tours: a robot follows waypoints by its true pose, and its depth images and odometry are recorded.
 
 The robot slips a few times, and is carried elsewhere once, so that localisation has something to correct.
 """
@@ -30,37 +30,37 @@ from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
 
 LOOK_AHEAD = 0.4  # m, distance of the point on the path that the robot steers to
-ARRIVED = 0.25  # m
+ARRIVED = 0.25  # m, maximum distance from a waypoint at which it is reached
 TURN_IN_PLACE = np.deg2rad(40)
 """rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
 SLIPS, SLIP_TIME, SLIPPERY = 3, 1.0, 0.002
-"""Number of slips of a tour, duration of a slip, s, and the friction of everything during it."""
-STANDS = 5.0  # s that the robot stands still after it was carried
+"""Number of slips of a tour, duration of a slip, s, and friction of all surfaces during a slip."""
+STANDS = 5.0  # s, time for which the robot stands still after it was carried
 STEEP = np.deg2rad(4)
-"""rad, tilt from which the robot drives slowly."""
+"""rad, minimum tilt at which the robot drives slowly."""
 HELD_TIME = 4.0
-"""s without progress after which the robot backs out and drives elsewhere."""
-GREY = 80, 60  # Width and height of the reduced colour images, pixels
-SLOWEST = 8.0  # s per m; a tour ends if it takes longer
-DEPTH_UNIT = 1e-4  # m, of the stored depth images
+"""Time without progress, s, after which the robot backs out and drives elsewhere."""
+GREY = 80, 60  # Width and height of the stored grey images, pixels
+SLOWEST = 8.0  # s per m of the tour's length; a tour that takes longer ends
+DEPTH_UNIT = 1e-4  # m, unit of the stored depth images
 SPACING = KeyframePolicy()
 """Frames are as far apart as keyframes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """A robot's measurements on a tour, and where it was.
+    """A robot's measurements and true poses on a tour.
 
     Attributes:
         times: (N,) time of each frame, s.
         true: (N, 4, 4) true pose of ``base_link`` at each frame.
         odometry: (N, 4, 4) pose by wheels and gyro.
         T_base_camera: (N, 4, 4) pose of the camera on the robot.
-        was_carried: (N,) whether the robot was carried between the frame before and this one.
+        was_carried: (N,) whether the robot was carried between the previous frame and this one.
         intrinsics: (6,) width, height, focal lengths and centre of the camera, pixels.
-        grey: (N, 60, 80) uint8 colour images, reduced to what shows whether the view has changed.
-        ends: (N,) end of each frame's image in ``images``.
-        images: depth images of all frames, as PNG files one after another.
+        grey: (N, 60, 80) uint8 grey images, whose detail suffices to detect whether the view has changed.
+        ends: (N,) end of each frame's depth image in ``images``, bytes.
+        images: concatenated PNG files of the depth images of all frames.
     """
 
     times: Values
@@ -80,7 +80,7 @@ class Tour:
             return cls(**content)
 
     def frames(self) -> Iterator[Frame]:
-        """The frames, with colour images of little detail."""
+        """The frames, with enlarged grey images in place of the colour images."""
         width, height, *rest = self.intrinsics
         intrinsics = Intrinsics(int(width), int(height), *map(float, rest))
         for k, (start, end) in enumerate(zip(np.append(0, self.ends), self.ends, strict=False)):
@@ -114,19 +114,19 @@ def record(world: str, seed: int, length: float, file: Path) -> None:
 
 
 class Paths(ABC):
-    """Where a tour leads."""
+    """The paths of a tour, one after another."""
 
     @abstractmethod
     def next(self) -> Places | None:
-        """(N, 2) m, the path to the next waypoint from the robot's true pose; None if there is none."""
+        """(N, 2) m, positions on the path from the robot's true pose to the next waypoint; None if there is none."""
 
     @abstractmethod
     def moved(self) -> None:
-        """Called when the robot was carried."""
+        """Take into account that the robot was carried."""
 
     @abstractmethod
     def lead_on_from(self, place: Places) -> bool:
-        """Whether a path leads on from a place (2,), m."""
+        """Whether the robot can continue from a position (2,), m."""
 
 
 class GraphPaths(Paths):
@@ -140,7 +140,7 @@ class GraphPaths(Paths):
         self._visits = {frozenset(edge): 0 for edge in world.edges}
 
     def next(self) -> Places | None:
-        """The path to the next node, or back to the one before if the robot was held on its way."""
+        """The path to the next node, or back to the previous node if the robot was blocked before it arrived."""
         is_away = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVED
         if is_away and frozenset((self._at, self._before)) in self._visits:
             there = self._before
@@ -158,7 +158,7 @@ class GraphPaths(Paths):
         return np.array([self._drive.place, self._nodes[there, :2]])
 
     def lead_on_from(self, place: Places) -> bool:
-        """Whether the place is near a node."""
+        """Whether a position (2,), m, is near a node."""
         return bool(np.linalg.norm(self._nodes[:, :2] - place, axis=1).min() < 0.5)
 
     def moved(self) -> None:
@@ -168,7 +168,7 @@ class GraphPaths(Paths):
 
 
 class GroundPaths(Paths):
-    """Paths on the true ground to random places, planned as the robot does."""
+    """Paths on the true ground to random positions, planned by the robot's own planner."""
 
     def __init__(self, drive: "Drive") -> None:
         robot = drive.robot
@@ -180,7 +180,7 @@ class GroundPaths(Paths):
         self._places = surface.grid.centre_of(np.argwhere(clear if clear.any() else surface.drivable))
 
     def next(self) -> Places | None:
-        """The path to a random place that is neither near nor out of reach."""
+        """The path to a random position that is reachable and more than 3 m away."""
         here, rng = self._drive.place, self._drive.rng
         paths = PosePaths(self._ground, here, self._drive.heading)
         for place in rng.permutation(self._places)[:50]:
@@ -189,19 +189,19 @@ class GroundPaths(Paths):
         return None
 
     def moved(self) -> None:
-        """Do nothing: the next path is planned from wherever the robot is."""
+        """Do nothing, because the next path is planned from the robot's current position."""
 
     def lead_on_from(self, place: Places) -> bool:
-        """Always: the robot has driven there."""
+        """True, because the robot has already driven at this position."""
         return True
 
 
 class Drive:
-    """A robot on its tour, and what it has recorded.
+    """A robot on its tour, and its recording.
 
     Attributes:
         robot: the robot.
-        rng: decides where it goes, slips and is carried to.
+        rng: random generator that determines the path, the slips and the position to which the robot is carried.
     """
 
     def __init__(self, robot: SimulatedRobot, rng: np.random.Generator, length: float) -> None:
@@ -217,7 +217,7 @@ class Drive:
 
     @property
     def T(self) -> Pose:
-        """True pose."""
+        """True pose of ``base_link``."""
         return self.robot.trajectory[-1].T_world_base
 
     @property
@@ -266,7 +266,7 @@ class Drive:
         }
 
     def _drive_to(self, goal: Places) -> bool:
-        """Drive in a straight line; False if the robot does not get there."""
+        """Drive to a position (2,), m, in a straight line; False if the robot does not reach it."""
         model, nearest, since = self.robot.model, np.inf, self.robot.time
         while (distance := float(np.linalg.norm(goal - self.place))) > ARRIVED:
             if distance < nearest - 0.05:
@@ -292,7 +292,7 @@ class Drive:
         return True
 
     def _send(self, command: Velocity, seconds: float = 0.0) -> None:
-        """Follow a command for some time, at least for one control period, and take the frames that are due."""
+        """Follow a command for ``seconds``, but at least one control period, and take the frames that are due."""
         for _ in range(max(1, round(seconds / self.robot.control_period))):
             before = self.place.copy()
             self.robot.drive(command)
@@ -311,7 +311,7 @@ class Drive:
         model.geom_friction[:] = friction
 
     def _be_carried(self, paths: Paths) -> None:
-        """Set the robot down at an earlier place of its tour, from where it can drive on."""
+        """Set the robot down at an earlier pose of its tour, from which it can continue."""
         earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
         level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.lead_on_from(T[:2, 3])]
         if not level:

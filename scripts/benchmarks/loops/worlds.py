@@ -1,4 +1,4 @@
-"""Worlds in which loop closures matter, built from floor plans; the seed decides niches and furniture."""
+"""Worlds in which loop closures matter, built from floor plans; the seed determines niches and furniture."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from sarsim.arenas.load import load_arena
 
 CELL = 0.2  # m, resolution of the floor plans
 WALL = 0.05  # m, half thickness of a wall
-WALL_HEIGHT = 1.8  # m
+WALL_HEIGHT = 1.8  # m, default height of the walls
 STOREY = 2.0  # m from one floor to the next
 WOOD, WHITE, GREY = (0.6, 0.45, 0.3), (0.85, 0.85, 0.82), (0.55, 0.56, 0.58)
 Rectangle = tuple[float, float, float, float]  # x0, y0, x1, y1, m
@@ -27,8 +27,8 @@ class World:
 
     Attributes:
         arena: the world without a robot.
-        nodes: (N, 3) m, places between which the robot may drive in straight lines; None if it plans its paths on
-            the true ground.
+        nodes: (N, 3) m, positions between which the robot may drive in straight lines; None if the robot plans its
+            paths on the true ground.
         edges: pairs of neighbouring nodes.
         lap: nodes of a path around the whole world, along which every tour begins.
     """
@@ -87,7 +87,7 @@ class Plan:
 
 
 def corridor(x0: float, y0: float, x1: float, y1: float, width: float = 2.0) -> Rectangle:
-    """A straight corridor of a ``width``, m, from one place to another, along x or y."""
+    """A straight corridor, ``width`` m wide, from (x0, y0) to (x1, y1) along x or y."""
     return min(x0, x1) - width / 2, min(y0, y1) - width / 2, max(x0, x1) + width / 2, max(y0, y1) + width / 2
 
 
@@ -125,7 +125,7 @@ def on_floor(nodes: ArrayLike, floor: float = 0.0) -> NDArray[np.float64]:
 
 
 def neighbours(*paths: tuple[int, ...]) -> frozenset[tuple[int, int]]:
-    """The pairs of neighbouring nodes along some paths."""
+    """The pairs of neighbouring nodes along paths."""
     return frozenset((a, b) for path in paths for a, b in pairwise(path))
 
 

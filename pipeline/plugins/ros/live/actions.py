@@ -19,15 +19,15 @@ class GoalEnd(Enum):
 
 
 class ActionGoal:
-    """A goal that another node pursues.
+    """A goal that was sent to another node.
 
     Attributes:
-        end: how it ended; None while the other node pursues it.
+        end: how the goal ended; None while the other node pursues it.
         why: the other node's reason for the end; empty if it gives none.
     """
 
     def __init__(self, answer: Any):
-        """``answer``: rclpy's future of the goal's handle."""
+        """Follow a goal; ``answer`` is rclpy's future of its handle."""
         self.end: GoalEnd | None = None
         self.why = ""
         self._handle: Any = None
@@ -63,7 +63,7 @@ class Action:
     """An action that another node serves."""
 
     def __init__(self, client: Any, kind: Any):
-        """``client``: rclpy's action client; ``kind``: class of the action."""
+        """Use rclpy's action client ``client`` for an action of the class ``kind``."""
         self._client, self._kind = client, kind
 
     def send(self, **fields: Message) -> ActionGoal:

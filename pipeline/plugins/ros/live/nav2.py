@@ -1,6 +1,6 @@
 """A robot that its own Nav2 stack drives: viewpoints are goals of NavigateToPose, and no velocities are sent.
 
-Goals are given in the robot's ``odom``, because the pose of the pipeline's ``map`` in it is known, and because Nav2's
+Goals are given in the robot's ``odom`` frame, in which the pose of the pipeline's ``map`` is known, because Nav2's
 transforms contain ``odom`` whether or not Nav2 has a map.
 """
 
@@ -34,7 +34,7 @@ LATEST = 0.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GoTo(Velocity):
-    """A command to drive to a pose, with any velocities.
+    """A command to drive to a pose, at velocities of Nav2's choice.
 
     Attributes:
         place: (3,) x, y in m and heading in rad, in ``odom``.
@@ -104,7 +104,7 @@ class Nav2Robot(RosRobot):
 
 
 class Nav2Navigator(Navigator):
-    """Leads a robot that its Nav2 stack drives: only the end of a path counts, and the robot stops there."""
+    """Navigates a robot that its Nav2 stack drives: the end of each path is a goal, at which the robot stops."""
 
     def __init__(
         self, robot: Nav2Robot, config: NavigationConfig = NavigationConfig(), nav2: Nav2Config = Nav2Config()
@@ -154,7 +154,7 @@ class Nav2Navigator(Navigator):
                 command = GoTo(place=corrected)
 
     def _outcome(self, verdict: Verdict, place: Place, latest: float) -> Outcome | None:
-        """How the drive has ended; None if it has not. It may last until ``latest``, s."""
+        """The outcome of a drive, which may last until ``latest``, s; None if the drive has not ended."""
         if verdict in ENDS:
             return ENDS[verdict]
         if self._was_carried:

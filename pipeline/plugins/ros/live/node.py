@@ -23,7 +23,7 @@ class RosNode:
     """Sends and receives messages until it is closed; it listens in a separate thread.
 
     Attributes:
-        idle: called repeatedly in that thread.
+        idle: function that is called repeatedly in the listening thread.
         now: function that returns the time on a monotonic clock, s.
         received: condition that is held while a message is handled and notified afterwards.
     """
@@ -88,8 +88,8 @@ class RosNode:
     def offer(self, topic: str, name: str) -> None:
         """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
 
-        Messages are sent reliably, which suits every listener: with best effort, parts of images get lost even on
-        one machine.
+        Messages are sent reliably, which suits every listener, because with best effort, parts of images get lost
+        even on one machine.
         """
         qos, kind = import_module("rclpy.qos"), interface(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE

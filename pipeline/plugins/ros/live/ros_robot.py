@@ -31,7 +31,7 @@ class RosRobot:
     Attributes:
         model: the robot's size and abilities.
         control_period: control period, s.
-        sensor: range and noise of the camera; None if neither its name nor the settings say.
+        sensor: range and noise of the camera; None if neither its name nor the settings determine them.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class RosRobot:
             model: the robot's size and abilities.
             topics: names of the robot's topics.
             T_base_camera: pose of the camera; by default from the robot's transforms.
-            patience: time that a topic may be silent, s by the wall clock; the robot must heed commands within twice
-                this time.
-            wait: additional time in which a robot that is not there yet may start, s by the wall clock.
+            patience: maximum wall-clock time that a topic may be silent, s; the robot must follow commands within
+                twice this time.
+            wait: additional wall-clock time in which a robot that is not yet on the network may start, s.
             on_motion: called with every motion; an exception that it raises ends the run.
-            config: times, and the slowest commands that a robot follows.
+            config: time limits, and the slowest commands that a robot follows.
 
         Raises:
             InputError: a necessary topic, listener or transform is missing.
@@ -117,14 +117,14 @@ class RosRobot:
         self._node.offer(self.topics.cmd_vel, self._kind)
 
     def _listen_to_others(self) -> None:
-        """Listen to what not every robot sends: inertial data, transforms, the camera_info of the colour images."""
+        """Listen to topics that not every robot has: inertial data, transforms, camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
         def places() -> list[str]:
             sent = {topic: names[0] for topic, names in node.types().items() if node.senders(topic)}
             return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (TRANSFORM in sent)
 
-        # They may not be discovered yet.
+        # These topics may not be discovered yet.
         node.wait(lambda: bool(node.senders(topics.imu)) and bool(places()), self._config.discovery)
         takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
         of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
@@ -140,7 +140,7 @@ class RosRobot:
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
 
     def _others(self, needed: Sequence[str]) -> str:
-        """For an error message, the topics that may have been meant by those that nothing publishes."""
+        """The published topics that a user may have meant instead of ``needed``, as part of an error message."""
         there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
         return f"; published instead: {', '.join(there)}; choose with the --topics flags" if there else ""
 
@@ -169,9 +169,9 @@ class RosRobot:
         return T
 
     def sense(self) -> Frame:
-        """The newest frame, hardly older than the newest odometry.
+        """The newest frame, at most half of ``hold`` older than the odometry at the time of the call.
 
-        Meanwhile, a driving robot repeats its last command, but not for long.
+        Until the frame arrives, the last command of a moving robot is repeated, for at most ``hold``.
 
         Raises:
             InputError: a topic fell silent, or the images cannot be used.
@@ -244,7 +244,7 @@ class RosRobot:
             raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")
 
     def _wait(self, until: Callable[[], bool]) -> None:
-        """Wait for messages; if they do not come, stop the robot and raise InputError."""
+        """Wait until messages fulfil a condition; if they do not in time, stop the robot and raise InputError."""
         if self._node.wait(until, self._patience):
             return
         self.stop()

@@ -34,12 +34,12 @@ class Senses:
         colour_info: the camera_info of the colour images; None if there is none.
         odom_frame: name of the frame in which the odometry is given.
         T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry is received.
-        sensor: range and noise of the camera, if it is known or given; known after :meth:`camera`.
+        sensor: range and noise of the camera, set by :meth:`camera`; None if they are neither known nor given.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
     def __init__(self, half_width: float, config: LiveConfig):
-        """``half_width``: distance from the robot's centre to its wheels, m."""
+        """Start without messages; ``half_width`` is the distance from the robot's centre to its wheels, m."""
         self.links = FrameTree()
         self.info: Message | None = None
         self.colour_info: Message | None = None
@@ -66,11 +66,11 @@ class Senses:
         return lambda data: self._colour.append((time_of(data), name, data))
 
     def take_info(self, data: bytes) -> None:
-        """Receive a CameraInfo; only the first counts."""
+        """Receive a CameraInfo of the depth images; only the first one is used."""
         self.info = self.info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_colour_info(self, data: bytes) -> None:
-        """Receive a CameraInfo of the colour images; only the first counts."""
+        """Receive a CameraInfo of the colour images; only the first one is used."""
         self.colour_info = self.colour_info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_odometry(self, data: bytes) -> None:
@@ -132,8 +132,8 @@ class Senses:
         """The camera of the depth and colour images of two topics.
 
         Raises:
-            InputError: its intrinsics are missing or invalid, depth cannot be registered to colour, or no camera
-                measures as the settings say.
+            InputError: its intrinsics are missing or invalid, depth cannot be registered to colour, or the range or
+                the noise in the settings is invalid.
         """
         of_depth, of_colour = (
             ImageSource(topic, info, info.header.frame_id if info else "")
@@ -148,7 +148,7 @@ class Senses:
         return camera
 
     def newest(self, after: float) -> float | None:
-        """The time, s, of the newest depth image later than ``after`` that has a colour image and a pose, or None."""
+        """The time, s, of the newest depth image after ``after`` s with a colour image and a pose, or None."""
         colours = np.array([time for time, *_ in self._colour])
         for time, *_ in reversed(self._depth):
             if time <= after or not len(colours):
@@ -173,7 +173,7 @@ class Senses:
     def motion(self) -> Motion:
         """The newest motion, with the mean of the inertial measurements since the last call.
 
-        Without inertial sensors, these are computed from the odometry.
+        Without inertial sensors, the inertial measurements are computed from the odometry.
         """
         time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist

@@ -1,4 +1,4 @@
-"""The parts of fast inference that are not matrix products; they release Python's global lock."""
+"""The parts of fast inference that are not matrix products; they release Python's global interpreter lock."""
 
 import numpy as np
 from numba import njit
@@ -6,7 +6,7 @@ from numba import njit
 from pipeline.semantic_map.networks.dgcnn import MAX_NEIGHBOURS
 
 GROUPS = 256
-"""Number of groups, each of every 256th point; finding the closest point of each in passes over rows allows SIMD."""
+"""Number of groups, each of every 256th point; SIMD finds the closest points of several groups at once."""
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
@@ -162,7 +162,10 @@ def largest_edge(edges, scale, shift, slope, features):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def largest_sum(of_neighbour, of_point, neighbours, slope, features):
-    """Fill ``features`` (R, C) float32: LeakyReLU(max over neighbours of A x_j + B x_i); otherwise as sum_edges."""
+    """Fill ``features`` (R, C) float32: LeakyReLU(max over neighbours of A x_j + B x_i).
+
+    For the other arguments, see :func:`sum_edges`.
+    """
     count, k = neighbours.shape
     for i in range(count):
         feature = features[i]

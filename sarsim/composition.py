@@ -28,7 +28,7 @@ TRUE_LABELS = PerceptionConfig(labels="truth", detector=None)
 Perception = TypeVar("Perception", bound=PerceptionConfig)
 
 
-def reaching(perception: Perception, sensor: SensorModel) -> Perception:
+def with_camera_range(perception: Perception, sensor: SensorModel) -> Perception:
     """The settings, with the camera's maximum range as that of the metric map unless a settings file sets it."""
     metric_map = perception.pipeline.metric_map
     if metric_map.max_range != XTION.farthest or metric_map.max_range == sensor.farthest:

@@ -20,7 +20,7 @@ from sarsim.robots.skid_steered import SkidSteered, per_side
 
 CONTROL_TIMESTEP = 0.02
 """s, control period of the drive's firmware."""
-OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
+FILE_LOCAL_SETTINGS = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
 """MJCF settings local to one file: they do not affect a valid model, and a merged model has only one of each."""
 MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
 """Options that describe the robot's surroundings, not the solver."""
@@ -137,7 +137,7 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
     """
     for root in (arena, robot):
         root.keyframe.remove()  # states of the model in one file, not of the merged model
-        for tag, names in OF_ITS_OWN.items():
+        for tag, names in FILE_LOCAL_SETTINGS.items():
             for name in names:
                 setattr(getattr(root, tag), name, None)
     robot.visual.remove()

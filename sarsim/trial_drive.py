@@ -28,14 +28,14 @@ MEASURED = 0.8  # s of each drive that are measured, after the robot has reached
 SLOWEST = 3.0  # s within which the robot must reach its speed
 SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
 FALLEN = 0.3  # m, depth of ``base_link`` below the ground from which the robot has fallen through it
-OFF_GROUND = 0.02  # m, maximum distance of ``base_link`` from the ground, and maximum motion, at rest
+REST_TOLERANCE = 0.02  # m, maximum distance of ``base_link`` from the ground, and maximum motion, at rest
 AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
 UPRIGHT = np.radians(5)  # Maximum tilt at rest, rad
 TURNED = 10.0  # Maximum angle between the axes of an inertial sensor and of base_link, degrees
 DOWN, ROLLED = np.radians(60), np.radians(20)  # Maximum pitch of a camera, up or down, and roll of its image, rad
 NARROWEST, WIDEST = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
 HIDDEN = 0.25  # Maximum fraction of the image that the robot itself may cover
-ALIKE = 0.05  # m by which the shapes that collide may exceed the dimensions used for planning
+SIZE_TOLERANCE = 0.05  # m by which the shapes that collide may exceed the dimensions used for planning
 _log = logging.getLogger(__name__)
 
 
@@ -111,7 +111,7 @@ class _Trial:
             (known.length, known.width, known.headroom),
             strict=True,
         ):
-            if size > most + ALIKE:
+            if size > most + SIZE_TOLERANCE:
                 yield f"{name} is {most:g} m, but the shapes that collide need {size:.2f} m"
 
     def _bounds(self, geoms: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -132,12 +132,12 @@ class _Trial:
         height, tilt = T[2, 3], np.arccos(np.clip(T[2, 2], -1, 1))
         if height < -FALLEN:
             yield "the robot falls through the ground; check the contacts of its wheels"
-        elif abs(height) > OFF_GROUND:
+        elif abs(height) > REST_TOLERANCE:
             place = f"{abs(height):.3f} m {'above' if height > 0 else 'below'} the ground"
             yield f"base_link is {place} when the robot stands; its origin must be on the ground between the wheels"
         if tilt > UPRIGHT:
             yield f"the robot stands tilted by {np.degrees(tilt):.0f}°; check its wheels and its centre of mass"
-        if np.linalg.norm((T - before)[:2, 3]) > OFF_GROUND:
+        if np.linalg.norm((T - before)[:2, 3]) > REST_TOLERANCE:
             yield "the robot moves although it is to stand; check its motors and the friction of its wheels"
 
     def image(self) -> Iterator[str]:

@@ -18,7 +18,7 @@ from pipeline.localisation.vertical import T_level_camera, vertical
 from pipeline.transforms import inverse
 
 MAX_FRAMES, MAX_VIEWS = 30, 8  # Maximum numbers of frames and of views, once one shows the vertical
-APART, TURNED = 0.1, 0.1  # m and rad; a frame is used if the camera has moved this far since the last one used
+MIN_TRANSLATION, MIN_ROTATION = (0.1, 0.1)  # m and rad, motion since the last frame used, for the next to be used
 STEEPEST = np.cos(np.radians(45))  # Minimum cosine between the vertical and the image's upward direction
 ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Tolerance of 4° for level and upright surfaces
 CANDIDATES = 200  # Maximum number of normals of nearly level surfaces that are tried as the vertical
@@ -107,7 +107,7 @@ def _seen(
 
 def _is_near(T: Pose, other: Pose) -> bool:
     turned = np.arccos(np.clip((np.trace(T[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1))
-    return bool(np.linalg.norm(T[:3, 3] - other[:3, 3]) < APART and turned < TURNED)
+    return bool(np.linalg.norm(T[:3, 3] - other[:3, 3]) < MIN_TRANSLATION and turned < MIN_ROTATION)
 
 
 def _support(normals: Directions, up: Direction) -> int:

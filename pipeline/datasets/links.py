@@ -68,11 +68,11 @@ class FrameTree:
         before = self._links.get(child, {}).get(parent)
         if before is not None and not np.allclose(before, T, rtol=0, atol=STILL):
             self._moving.add(child)
-        self.hang(child, parent, T)
+        self.set_transform(child, parent, T)
         if _matches(parent, ODOM):
             self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
 
-    def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
+    def set_transform(self, child: str, parent: str, T_parent_child: Pose) -> None:
         """Store the pose of a frame in its parent."""
         parents = self._links.setdefault(child, {})
         parents.pop(parent, None)

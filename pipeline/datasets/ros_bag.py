@@ -59,7 +59,7 @@ def read_ros_bag(
     """
     with _opened(path) as reader:
         chosen = Topics(path, reader, topics)
-        beside = _Beside(reader, chosen)
+        beside = _NonImageData(reader, chosen)
         span = reader.duration / NANO
     depth, colour = beside.sources(chosen)
     camera = RgbdCamera(path, depth, colour, beside.links, calibration)
@@ -222,7 +222,7 @@ class Topics:
         return found[0] if found else None
 
 
-class _Beside:
+class _NonImageData:
     """All data of a bag except its images."""
 
     def __init__(self, reader: AnyReader, topics: Topics):
@@ -233,14 +233,14 @@ class _Beside:
         self.true_poses: list[tuple[float, Pose]] = []
         self._odometry: list[tuple[float, Pose]] = []
         self.links = FrameTree()
-        self._felt: list[tuple[float, NDArray[np.float64]]] = []
+        self._accelerations: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
         self._first = topics.first
         self._streams = [
             s for name, kind in topics.kinds.items() if kind == EXTRINSIC_TYPE and (s := stream_of(name))
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
-            self.links.hang(*extrinsic(name, _first(reader, name)))
+            self.links.set_transform(*extrinsic(name, _first(reader, name)))
         self.devices: list[str] = []
         self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
@@ -292,7 +292,7 @@ class _Beside:
 
     def _take_imu(self, message: Message, time: float) -> None:
         self._imu_frame = self._imu_stream or message.header.frame_id
-        self._felt.append((time, vector_of(message.linear_acceleration)))
+        self._accelerations.append((time, vector_of(message.linear_acceleration)))
 
     def _take_tf(self, message: Message, time: float) -> None:
         for link in message.transforms:
@@ -313,7 +313,9 @@ class _Beside:
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
         """The vertical from accelerations in the first ``at_rest`` s, in the robot's frame or else the camera's."""
-        felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + at_rest]).reshape(-1, 3)
+        felt = np.array(
+            [a for time, a in self._accelerations if time <= self._accelerations[0][0] + at_rest]
+        ).reshape(-1, 3)
         links, imu = self.links, self._imu_frame
         in_base = links.mount(camera).T_base_camera is not None
         T = links.T_base(imu, camera) if in_base else links.between(links.named(camera), links.named(imu))

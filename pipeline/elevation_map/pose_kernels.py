@@ -15,7 +15,7 @@ _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2,
 VECTORS = np.concatenate([_HALF, -_HALF])
 """(16, 2) displacement by a move along each heading, cells; the headings are directions of a lattice, 18 to 27°
 apart."""
-HEADINGS, STANDING = len(VECTORS), len(_HALF)
+HEADINGS, ORIENTATIONS = len(VECTORS), len(_HALF)
 """Number of headings, and number of headings with different footprints, because opposite headings have the same
 footprint."""
 ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
@@ -113,7 +113,8 @@ def footprint_distances(half_length, half_width, cell, comfort):
     reach = int((np.hypot(half_length, half_width) + comfort) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
     x, y = cell * offsets.T[:, :, None, None]
-    stands, turns = np.tile(ANGLES[:STANDING], (6, 1)), np.linspace(ANGLES[:STANDING], ANGLES[1 : STANDING + 1], 6)
+    stands = np.tile(ANGLES[:ORIENTATIONS], (6, 1))
+    turns = np.linspace(ANGLES[:ORIENTATIONS], ANGLES[1 : ORIENTATIONS + 1], 6)
     angles = np.hstack([stands, turns])
     room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
     distances = np.floor(100 * np.minimum(room, comfort)).astype(np.int8)
@@ -166,10 +167,10 @@ def allow_for_slopes(clearance, uphill, lean, slide):
             x, y = uphill[i, j]
             if x == 0 and y == 0:
                 continue
-            for first, far in ((0, lean), (STANDING, lean + slide)):
+            for first, far in ((0, lean), (ORIENTATIONS, lean + slide)):
                 a, b = i - round(far * x), j - round(far * y)
                 if 0 <= a < nx and 0 <= b < ny:
-                    for h in range(first, first + STANDING):
+                    for h in range(first, first + ORIENTATIONS):
                         result[i, j, h] = min(clearance[i, j, h], clearance[a, b, h])
     return result
 
@@ -184,16 +185,16 @@ def bits_of(cells, yaws):
     bits, last = np.zeros(len(cells), np.uint16), -1
     for k in range(len(cells)):
         heading, least = 0, np.inf
-        for h in range(STANDING):
+        for h in range(ORIENTATIONS):
             off = abs((yaws[k] - ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
             if off < least:
                 heading, least = h, off
         bits[k] = np.uint16(1) << np.uint16(heading)
         is_there = k > 0 and cells[k, 0] == cells[k - 1, 0] and cells[k, 1] == cells[k - 1, 1]
-        if is_there and (heading - last) % STANDING == 1:
-            bits[k] |= np.uint16(1) << np.uint16(STANDING + last)
-        elif is_there and (last - heading) % STANDING == 1:
-            bits[k] |= np.uint16(1) << np.uint16(STANDING + heading)
+        if is_there and (heading - last) % ORIENTATIONS == 1:
+            bits[k] |= np.uint16(1) << np.uint16(ORIENTATIONS + last)
+        elif is_there and (last - heading) % ORIENTATIONS == 1:
+            bits[k] |= np.uint16(1) << np.uint16(ORIENTATIONS + heading)
         last = heading
     return bits
 
@@ -223,16 +224,16 @@ def free_poses(clearance, least, sweep):
     result = np.zeros((nx, ny, 2), np.uint8)
     for i in range(nx):
         for j in range(ny):
-            for h in range(STANDING):
+            for h in range(ORIENTATIONS):
                 if clearance[i, j, h] >= least[i, j]:
                     result[i, j, 0] |= 1 << h
-                if clearance[i, j, STANDING + h] + sweep >= least[i, j]:
+                if clearance[i, j, ORIENTATIONS + h] + sweep >= least[i, j]:
                     result[i, j, 1] |= 1 << h
     return result
 
 
 @njit(cache=True)
-def danger(clearance, spread):
+def collision_probability(clearance, spread):
     """Probability that the robot hits an obstacle ``clearance`` m away if it strays from its path by ``spread`` m."""
     return max(0.0, 1.0 - max(clearance, 0.0) / spread) if spread > 0 else 0.0
 
@@ -251,7 +252,8 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
-    return seconds * (costs.backing if backward else 1.0) * (1.0 + costs.risk * danger(clearance, costs.stray))
+    risk = costs.risk * collision_probability(clearance, costs.stray)
+    return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)
 
 
 @njit(cache=True)
@@ -259,7 +261,7 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    return seconds * (1.0 + costs.risk * danger(clearance, 0.5 * costs.stray + costs.spread * slope))
+    return seconds * (1.0 + costs.risk * collision_probability(clearance, 0.5 * costs.stray + costs.spread * slope))
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.pose_kernels import ANGLES, HEADINGS, STANDING, UNKNOWN, footprint_distances
+from pipeline.elevation_map.pose_kernels import ANGLES, HEADINGS, ORIENTATIONS, UNKNOWN, footprint_distances
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.errors import required
 from pipeline.exploration import visibility
@@ -61,16 +61,16 @@ class GoalSearch:
     def seconds_from(self, places: NDArray[np.float64], until: float = np.inf) -> NDArray[np.float32]:
         """(N, 16) s, costs from places (N, 2), m, with each heading to the goal; those above ``until`` may be inf."""
         seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
-        return np.roll(seconds, STANDING, axis=1)
+        return np.roll(seconds, ORIENTATIONS, axis=1)
 
     def seconds_from_pose(self, xy: Place, heading: int) -> float:
         """Cost of the path from a pose to the goal, s; inf if no path leads there."""
-        return self._paths.seconds_at(xy, (heading + STANDING) % HEADINGS)
+        return self._paths.seconds_at(xy, (heading + ORIENTATIONS) % HEADINGS)
 
     def states_from(self, xy: Place, heading: int) -> Cells:
         """(N, 3) cells of ``ground`` and headings from a pose to the goal, to which a path must lead."""
-        states = self._paths.states_to(xy, (heading + STANDING) % HEADINGS)[::-1]
-        return np.column_stack([states[:, :2], (states[:, 2] + STANDING) % HEADINGS])
+        states = self._paths.states_to(xy, (heading + ORIENTATIONS) % HEADINGS)[::-1]
+        return np.column_stack([states[:, :2], (states[:, 2] + ORIENTATIONS) % HEADINGS])
 
 
 class Gap(NamedTuple):
@@ -310,10 +310,10 @@ def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
     is_near = distances + 100 * t.config.leniency < t.least.max()
     hidden = np.zeros(t.grid.shape, np.bool_)
     for (i, j, h), (a, b, k) in pairwise(states.tolist()):
-        near = is_near[:, k % STANDING]
+        near = is_near[:, k % ORIENTATIONS]
         if (i, j) == (a, b):
             turn = h if (k - h) % HEADINGS == 1 else k
-            near = near | is_near[:, STANDING + turn % STANDING]
+            near = near | is_near[:, ORIENTATIONS + turn % ORIENTATIONS]
         cells = offsets[near] + (a, b)
         hidden[tuple(cells[t.grid.holds(cells)].T)] = True
     return hidden & (t.obstacle == UNKNOWN)

@@ -27,7 +27,7 @@ With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 
 """
 FRONT = (REACH + 1) ** 2 + 1
 """Minimum number of a set's cells near another set for both to form one surface: one more than at a corner."""
-FRAYED = 0.25
+MIN_POINT_RATIO = 0.25
 """A cell with less than this fraction of a neighbour's points is noise at the surface's edge."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
 """(K, 3) int32 distinct indices of cells, sorted."""
@@ -67,7 +67,7 @@ def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
     pairs = KDTree(cells).query_pairs(REACH, p=np.inf, output_type="ndarray")
     frayed = np.zeros(len(cells), bool)
     for one, other in (pairs.T, pairs.T[::-1]):
-        frayed[one[points[one] < FRAYED * points[other]]] = True
+        frayed[one[points[one] < MIN_POINT_RATIO * points[other]]] = True
     pairs = pairs[~frayed[pairs].any(axis=1)]
     inner = np.bincount(pairs.ravel(), minlength=len(cells)) + 1 >= side * (side - 1)
     piece = np.where(inner, _components(pairs[inner[pairs].all(axis=1)], len(cells)), NONE)

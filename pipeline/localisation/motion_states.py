@@ -40,7 +40,7 @@ def log_likelihoods(
     return compared - compared.max() + max(evidence) - surprise
 
 
-def otherwise(
+def register_alternatives(
     target: Target,
     cloud: small_gicp.PointCloud,
     odometry: Prior,

@@ -35,9 +35,9 @@ MAX_STEPS = 30
 """Maximum number of Gauss-Newton steps; a few are enough unless a loop closure moves the poses far."""
 SMALLEST_STEP = 2.0**-10
 """Minimum fraction to which a step is shortened; if the error still increases, the step is not taken."""
-SLOW = 0.25
+REFACTORISE_RATIO = 0.25
 """Ratio of the decreases of the error by two successive steps above which the information is factorised again."""
-LOOSENINGS = 1e6, 1e3, 1e2, 1e1, 1.0
+CONVEXITY_FACTORS = 1e6, 1e3, 1e2, 1e1, 1.0
 """Factors of the squared residual at which a constraint loses its weight, used in turn where poses may move far
 (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
 
@@ -293,7 +293,7 @@ class PoseGraph:
         free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
         problem = Problem.of(self, free, is_whole)
         # If poses may move far, first weight all constraints alike, then trust ever fewer of them.
-        *loosened, last = LOOSENINGS
+        *loosened, last = CONVEXITY_FACTORS
         for loosening in loosened if self.is_unsettled or contradicted.any() else ():
             problem.solve(COARSE_TOLERANCE, loosening)
         problem.solve(self._config.graph.tolerance, last)
@@ -380,7 +380,7 @@ class Problem:
                 self.poses, self.errors = self._moved(length * step)
                 last, decrease, error = decrease, error - after, after
             is_stuck = length < SMALLEST_STEP
-            was_new, is_stale = is_stale, is_stuck or decrease > SLOW * last
+            was_new, is_stale = is_stale, is_stuck or decrease > REFACTORISE_RATIO * last
             if (is_stuck and was_new) or (not decrease > unchanged and (was_new or not is_stale)):
                 return
 

@@ -39,7 +39,7 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class KeyframeEvidence:
     """The source's pose according to the part of the target that one keyframe owns.
 
     Attributes:
@@ -193,7 +193,7 @@ def register(
 
 def shares_of(
     target: Target, source: small_gicp.PointCloud, T: Pose, config: RegistrationConfig
-) -> tuple[list[Share], Mask]:
+) -> tuple[list[KeyframeEvidence], Mask]:
     """The evidence of each keyframe that owns points of the target, and which of the source's points are new.
 
     Args:
@@ -213,7 +213,7 @@ def shares_of(
         # Adding the identity fixes the directions that a few points leave undetermined, in which their own minimum
         # is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
-        shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
+        shares.append(KeyframeEvidence(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > config.voxel**2
 
 

@@ -22,13 +22,13 @@ from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import Localisation, Localised, LostError, SavedKeyframes, check_odometry
 from pipeline.localisation.loops import Candidate, Loops, seen_through
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel, Prediction
-from pipeline.localisation.motion_states import by_gravity, held_or_slipping, log_likelihoods, otherwise
+from pipeline.localisation.motion_states import by_gravity, held_or_slipping, log_likelihoods, register_alternatives
 from pipeline.localisation.places import RADIUS, SIGMAS, STEP, WIDEST, find_place
 from pipeline.localisation.pose_graph import Kind, PoseGraph, spread
 from pipeline.localisation.registration import (
+    KeyframeEvidence,
     Prior,
     Registration,
-    Share,
     Surfaces,
     Target,
     occam_factor,
@@ -204,7 +204,7 @@ class Slam(Localisation):
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
             for share in shares[: config.slam.most_shares]:
                 self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
-        if (stand := self._stand(T_map_base)) is not None:
+        if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
         if match.cloud is not None:
@@ -369,7 +369,7 @@ class Slam(Localisation):
             return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
         # Register the frame, with the prediction, gravity and the ground below as priors.
         registered = partial(Match, frame, cloud=cloud, target=target)
-        stand = self._stand(first.T)
+        stand = self._ground_constraint(first.T)
         heights = [Prior(stand.T, stand.information)] if stand else []
         level = by_gravity(first.T, frame, self._config.odometry.gravity_sigma)
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
@@ -379,7 +379,7 @@ class Slam(Localisation):
         # state.
         found = {MotionState.NOMINAL: (first, nominal)}
         if not nominal.is_sure:
-            found |= otherwise(target, cloud, first, self.T_map_reference, frame, self._config)
+            found |= register_alternatives(target, cloud, first, self.T_map_reference, frame, self._config)
         self.belief.observe(
             self._likelihoods({state: registration for state, (_, registration) in found.items()}, target, frame)
         )
@@ -409,7 +409,7 @@ class Slam(Localisation):
         weight = 1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION))
         return self.local_map.around(transform_places(T, points), camera, owners, margin, weight)
 
-    def _stand(self, T_map_base: Pose) -> Share | None:
+    def _ground_constraint(self, T_map_base: Pose) -> KeyframeEvidence | None:
         """The pose, raised or lowered to the ground that earlier keyframes saw below it; None if they saw too little.
 
         In a narrow place, the camera sees only walls, which do not determine the robot's height.
@@ -419,7 +419,7 @@ class Slam(Localisation):
             return None
         lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
         information = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, GROUND_SIGMA**-2])
-        return Share(int(np.bincount(owners).argmax()), lifted, information)
+        return KeyframeEvidence(int(np.bincount(owners).argmax()), lifted, information)
 
     def _find_loop(self, number: int, match: Match) -> None:
         """Try to locate the newest keyframe among old surfaces whose position relative to it is uncertain."""

@@ -26,7 +26,7 @@ from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 RAMP_MARGIN = 0.2
 """Distance from where the robot leaned within which it still drives as on a ramp, m, because it is level on the crest
 of a ridge."""
-SHOWN = radians(10)
+PASSING_HEADING_TOLERANCE = radians(10)
 """Maximum heading error at which a viewpoint may be passed without a turn, rad, because the view is still the
 same."""
 LEAD = 0.2
@@ -338,7 +338,7 @@ class Navigator:
         return [rest, *path]
 
     def _shows(self, heading: float, wanted: float) -> bool:
-        return abs(wrap_angle(heading - wanted)) < SHOWN
+        return abs(wrap_angle(heading - wanted)) < PASSING_HEADING_TOLERANCE
 
     def halt(self, send: Send) -> Outcome:
         """Come to rest at the end of the path along which the robot is rolling, if any."""

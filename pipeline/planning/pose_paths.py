@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
-from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, VECTORS
+from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, ORIENTATIONS, VECTORS
 from pipeline.elevation_map.traversability import Traversability, min_clearance
 from pipeline.errors import required
 from pipeline.planning import pose_paths_kernels as kernels
@@ -82,7 +82,7 @@ class PosePaths:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
         # This ignores the smaller minimum clearance that applies where the robot has been.
-        can_escape = (t.clearance[i, j, h % STANDING] < min_clearance(t.grid.cell)).any()
+        can_escape = (t.clearance[i, j, h % ORIENTATIONS] < min_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
         # The arrays are zeros or uninitialised, so that the system provides memory pages only where the search
         # touches them.

@@ -11,7 +11,7 @@ from pipeline.elevation_map.pose_kernels import (
     ANGLES,
     BUCKETS,
     HEADINGS,
-    STANDING,
+    ORIENTATIONS,
     VECTORS,
     drive_seconds_per_metre,
     line_seconds,
@@ -83,11 +83,11 @@ def was_near(i, j, least):
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     """Cost in ticks of a move from (i, j, h) to (a, b, k) on a path from a start (2,); -1 if it is not allowed."""
-    before, entered = terrain.clearance[i, j, h % STANDING], terrain.clearance[a, b, k % STANDING]
+    before, entered = (terrain.clearance[i, j, h % ORIENTATIONS], terrain.clearance[a, b, k % ORIENTATIONS])
     if move <= Move.BACKWARD:
         room = min(before, entered)
     else:
-        room = terrain.clearance[i, j, STANDING + (h if move == Move.LEFT else k) % STANDING]
+        room = terrain.clearance[i, j, ORIENTATIONS + (h if move == Move.LEFT else k) % ORIENTATIONS]
         # The area that the turn sweeps must have room as well.
         entered = min(entered, room + terrain.sweep)
     is_free = entered >= terrain.least[a, b]
@@ -205,7 +205,7 @@ def flood(seeds, free, is_open):
         fresh = here & ~known
         reached[i, j] = here
         # On open ground, moves along the axes reach everything that the other moves reach.
-        for h in range(0, STANDING, HEADINGS // 4 if is_open[i, j] else 1):
+        for h in range(0, ORIENTATIONS, HEADINGS // 4 if is_open[i, j] else 1):
             # A robot with the opposite heading reaches the same cell backwards.
             both = fresh & (257 << h)
             if both == 0:

@@ -31,7 +31,7 @@ BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
 }  # fmt: skip
 """The function that builds an arena from each type of file, by the file's extension."""
 LEANING = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
-MAX_TOLD = 5  # Maximum number of bodies that a warning names
+MAX_NAMED_BODIES = 5  # Maximum number of bodies that a warning names
 DRAWN = 3  # Geoms of groups below this number are drawn
 _log = logging.getLogger(__name__)
 
@@ -126,7 +126,9 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
         raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")
     movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid]))
     if named := [model.body(body).name or f"number {body}" for body in movable]:
-        told = ", ".join(named[:MAX_TOLD]) + (f" and {len(named) - MAX_TOLD} more" if len(named) > MAX_TOLD else "")
+        told = ", ".join(named[:MAX_NAMED_BODIES]) + (
+            f" and {len(named) - MAX_NAMED_BODIES} more" if len(named) > MAX_NAMED_BODIES else ""
+        )
         _log.warning("%s: these bodies can move, but are scored where they are at the start: %s", name, told)
     if unlabelled := np.count_nonzero((geom_labels(model) == Label.UNLABELLED) & (model.geom_group < DRAWN)):
         said = (

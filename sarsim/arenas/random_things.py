@@ -49,7 +49,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     if not number:
         return
     draws = RandomDraws(rng)
-    _let_die(builder, draws)
+    _declare_some_dead(builder, draws)
     model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -66,7 +66,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
         hung += 1
 
 
-def _let_die(builder: ArenaBuilder, draws: RandomDraws) -> None:
+def _declare_some_dead(builder: ArenaBuilder, draws: RandomDraws) -> None:
     """Declare a fraction of the people in the arena dead."""
     for text in builder.root.findall("custom/text"):
         if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_SHARE):

@@ -15,7 +15,7 @@ from pipeline.grid_map import Grid
 from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from sarsim.dataset import wheel_contact_kernels as kernels
-from sarsim.dataset.settings import KEYFRAME_WAY
+from sarsim.dataset.settings import KEYFRAME_SPACING
 from sarsim.ground_truth.columns import ConvexBodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.model import robot_model
@@ -82,7 +82,7 @@ class EndlessDrive:
         wheel_contact: WheelContact,
         T_world_start: NDArray[np.float64],
         rng: np.random.Generator,
-        keyframes: tuple[float, float] = KEYFRAME_WAY,
+        keyframes: tuple[float, float] = KEYFRAME_SPACING,
         frames_per_second: float | None = None,
     ):
         """Start at ``T_world_start``, a 4×4 pose of ``base_link`` on drivable ground.

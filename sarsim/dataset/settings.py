@@ -13,7 +13,7 @@ from sarsim.arenas.settings import SHARES, RandomArenaConfig
 from sarsim.flags import Given
 
 RANDOM = "random"  # Name that stands for a new random arena in each scene
-KEYFRAME_WAY = (0.3, 0.6)  # m driven or rad turned from one keyframe to the next
+KEYFRAME_SPACING = (0.3, 0.6)  # m driven or rad turned from one keyframe to the next
 MIN_SIZE = 16  # Minimum width and height of an image, pixels
 
 
@@ -115,7 +115,7 @@ class DatasetConfig:
     random: ArenaRange = field(default_factory=ArenaRange)
     lighting: tuple[float, float, float] = (1.0, 0.0, 0.0)
     dust: Given[tuple[float, float]] = None
-    keyframes: tuple[float, float] = KEYFRAME_WAY
+    keyframes: tuple[float, float] = KEYFRAME_SPACING
     frames_per_second: Given[float] = None
     clear: Fixed[float] = 0.75
     ideal: Fixed[float] = 0.0

@@ -22,7 +22,7 @@ from sarsim.robots.skid_steered import robot_model
 CELL = 0.05  # m, side of a grid cell
 MARGIN = 0.5  # m of grid around the arena
 MAX_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
-OFF_PEOPLE = (
+PERSON_CLEARANCE = (
     0.45  # m; the robot's centre passes no nearer to a person or doll, so that ground behind one is not drivable
 )
 START_REACH = 0.3  # m; a start at most this far above or below the ground is considered to be on it
@@ -37,7 +37,7 @@ class GroundTruthSurface:
         height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
         drivable: bool, ground connected to the start with headroom for the robot, and with no step, tilt beyond the
             robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot, and no victim within
-            ``OFF_PEOPLE``. A step is a height difference above twice the robot's ``max_step``.
+            ``PERSON_CLEARANCE``. A step is a height difference above twice the robot's ``max_step``.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -153,15 +153,15 @@ class Survey:
         if not ground.pieces[here]:
             raise InputError(f"the robot cannot stand at ({x:g}, {y:g}) m; choose another start with --start X Y YAW")
         drivable = ground.pieces == ground.pieces[here]
-        off_people = drivable & (self._to_people(ground.height) > OFF_PEOPLE)
+        off_people = drivable & (self._to_people(ground.height) > PERSON_CLEARANCE)
         if off_people[here]:
             pieces, _ = ndimage.label(off_people, np.ones((3, 3)))
             drivable = pieces == pieces[here]
         return GroundTruthSurface(ground.grid, ground.height, drivable, ground.walls)
 
     def _to_people(self, height: NDArray[np.float64]) -> Layer:
-        """(nx, ny) m, distance to the nearest person or doll at the robot's height; inf beyond ``OFF_PEOPLE``."""
-        return self._to_obstacle(height, self.bodies.label == Label.VICTIM, OFF_PEOPLE, 0.0)
+        """(nx, ny) m, distance to people and dolls at the robot's height; inf beyond ``PERSON_CLEARANCE``."""
+        return self._to_obstacle(height, self.bodies.label == Label.VICTIM, PERSON_CLEARANCE, 0.0)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
         """Index of the top with headroom that is nearest to a point (3,) m; None if none is within ``reach`` m."""

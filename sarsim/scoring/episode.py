@@ -19,12 +19,12 @@ from sarsim.ground_truth.meshes import true_scene
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.oracle import Oracle
-from sarsim.scoring.progress import MOST, ExploredCurve, progress_figures
+from sarsim.scoring.progress import EXPLORED_FRACTIONS, ExploredCurve, progress_figures
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
-from sarsim.scoring.topology_kernels import way_length
+from sarsim.scoring.topology_kernels import shortest_path_length
 from sarsim.scoring.trajectory import TrajectoryScore, distances_driven, driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
@@ -171,11 +171,11 @@ class EpisodeScore(Sink):
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        length = way_length(*grid.cell_of(first), *grid.cell_of(last), drivable)
+        length = shortest_path_length(*grid.cell_of(first), *grid.cell_of(last), drivable)
         return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """The figures of the exploration; a time in ``MOST`` is missing if its fraction was not reached."""
+        """The figures of the exploration; times of ``EXPLORED_FRACTIONS`` that were not reached are missing."""
         end = self._robot.time - self._start_time, driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (
@@ -190,7 +190,7 @@ class EpisodeScore(Sink):
         ground = self._navigation.ground
         start = np.array([*T[:2, 3], yaw_of(T)])
         sight = Sight(self.surface, ground, scene, frame)
-        oracle = Oracle(ground, sight, start, MOST["t99_s"], robot.robot.drive)
+        oracle = Oracle(ground, sight, start, EXPLORED_FRACTIONS["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:
             way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])

@@ -79,7 +79,7 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
         Times, s, spent driving, backing, turning in place and standing still, which sum to the total. Also the parts
         of the driving time in narrow places (see :func:`is_narrow`) and on ramps.
     """
-    doing, lasted = what_it_does(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
+    doing, lasted = activities(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
     is_driving = doing == Doing.DRIVING
     places = np.array([[*pose.T_world_base[:2, 3], yaw_of(pose.T_world_base)] for pose in trajectory[1:]])
     places, driving = places[is_driving], lasted[is_driving]
@@ -88,7 +88,7 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
     return each | {"narrow": float(driving[is_narrow(ground, places)].sum()), "ramp": float(driving[on_ramp].sum())}
 
 
-def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
+def activities(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
     """(N - 1,) :class:`Doing` between N true poses; ``STILL`` while the robot is carried."""
     T = np.array([pose.T_world_base for pose in trajectory])
     steps = np.diff(T[:, :2, 3], axis=0)
@@ -107,10 +107,10 @@ def is_narrow(ground: Traversability, places: Places) -> Mask:
 
     ``places``: (N, 3) x and y in m, heading in rad.
     """
-    return room_on(ground, places, 1.0) + room_on(ground, places, -1.0) < ground.robot.width
+    return side_clearance(ground, places, 1.0) + side_clearance(ground, places, -1.0) < ground.robot.width
 
 
-def room_on(ground: Traversability, places: Places, side: float) -> Values:
+def side_clearance(ground: Traversability, places: Places, side: float) -> Values:
     """(N,) m, distance from the footprint to the nearest obstacle on its left (1) or right (-1).
 
     At most the robot's width, and accurate to half a cell, because obstacles are sampled at intervals of one cell.

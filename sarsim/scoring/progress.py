@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Values
 
-MOST = {"t90_s": 0.9, "t99_s": 0.99}
+EXPLORED_FRACTIONS = {"t90_s": 0.9, "t99_s": 0.99}
 """Fractions of the drivable area, by the name of the figure that gives the time until the fraction was seen."""
 
 
@@ -35,10 +35,10 @@ def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str
 
     Returns:
         ``auc_time`` in s and ``auc_way`` in m, the areas under the curve up to the end, and those times in
-        :data:`MOST` whose fractions were reached.
+        :data:`EXPLORED_FRACTIONS` whose fractions were reached.
     """
     times, ways, shares = curve
-    reached = {name: times[shares >= most] for name, most in MOST.items()}
+    reached = {name: times[shares >= most] for name, most in EXPLORED_FRACTIONS.items()}
     areas = {"auc_time": area_under(times, shares, end[0]), "auc_way": area_under(ways, shares, end[1])}
     return {name: float(found[0]) for name, found in reached.items() if len(found)} | areas
 

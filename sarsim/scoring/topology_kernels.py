@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def way_length(i, j, goal_i, goal_j, free):
+def shortest_path_length(i, j, goal_i, goal_j, free):
     """Length in cells of the shortest 8-connected path between two cells of a mask ``free`` (nx, ny); inf if none."""
     length = np.full(free.shape, np.inf)
     length[i, j] = 0.0

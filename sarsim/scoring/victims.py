@@ -21,7 +21,7 @@ NEAR = 0.5  # m; a victim has been found if a confirmed position is at most this
 UNMATCHED = 1e3  # Replaces infinite costs; greater than the sum of all finite ones
 
 
-def pairs_of_least(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
+def min_cost_pairs(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
     """As many (row, column) pairs of finite cost (N, M) as possible, with the minimum total cost."""
     # linear_sum_assignment fails if infinite costs rule out a complete assignment.
     rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED))
@@ -53,7 +53,7 @@ class VictimScore:
         """(V,) m, distance from each victim to the confirmed position matched with it; NaN without a match."""
         distance = np.linalg.norm(self.positions[:, None] - confirmed.reshape(1, -1, 3), axis=2)
         found = np.full(len(self.positions), np.nan)
-        for i, k in pairs_of_least(np.where(distance <= NEAR, distance, np.inf)):
+        for i, k in min_cost_pairs(np.where(distance <= NEAR, distance, np.inf)):
             found[i] = distance[i, k]
         return found
 

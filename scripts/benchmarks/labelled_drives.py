@@ -14,7 +14,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
-from sarsim.dataset.settings import KEYFRAME_WAY
+from sarsim.dataset.settings import KEYFRAME_SPACING
 from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
@@ -53,7 +53,7 @@ def drive_through(
     frames: int,
     seed: int,
     lighting: Lighting = Lighting.normal,
-    keyframes: tuple[float, float] = KEYFRAME_WAY,
+    keyframes: tuple[float, float] = KEYFRAME_SPACING,
 ) -> Iterator[PosedFrame]:
     """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 

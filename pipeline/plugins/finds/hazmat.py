@@ -36,7 +36,7 @@ class HazmatReader:
         patches = np.stack([rectified(squares.pyramid, quad, SIGN_SIDE) for quad in quads])
         # The mean probability over all four orientations is at least a quarter of the probability in one.
         one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
-        likely = np.flatnonzero(self._sureness(one_way_up / 4) > self._config.confidence)
+        likely = np.flatnonzero(self._sign_probability(one_way_up / 4) > self._config.confidence)
         if not len(likely):
             return []
         found = self._signs(quads[likely], self._chances(squares.pyramid, quads[likely]))
@@ -57,13 +57,13 @@ class HazmatReader:
     ) -> Iterator[tuple[Pixels, float, NDArray[np.float32]]]:
         """The best square of each sign, its confidence, and the class shares, on which similar squares vote too."""
         config, left = self._config, list(chances[:, -1].argsort(kind="stable"))
-        while left and (sure := float(self._sureness(chances[left[0], -1]))) > config.confidence:
+        while left and (sure := float(self._sign_probability(chances[left[0], -1]))) > config.confidence:
             best, *others = left
             alike = [best, *(k for k in others if overlap(quads[best], quads[k])[0] > config.alike)]
             votes = chances[alike, :-1].sum(axis=0)
             yield quads[best], sure, votes / votes.sum()
             left = [k for k in others if not is_same(quads[best], quads[k])]
 
-    def _sureness(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
+    def _sign_probability(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
         """Probability of a sign by Bayes' rule, given the network's probability that there is none."""
         return np.asarray((1 - no_sign) / (1 - no_sign + self._config.rarer * no_sign), np.float32)

@@ -25,7 +25,7 @@ NARROW = 1.0  # m; an open surface is filled only where it is narrower than this
 def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
     """The corners (N, 3) m of each of the prisms that fill a mesh; None if the mesh is not extruded along an axis."""
     largest = mesh.face_normals[mesh.area_faces.argmax()]
-    found = [parts for axis in (*np.eye(3)[::-1], largest) if (parts := _drawn_out(mesh, axis))]
+    found = [parts for axis in (*np.eye(3)[::-1], largest) if (parts := _extrusion_prisms(mesh, axis))]
     return min(found, key=len, default=None)
 
 
@@ -40,7 +40,7 @@ def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterat
             yield np.concatenate([corners, corners - THICKNESS * up / np.linalg.norm(up)])
 
 
-def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
+def _extrusion_prisms(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
     """The prisms of a mesh that is extruded along an axis; None if the mesh has another shape."""
     height, slope = mesh.vertices @ axis, np.abs(mesh.face_normals @ axis)
     is_high = height > (height.min() + height.max()) / 2

@@ -28,7 +28,7 @@ from sarsim.scoring.progress import ExploredCurve
 from sarsim.settings import EpisodeConfig
 
 FOLDER = "episodes"
-OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
+RUN_SPECIFIC_KEYS = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
 """Pattern of the keys of a report that are settings, or whose values vary from run to run."""
 LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
 GRACE = 1.1
@@ -149,7 +149,7 @@ def driven(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCur
         episode.run(show_progress=False)
         figures = {name.lstrip("."): value for name, value in flat("", episode.report)}
     kept = {key: value for key, value in figures.items() if isinstance(value, bool | int | float | str)}
-    row = {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}
+    row = {"checksum": found} | {key: value for key, value in kept.items() if not RUN_SPECIFIC_KEYS.match(key)}
     return row, episode.score.progress
 
 

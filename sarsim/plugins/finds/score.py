@@ -14,7 +14,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.sink import Sink
 from pipeline.tracks.find import FIND_KINDS, HEAT, Find
 from sarsim.arenas.things.thing import Thing, of_kind, things_of
-from sarsim.scoring.victims import NEAR, pairs_of_least
+from sarsim.scoring.victims import NEAR, min_cost_pairs
 from sarsim.scoring.visibility import Visibility
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -88,4 +88,4 @@ def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, i
     reported = np.array([find.position for find in finds]).reshape(-1, 3)
     distance = np.linalg.norm(true[:, None] - reported, axis=2)
     misread = np.array([[t.text != f.text for f in finds] for t in things]).reshape(distance.shape)
-    return pairs_of_least(np.where(distance <= NEAR, distance + NEAR * misread, np.inf))
+    return min_cost_pairs(np.where(distance <= NEAR, distance + NEAR * misread, np.inf))

@@ -28,12 +28,14 @@ from sarsim.plugins.league.leagues import LeagueRun, SmallRun, VirtualRun, leagu
 from sarsim.plugins.league.portals import portals
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
-from sarsim.scoring.victims import NEAR, pairs_of_least
+from sarsim.scoring.victims import NEAR, min_cost_pairs
 
-SHOWN = 0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of those that it shows
-ALIKE = 0.5  # m; the registration ignores points farther than this from every true surface
+COVERAGE_RADIUS = (
+    0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of those that it shows
+)
+MAX_CORRESPONDENCE_DISTANCE = 0.5  # m; the registration ignores points farther than this from every true surface
 MAX_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
-ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
+MAX_ICP_ITERATIONS = 30  # Maximum iterations of the registration, which converges in fewer
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,7 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
     if not len(points):
         return float("inf")
     moved = np.asarray(points, np.float64)[:: max(1, len(points) // MAX_POINTS)]
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ICP_ITERATIONS):
         step = _step(moved, *_nearest(moved, scene))
         moved = Rotation.from_rotvec(step[:3]).apply(moved) + step[3:]
         if np.abs(step).max() < 1e-6:
@@ -132,7 +134,7 @@ def _step(
 ) -> NDArray[np.float64]:
     """(6,) rotation vector, rad, and translation, m, that move points (N, 3) towards their tangent planes."""
     # A degenerate triangle, as in the centre of a cylinder's cap, has no normal.
-    near = (np.linalg.norm(points - nearest, axis=1) < ALIKE) & np.isfinite(normals).all(axis=1)
+    near = (np.linalg.norm(points - nearest, axis=1) < MAX_CORRESPONDENCE_DISTANCE) & np.isfinite(normals).all(axis=1)
     points, nearest, normals = points[near], nearest[near], normals[near]
     rows = np.hstack([np.cross(points, normals), normals])
     step, *_ = np.linalg.lstsq(rows.T @ rows, rows.T @ ((nearest - points) * normals).sum(axis=1), rcond=1e-9)
@@ -143,13 +145,13 @@ def covered(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLa
     """The cells of the true ground that points (N, 3), m in the world, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
-    return np.asarray(surface.grid.distance_to(seen) <= SHOWN)
+    return np.asarray(surface.grid.distance_to(seen) <= COVERAGE_RADIUS)
 
 
 def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> Values:
     """Distances, m, from places (N, 3) to things (M, 3) of the same name, matched one to one ``within`` m."""
     distance = np.linalg.norm(places[:, None] - things[None], axis=2)
-    return np.array([distance[i, k] for i, k in pairs_of_least(np.where(distance <= within, distance, np.inf))])
+    return np.array([distance[i, k] for i, k in min_cost_pairs(np.where(distance <= within, distance, np.inf))])
 
 
 def _places(items: Sequence[TrueFind] | Sequence[PointOfInterest]) -> NDArray[np.float64]:

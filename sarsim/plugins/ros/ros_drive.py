@@ -27,7 +27,7 @@ from pipeline.robot import Motion
 from pipeline.run import ExplorerRun
 from pipeline.sensor import XTION
 from pipeline.sink import Result, Sink, Step
-from sarsim.composition import compose, make_mapper, reaching
+from sarsim.composition import compose, make_mapper, with_camera_range
 from sarsim.methods.make import make_exploration
 from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.ros.settings import RosExploration
@@ -114,7 +114,7 @@ class RosDrive(ExplorerRun):
             node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion, config=live
         )
         plugins = make_plugins(config)
-        settings = reaching(config, self.robot.sensor or XTION)
+        settings = with_camera_range(config, self.robot.sensor or XTION)
         mapper = make_mapper(settings, model, earlier=config.map, plugins=plugins)
         strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
         navigator = None

@@ -15,7 +15,7 @@ from scripts.benchmarks.localisation_scores import moved_along
 from scripts.benchmarks.loops.tours import Tour
 
 CORRECTED = 3  # Keyframes between two corrections, as between two steps of an episode
-FOUND = (0.02, 0.02, 0.0, 0.0, 0.0, 0.005)
+POSE_SIGMAS = (0.02, 0.02, 0.0, 0.0, 0.0, 0.005)
 """m and rad, standard deviations of the pose given to a carried robot, in x, y, z, roll, pitch and yaw."""
 
 
@@ -72,5 +72,5 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
 
 def found(rng: np.random.Generator) -> NDArray[np.float64]:
     """A small random transform, the error of the pose given to a robot that was carried."""
-    x, y, z, _, _, yaw = rng.normal(size=6) * FOUND
+    x, y, z, _, _, yaw = rng.normal(size=6) * POSE_SIGMAS
     return from_yaw(x, y, z, yaw)

@@ -9,7 +9,7 @@ from pipeline.transforms import from_yaw, inverse, tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset import drive
 from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive, WheelContact
-from sarsim.dataset.settings import KEYFRAME_WAY
+from sarsim.dataset.settings import KEYFRAME_SPACING
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.robots.pose import Pose
@@ -82,9 +82,9 @@ def test_keyframes_are_apart_as_wanted(nist: Nist, monkeypatch: pytest.MonkeyPat
     moved = np.linalg.norm(np.diff(T[:, :2, 3], axis=0), axis=1)
     between = inverse(T[0])[None] @ T  # headings relative to the first
     yaw = np.unwrap(np.arctan2(between[:, 1, 0], between[:, 0, 0]))
-    far, turned = moved >= KEYFRAME_WAY[0] - 1e-9, np.abs(np.diff(yaw)) >= KEYFRAME_WAY[1] - 1e-6
+    far, turned = moved >= KEYFRAME_SPACING[0] - 1e-9, np.abs(np.diff(yaw)) >= KEYFRAME_SPACING[1] - 1e-6
     assert (far | turned).all()
-    assert moved.max() < KEYFRAME_WAY[0] + 2 * SPEED * PERIOD
+    assert moved.max() < KEYFRAME_SPACING[0] + 2 * SPEED * PERIOD
 
 
 def test_it_visits_most_of_the_arena(nist: Nist, keyframes: list[Pose]) -> None:

@@ -11,7 +11,7 @@ from pipeline.topological_map.cover_kernels import count_in
 from pipeline.topological_map.node_set import Node
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.topology import MIN_GAIN, SIGHT, score_topology
-from sarsim.scoring.topology_kernels import way_length
+from sarsim.scoring.topology_kernels import shortest_path_length
 
 
 @pytest.fixture
@@ -113,4 +113,4 @@ def test_the_shortest_way_between_two_cells_is_that_of_a_graph():
     cells = sorted(graph)
     lengths = nx.single_source_dijkstra_path_length(graph, cells[0])
     for cell in cells[::29]:
-        assert way_length(*cells[0], *cell, free) == pytest.approx(lengths.get(cell, np.inf))
+        assert shortest_path_length(*cells[0], *cell, free) == pytest.approx(lengths.get(cell, np.inf))

@@ -54,7 +54,7 @@ class Senses:
         self._validity = config.trajectory
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=config.odometry_queue)
         self._twist = np.zeros(2)
-        self._felt: list[NDArray[np.float64]] = []
+        self._imu_samples: list[NDArray[np.float64]] = []
         self._inertial: NDArray[np.float64] | None = None
 
     def take_depth(self, name: str) -> Callable[[bytes], None]:
@@ -89,7 +89,7 @@ class Senses:
         self.imu_frame = message.header.frame_id
         felt = np.stack([vector_of(message.angular_velocity), vector_of(message.linear_acceleration)])
         if np.isfinite(felt).all():
-            self._felt.append(felt)
+            self._imu_samples.append(felt)
 
     def take_transforms(self, data: bytes) -> None:
         """Receive a TFMessage."""
@@ -177,10 +177,10 @@ class Senses:
         """
         time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist
-        if self._felt:
+        if self._imu_samples:
             R = self.links.T_base(self.imu_frame, self._camera_frame)
-            mean = np.mean(self._felt, axis=0)
-            self._inertial, self._felt = mean if R is None else mean @ R[:3, :3].T, []
+            mean = np.mean(self._imu_samples, axis=0)
+            self._inertial, self._imu_samples = mean if R is None else mean @ R[:3, :3].T, []
         by_odometry = np.array([[0.0, 0.0, omega], g * T[2, :3]])
         gyro, accelerometer = by_odometry if self._inertial is None else self._inertial
         return Motion(time, T, gyro, accelerometer, np.array([v, v]) + self._half_width * omega * np.array([-1, 1]))

@@ -33,7 +33,7 @@ def test_a_row_has_the_figures_of_a_report_and_a_curve_that_fits_them(tmp_path: 
         assert area_under(along, curve.explored, row[end]) == pytest.approx(row[f"exploration.{key}"], rel=1e-3)
     assert curve.explored[-1] == pytest.approx(row["exploration.explored_fraction"], abs=5e-5)
     assert (np.diff(curve.explored) > 0).all()
-    assert not any(episodes.OF_THE_RUN.match(key) for key in set(row) - set(job.row))
+    assert not any(episodes.RUN_SPECIFIC_KEYS.match(key) for key in set(row) - set(job.row))
 
 
 def throws(job: SweepJob, settings: Mapping[str, Any]) -> Any:

@@ -151,12 +151,12 @@ def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> 
     return float(-np.log(chance) * covered * PARTS * max(0.0, overlap - chance))
 
 
-def likelihood_of_view(shown: float, covered: float) -> float:
-    """Log-likelihood of a frame that shows the fraction ``shown`` of the predicted surfaces.
+def likelihood_of_view(shown: Values, covered: float) -> Values:
+    """Log-likelihoods of a frame that shows the fractions ``shown`` of the surfaces predicted for several poses.
 
     ``covered``: fraction of the image that these surfaces cover.
     """
-    return float(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
+    return np.asarray(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:

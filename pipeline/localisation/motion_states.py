@@ -22,22 +22,25 @@ def log_likelihoods(
 ) -> Values:
     """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
 
-    The registrations are compared by the fraction of the old points in view that the frame shows. The fraction of the
-    frame's points that were seen before is less informative, because along a corridor, a robot that has moved sees
-    new ground, whereas at its old place it would see only known ground. All registrations share the strongest
-    evidence that one of them is correct; two kinds of evidence are used, because new ground weakens one, and hidden
-    old ground the other.
+    The registrations are compared by the fraction of the old points in view that the frame shows, as if these covered
+    the same part of the image at every pose. Otherwise, if a frame showed none of them, the pose with the fewest in
+    view would win. The fraction of the frame's points that were seen before is less informative, because along a
+    corridor, a robot that has moved sees new ground, whereas at its old place it would see only known ground. All
+    registrations share the strongest evidence that one of them is correct; two kinds of evidence are used, because
+    new ground weakens one, and hidden old ground the other.
     """
     chance = config.chance_overlap
-    compared, evidence = np.empty(len(found)), []
+    shown, covered, evidence = np.zeros(len(found)), np.empty(len(found)), []
     for n, registration in enumerate(found):
         pixels, z, depth = in_view(frame, registration.T, target.points)
-        shown = float(np.mean(np.abs(depth - z) < config.fine)) if len(z) else 0.0
-        covered = tiles_covered(pixels, frame.intrinsics.width)
-        compared[n] = likelihood_of_view(shown, covered)
-        evidence += [evidence_of_overlap(shown, chance, covered), evidence_of_overlap(registration.overlap, chance)]
+        if len(z):
+            shown[n] = np.mean(np.abs(depth - z) < config.fine)
+        covered[n] = tiles_covered(pixels, frame.intrinsics.width)
+        evidence += [evidence_of_overlap(shown[n], chance, covered[n])]
+        evidence += [evidence_of_overlap(registration.overlap, chance)]
+    compared = likelihood_of_view(shown, covered.min())
     surprise = np.array([registration.surprise for registration in found])
-    return compared - compared.max() + max(evidence) - surprise
+    return np.asarray(compared - compared.max() + max(evidence) - surprise)
 
 
 def register_alternatives(

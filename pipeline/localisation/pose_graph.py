@@ -9,6 +9,7 @@ perturbations", 2010).
 Tangent vectors hold rotation before translation and act on the right: T · (Exp(δ_r), δ_t).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, auto
 from typing import Any, NamedTuple
@@ -235,16 +236,26 @@ class PoseGraph:
             row.values = row.values[~chosen]
         self._settled, self.is_unsettled = len(self._kinds), True
 
-    def extend_samples(self, reference: int, covariance: Covariance) -> None:
-        """Draw samples of the newest keyframe's pose, which has this ``covariance`` relative to a ``reference``.
+    def extend_samples(self, known: Sequence[tuple[int, Information]]) -> None:
+        """Draw samples of the newest keyframe's pose from its ``known`` information relative to earlier keyframes.
 
-        :meth:`optimise` replaces them by samples that follow from all constraints.
+        The samples of the earlier keyframes stay as they are, until :meth:`optimise` draws all samples anew.
+
+        Args:
+            known: indices of earlier keyframes, and information of the newest keyframe's pose relative to each, in
+                its tangent space. Together, they must determine the pose.
         """
-        k = len(self) - 1
-        (T,) = adjoints(relative(self.poses, np.array([k]), np.array([reference])))
-        strength, directions = np.linalg.eigh(covariance)
-        noise = directions @ (np.sqrt(np.maximum(strength, 0.0))[:, None] * self._rng.normal(size=(6, SAMPLES)))
-        self._samples.values[k] = T @ self._samples.values[reference] + noise
+        k, samples = len(self) - 1, self._samples.values
+        total, pull = np.zeros((6, 6)), np.zeros((6, SAMPLES))
+        for keyframe, information in known:
+            if not np.isfinite(information).all():
+                continue
+            (T,) = adjoints(relative(self.poses, np.array([k]), np.array([keyframe])))
+            strength, directions = np.linalg.eigh(information)
+            noise = directions @ (np.sqrt(np.maximum(strength, 0.0))[:, None] * self._rng.normal(size=(6, SAMPLES)))
+            total += information
+            pull += information @ (T @ samples[keyframe]) + noise
+        samples[k] = np.linalg.solve(total, pull)
 
     def relative_samples(self, keyframe: int, others: Indices | slice = slice(None)) -> NDArray[np.float64]:
         """(K, 6, S) samples of the error of other keyframes relative to a keyframe, in its tangent space.

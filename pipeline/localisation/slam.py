@@ -189,23 +189,27 @@ class Slam(Localisation):
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         self._views.append(reduced(frame))
         # Connect the keyframe with the reference by the motion between them.
+        known = list[tuple[int, Information]]()
         if match.step is not None:
+            motion = np.linalg.inv(match.step.information) + reference.covariance
+            known.append((reference.keyframe, np.asarray(np.linalg.inv(motion))))
             if match.prediction is not None and reference.is_keyframe:
                 self.graph.drive(match.prediction.motion)
             else:
-                motion = np.linalg.inv(match.step.information) + reference.covariance
-                information = np.asarray(np.linalg.inv(motion))
-                self.graph.connect(reference.keyframe, number, match.step.T, information, Kind.MOTION)
-            known = match.step.information + (match.registration.information if match.registration else 0)
-            self.graph.extend_samples(reference.keyframe, np.asarray(np.linalg.inv(known)))
+                self.graph.connect(reference.keyframe, number, match.step.T, known[0][1], Kind.MOTION)
         # Connect it with the keyframes that it was registered with, and with the ground that others saw below it.
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
             for share in shares[: config.slam.most_shares]:
                 self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
+                known.append((share.owner, share.information))
         if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
+            known.append((stand.owner, stand.information))
+        # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view.
+        if match.step is not None:
+            self.graph.extend_samples(known)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
         if match.cloud is not None:
             self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)

@@ -145,6 +145,24 @@ def test_the_error_of_a_keyframe_has_the_lever_of_its_distance() -> None:
     assert graph.deviations(2)[0] == pytest.approx(np.hypot(0.04, 0.02), rel=0.3)
 
 
+def test_a_keyframe_that_sees_what_an_old_one_saw_stays_certain_relative_to_it() -> None:
+    """20 motions of 0.1 m, each unsure by 0.03 m; every keyframe but the first also sees what the first one saw."""
+    motion, surface = np.diag([1e6] * 3 + [0.03**-2] * 3), np.diag([1e6] * 3 + [0.01**-2] * 3)
+    blind, sees = PoseGraph(CONFIG), PoseGraph(CONFIG)
+    for graph, seen in ((blind, ()), (sees, ((0, surface),))):
+        graph.add(np.eye(4), UP)
+        for k in range(20):
+            graph.connect(k, graph.add(from_yaw(0.1 * (k + 1), 0, 0, 0), UP), graph.poses[-1], motion, Kind.MOTION)
+            for i, information in seen:
+                graph.connect(i, k + 1, graph.poses[-1], information, Kind.SURFACE)
+            graph.extend_samples([(k, motion), *seen])
+    assert blind.deviations(20)[0] == pytest.approx(0.03 * np.sqrt(3 * 20), rel=0.3)
+    (found,) = sees.deviations(20)[:1]
+    assert found == pytest.approx(0.01 * np.sqrt(3), rel=0.3)
+    sees.optimise()
+    assert found == pytest.approx(sees.deviations(20)[0], rel=0.3)
+
+
 @given(st.integers(1, 5))
 @settings(max_examples=5, deadline=None)
 def test_samples_are_as_uncertain_as_the_inverse_of_the_information(seed: int) -> None:

@@ -203,11 +203,12 @@ class Slam(Localisation):
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
             for share in shares[: config.slam.most_shares]:
                 self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
-                known.append((share.owner, share.information))
+                known.append((share.owner, self._weights[share.owner] * share.information))
         if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
             known.append((stand.owner, stand.information))
-        # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view.
+        # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view. Their
+        # weights are those in the registration, which has left the offset to uncertain ones for the graph to correct.
         if match.step is not None:
             self.graph.extend_samples(known)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
@@ -327,6 +328,11 @@ class Slam(Localisation):
         """Which keyframes have a pose relative to the reference that is certain enough to register frames with."""
         return self._deviations < self._config.slam.local_deviation
 
+    @property
+    def _weights(self) -> Values:
+        """(K,) weight of each keyframe's surfaces in the registration of a frame."""
+        return np.asarray(1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION)))
+
     def _renew(self) -> None:
         self.local_map.place(self.poses)
         self._judge()
@@ -410,8 +416,7 @@ class Slam(Localisation):
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
         """The old points in view, weighted by the certainty of their keyframe's pose."""
         camera = (T @ frame.T_base_camera)[:3, 3]
-        weight = 1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION))
-        return self.local_map.around(transform_places(T, points), camera, owners, margin, weight)
+        return self.local_map.around(transform_places(T, points), camera, owners, margin, self._weights)
 
     def _ground_constraint(self, T_map_base: Pose) -> KeyframeEvidence | None:
         """The pose, raised or lowered to the ground that earlier keyframes saw below it; None if they saw too little.

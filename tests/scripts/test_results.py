@@ -72,7 +72,7 @@ def test_rows_of_the_readme() -> None:
     assert readme_row(row, None) == unknown
     claim = {"claim": "fast", "page": "camera", "figure": "a.ms", "most": 2.5}
     assert measured_at([RECORD, None, RECORD]) == "Measured on 2026-11-24 at commit abc."
-    assert claim_row(claim, PAGE, RECORD) == "| fast | `python scripts/benchmark.py camera` | 2.0 | ≤ 2.5 | 2 |"
+    assert claim_row(claim, PAGE, RECORD) == "| fast | [camera](docs/results/camera.md) | 2.0 | ≤ 2.5 | 2 |"
     assert claim_row(TRUE, PAGE, RECORD).endswith("| yes | no |") and not holds(TRUE, RECORD["figures"])
 
 

@@ -207,8 +207,8 @@ class Slam(Localisation):
         if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
             known.append((stand.owner, stand.information))
-        # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view. Their
-        # weights are those in the registration, which has left the offset to uncertain ones for the graph to correct.
+        # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view.
+        # Uncertain ones hardly moved the frame, so they have the same low weight here.
         if match.step is not None:
             self.graph.extend_samples(known)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.

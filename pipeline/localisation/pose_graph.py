@@ -9,7 +9,6 @@ perturbations", 2010).
 Tangent vectors hold rotation before translation and act on the right: T · (Exp(δ_r), δ_t).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum, auto
 from typing import Any, NamedTuple
@@ -104,6 +103,11 @@ class Constraints(NamedTuple):
 def relative(poses: Poses, first: Indices, second: Indices) -> Poses:
     """(N, 4, 4) poses of keyframes ``second`` in the frames of keyframes ``first``."""
     return np.asarray(inverses(poses[first]) @ poses[second])
+
+
+def weights_of(chi2: Values, scale: float) -> Values:
+    """Weights of constraints with squared whitened residuals ``chi2`` (loss function of Geman and McClure)."""
+    return np.asarray(np.square(scale / (scale + chi2)))
 
 
 def inverses(T: Poses) -> Poses:
@@ -236,25 +240,29 @@ class PoseGraph:
             row.values = row.values[~chosen]
         self._settled, self.is_unsettled = len(self._kinds), True
 
-    def extend_samples(self, known: Sequence[tuple[int, Information]]) -> None:
-        """Draw samples of the newest keyframe's pose from its ``known`` information relative to earlier keyframes.
+    def extend_samples(self, reference: int, motion: Information) -> None:
+        """Draw samples of the newest keyframe's pose from its motion and the surfaces with which it was registered.
 
-        The samples of the earlier keyframes stay as they are, until :meth:`optimise` draws all samples anew.
+        The samples of earlier keyframes stay as they are until :meth:`optimise` draws all samples anew. As there,
+        surfaces that contradict the pose have a lower weight.
 
         Args:
-            known: indices of earlier keyframes, and information of the newest keyframe's pose relative to each, in
-                its tangent space. Together, they must determine the pose.
+            reference: index of an earlier keyframe.
+            motion: information of the newest keyframe's pose relative to the reference, in its tangent space.
         """
         k, samples = len(self) - 1, self._samples.values
+        of_newest = (self.constraints.second == k) & (self.kinds != Kind.MOTION)
+        surfaces = self.constraints.some(of_newest)
+        chi2 = surfaces.chi2(self.poses, self.odometry.errors)
+        roots = np.sqrt(weights_of(chi2, chi2_gate(6, self._config.registration.confidence)))
         total, pull = np.zeros((6, 6)), np.zeros((6, SAMPLES))
-        for keyframe, information in known:
-            if not np.isfinite(information).all():
-                continue
+        for keyframe, whitening in (
+            (reference, np.linalg.cholesky(motion).T),
+            *zip(surfaces.first, roots[:, None, None] * surfaces.whitening, strict=True),
+        ):
             (T,) = adjoints(relative(self.poses, np.array([k]), np.array([keyframe])))
-            strength, directions = np.linalg.eigh(information)
-            noise = directions @ (np.sqrt(np.maximum(strength, 0.0))[:, None] * self._rng.normal(size=(6, SAMPLES)))
-            total += information
-            pull += information @ (T @ samples[keyframe]) + noise
+            total += whitening.T @ whitening
+            pull += whitening.T @ (whitening @ T @ samples[keyframe] + self._rng.normal(size=(6, SAMPLES)))
         samples[k] = np.linalg.solve(total, pull)
 
     def relative_samples(self, keyframe: int, others: Indices | slice = slice(None)) -> NDArray[np.float64]:
@@ -431,8 +439,7 @@ class Problem:
 
     def _weights(self, residuals: NDArray[np.float64]) -> Values:
         """(N,) weight of each constraint, by how well it fits."""
-        scale, chi2 = self._scale, np.square(residuals).sum(axis=1)
-        return np.asarray(np.square(scale / (scale + chi2)))
+        return weights_of(np.square(residuals).sum(axis=1), self._scale)
 
     def _gravity_rows(self) -> NDArray[np.float64]:
         """(F, 2, 3) whitened Jacobians of the free keyframes' verticals w.r.t. their rotations."""

@@ -189,28 +189,24 @@ class Slam(Localisation):
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         self._views.append(reduced(frame))
         # Connect the keyframe with the reference by the motion between them.
-        known = list[tuple[int, Information]]()
+        motion = None
         if match.step is not None:
-            motion = np.linalg.inv(match.step.information) + reference.covariance
-            known.append((reference.keyframe, np.asarray(np.linalg.inv(motion))))
+            motion = np.asarray(np.linalg.inv(np.linalg.inv(match.step.information) + reference.covariance))
             if match.prediction is not None and reference.is_keyframe:
                 self.graph.drive(match.prediction.motion)
             else:
-                self.graph.connect(reference.keyframe, number, match.step.T, known[0][1], Kind.MOTION)
+                self.graph.connect(reference.keyframe, number, match.step.T, motion, Kind.MOTION)
         # Connect it with the keyframes that it was registered with, and with the ground that others saw below it.
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
             for share in shares[: config.slam.most_shares]:
                 self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
-                known.append((share.owner, self._weights[share.owner] * share.information))
         if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
-            known.append((stand.owner, stand.information))
         # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view.
-        # Uncertain ones hardly moved the frame, so they have the same low weight here.
-        if match.step is not None:
-            self.graph.extend_samples(known)
+        if motion is not None:
+            self.graph.extend_samples(reference.keyframe, motion)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
         if match.cloud is not None:
             self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
@@ -328,11 +324,6 @@ class Slam(Localisation):
         """Which keyframes have a pose relative to the reference that is certain enough to register frames with."""
         return self._deviations < self._config.slam.local_deviation
 
-    @property
-    def _weights(self) -> Values:
-        """(K,) weight of each keyframe's surfaces in the registration of a frame."""
-        return np.asarray(1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION)))
-
     def _renew(self) -> None:
         self.local_map.place(self.poses)
         self._judge()
@@ -416,7 +407,8 @@ class Slam(Localisation):
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
         """The old points in view, weighted by the certainty of their keyframe's pose."""
         camera = (T @ frame.T_base_camera)[:3, 3]
-        return self.local_map.around(transform_places(T, points), camera, owners, margin, self._weights)
+        weight = 1 / (1 + np.square(self._deviations / REGISTERED_DEVIATION))
+        return self.local_map.around(transform_places(T, points), camera, owners, margin, weight)
 
     def _ground_constraint(self, T_map_base: Pose) -> KeyframeEvidence | None:
         """The pose, raised or lowered to the ground that earlier keyframes saw below it; None if they saw too little.

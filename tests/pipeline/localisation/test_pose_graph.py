@@ -155,7 +155,7 @@ def test_a_keyframe_that_sees_what_an_old_one_saw_stays_certain_relative_to_it()
             graph.connect(k, graph.add(from_yaw(0.1 * (k + 1), 0, 0, 0), UP), graph.poses[-1], motion, Kind.MOTION)
             for i, information in seen:
                 graph.connect(i, k + 1, graph.poses[-1], information, Kind.SURFACE)
-            graph.extend_samples([(k, motion), *seen])
+            graph.extend_samples(k, motion)
     assert blind.deviations(20)[0] == pytest.approx(0.03 * np.sqrt(3 * 20), rel=0.3)
     (found,) = sees.deviations(20)[:1]
     assert found == pytest.approx(0.01 * np.sqrt(3), rel=0.3)

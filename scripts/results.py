@@ -1,4 +1,4 @@
-"""Run the benchmarks behind the results pages, and write these pages: ``results.py [PAGE ...]``."""
+"""Run the benchmarks of the results pages, and write these pages: ``results.py [PAGE ...]``."""
 
 import json
 import os
@@ -39,7 +39,7 @@ MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
 LEADERBOARD_PAGE = "leaderboard"
-FOLDER_WORD = "FOLDER"  # Stands for a folder outside the checkout in the command of a page
+FOLDER_WORD = "FOLDER"  # Placeholder for a folder outside the checkout in the command of a page
 DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
 The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95%
@@ -60,11 +60,11 @@ class Results:
     Attributes:
         pages: names in docs/results/pages.yaml. By default all.
         again: measure again even if figures for this state of the code exist.
-        write: measure nothing; write the pages from the figures that exist.
+        write: measure nothing, but write the pages from the figures that exist.
         flags: additional flags for the benchmark, such as --flags="--frames 8"; the page lists them.
-        folder: what FOLDER stands for in the command of a page, such as a folder of .raf arenas; without it, the
+        folder: folder that replaces FOLDER in the command of a page, such as a folder of .raf arenas; without it, the
             command is run without FOLDER.
-        claims: write nothing; run the commands of README's section Reproduce, and say which of its claims hold.
+        claims: write nothing; run the commands of README's section Reproduce, and report which of its claims hold.
     """
 
     pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
@@ -90,7 +90,7 @@ def results(settings: Results) -> None:
 
 
 def plan() -> dict[str, Any]:
-    """The content of pages.yaml: what each page shows and how it is measured, and README's rows and claims."""
+    """The content of pages.yaml: the content and the measurement of each page, and README's rows and claims."""
     content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
     return content
 
@@ -114,7 +114,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
 
 
 def with_folder(command: str, folder: Path | None) -> tuple[str, dict[str, str]]:
-    """The command to run and to show, without FOLDER unless ``folder`` is given, and what FOLDER stands for."""
+    """The command to run and to show, without FOLDER unless ``folder`` is given, and the replacement for FOLDER."""
     if folder is None:
         return command.replace(f" {FOLDER_WORD}", ""), {}
     if not folder.is_dir():
@@ -129,9 +129,9 @@ def measured(
 
     Args:
         command: the command, as the page shows it.
-        folder: where it leaves its files.
-        environment: environment variables for it, such as one that selects a library's instruction set.
-        given: what words of the command stand for.
+        folder: folder in which the command leaves its files.
+        environment: environment variables of the command, such as one that selects a library's instruction set.
+        given: replacements for words of the command.
 
     Raises:
         InputError: the command failed.
@@ -200,8 +200,8 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
         "\n".join(["| figure | sarsim | baseline | page |", "|---|---|---|---|", *rows]),
         f"{measured_at(records.get(row['page']) for row in content['readme'])} [All results](docs/results/index.md)",
         "## Reproduce",
-        "`make claims` runs these commands and reports which claims hold.",
-        "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
+        "`make claims` repeats the measurements of these pages and reports which claims hold.",
+        "\n".join(["| claim | page | processor minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
     ]
 
 
@@ -218,7 +218,7 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
 
 @cache
 def leaderboard_record(files: tuple[Path, ...]) -> Record:
-    """The leaderboard's cells, by the end of their table's title, their method and their column; cached."""
+    """The cells of the leaderboard, by the end of the table's title, the method and the column; cached."""
     from sarsim.commands.sweeps.leaderboard import boards, read_entry
 
     return {
@@ -233,7 +233,7 @@ def leaderboard_record(files: tuple[Path, ...]) -> Record:
 
 @cache
 def leaderboard(files: tuple[Path, ...], about: str) -> str:
-    """The page of the leaderboard, from the files of its entries, as Markdown; cached, to read the files once."""
+    """The page of the leaderboard, from the files of its entries, as Markdown; cached to read the files only once."""
     from sarsim.commands.sweeps.leaderboard import boards, read_entry
 
     parts = []
@@ -290,11 +290,11 @@ def tables_of(page: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
 
 
 def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapping[str, str] = {}) -> str:
-    """A table of the rows that have a figure; empty if there are none.
+    """A table of the rows that have a figure, as Markdown; empty if there are none.
 
     The format ``cell``, filled in with the values of row and column, is the name of a figure, or of one of the words.
-    Instead of ``rows``, a table may have ``by``: then there is a row for each name before a figure with this ending,
-    the lowest figure first.
+    Instead of ``rows``, a table may have ``by``, for one row per figure whose name has this ending, the lowest figure
+    first.
     """
     columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
     shown = {name: number(value) for name, value in figures.items()} | dict(words)
@@ -308,7 +308,7 @@ def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
 
 
 def rows_by(ending: str, figures: Mapping[str, float]) -> list[tuple[str, str]]:
-    """The names before the figures with an ending, as labels and as rows, the lowest figure first."""
+    """The names of figures with an ending, without the ending, as labels and as rows, the lowest figure first."""
     names = [name.removesuffix(f".{ending}") for name in figures if name.endswith(f".{ending}")]
     names.sort(key=lambda name: (figures[f"{name}.{ending}"], name))
     return [(name, name) for name in names]
@@ -344,12 +344,12 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
     """A row of README's claims."""
     figures = record["figures"] if record else {}
     value = value_of(claim, figures, NOT_MEASURED)
-    command = f"`{shown(page['command'])}`"
-    return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
+    link = f"[{claim['page']}](docs/results/{claim['page']}.md)"
+    return line([claim["claim"], link, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
 
 
 def value_of(claim: Mapping[str, Any], figures: Mapping[str, float], otherwise: str) -> str:
-    """The figure that a claim names, as text; yes or no if it is 1 where something is true."""
+    """The figure that a claim names, as text: yes or no if the claim is that something is true."""
     if claim["figure"] not in figures:
         return otherwise
     value = figures[claim["figure"]]
@@ -391,7 +391,7 @@ def number(value: float) -> str:
 
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:
-    """How long a page takes, in words."""
+    """Processor time of a page, in words."""
     taken = seconds(page, record)
     return f"{taken:.0f} s of processor time" if taken < 100 else f"{taken / 60:.0f} min of processor time"
 

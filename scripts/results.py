@@ -27,6 +27,7 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
 from pipeline.rescue_report.figures import figures as flat
+from pipeline.rescue_report.figures import number
 from sarsim.commands.provenance import machine, state_of_code
 from sarsim.commands.settings import run_with_settings
 from sarsim.flags import Given
@@ -383,11 +384,6 @@ def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
     if claim.get("is_true"):
         return figure == 1
     return bool(claim.get("least", figure) <= figure <= claim.get("most", figure))
-
-
-def number(value: float) -> str:
-    """A figure to three significant digits or, if 1000 or more, as an integer."""
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:

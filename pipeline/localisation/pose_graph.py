@@ -251,8 +251,8 @@ class PoseGraph:
             motion: information of the newest keyframe's pose relative to the reference, in its tangent space.
         """
         k, samples = len(self) - 1, self._samples.values
-        of_newest = (self.constraints.second == k) & (self.kinds != Kind.MOTION)
-        surfaces = self.constraints.some(of_newest)
+        constraints = self.constraints
+        surfaces = constraints.some((constraints.second == k) & (self.kinds != Kind.MOTION))
         chi2 = surfaces.chi2(self.poses, self.odometry.errors)
         roots = np.sqrt(weights_of(chi2, chi2_gate(6, self._config.registration.confidence)))
         total, pull = np.zeros((6, 6)), np.zeros((6, SAMPLES))

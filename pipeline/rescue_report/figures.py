@@ -1,4 +1,4 @@
-"""The figures of a report, at any depth of nesting."""
+"""The figures of a report, at any depth of nesting, and as text."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,3 +11,8 @@ def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
             yield from figures(f"{name}.{key}", value)
     elif not (isinstance(content, list) and content and isinstance(content[0], Mapping)):
         yield name, content
+
+
+def number(value: float) -> str:
+    """A figure to three significant digits or, if 1000 or more, as an integer."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def measure(settings: ExplorationSettings) -> Result:
     plain = [without_people(job, GROUND_ONLY, job.config.exploration) for job in compared]
     jobs = [*own, *plain, *(without_people(job, NEAREST_FRONTIER, NEAREST_FRONTIER) for job in compared)]
     # Measure.
-    results = run_jobs(jobs, settings, run_episode)
+    results = run_jobs(jobs, settings, partial(run_episode, pages=settings.runs))
     found: dict[str, list[dict[str, Any] | None]] = {}
     for job, result in zip(jobs, results, strict=True):
         found.setdefault(job.group, []).append(result)

@@ -6,6 +6,7 @@ The results stay in this folder, so that a long benchmark can be interrupted and
 import gc
 import json
 import re
+import shutil
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -157,8 +158,11 @@ def leave(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -
     gc.collect()  # An episode's maps are in reference cycles, and a worker runs many jobs
 
 
-def run_episode(job: Job) -> dict[str, Any] | None:
-    """Run an episode; the result is its report, and the position errors of people and finds."""
+def run_episode(job: Job, pages: Path | None = None) -> dict[str, Any] | None:
+    """Run an episode; the result is its report, and the position errors of people and finds.
+
+    The episode's rescue report, which shows its map, is left in the folder ``pages`` as ``<name of the job>.html``.
+    """
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         try:
             episode = Episode(replace(job.config, out=Path(out)))
@@ -166,6 +170,8 @@ def run_episode(job: Job) -> dict[str, Any] | None:
             return {"left_out": str(error)}
         if not episode.run(show_progress=False):
             return None
+        if pages is not None:
+            shutil.copyfile(Path(out, "report.html"), pages / f"{job.name}.html")
     score = episode.score
     found = [sink.errors for sink in episode.parts.sinks if isinstance(sink, FindScore)]
     return {

@@ -55,8 +55,10 @@ def test_it_goes_on_where_it_stopped_but_not_with_other_settings(tmp_path):
 
 
 def test_an_episode_has_a_report_and_an_arena_without_a_start_is_left_out(tmp_path):
-    result = run_episode(Job("nist_6x4", EpisodeConfig(steps=1, exploration="nearest_frontier", **QUICK)))
+    job = Job("nist_6x4", EpisodeConfig(steps=1, exploration="nearest_frontier", **QUICK))
+    result = run_episode(job, pages=tmp_path)
     assert result["report"]["steps"] == 1
+    assert "nist_6x4" in (tmp_path / f"{job.name}.html").read_text()
     assert 0 < result["report"]["exploration"]["explored_fraction"] < 0.5
     result = run_episode(Job("raf", EpisodeConfig(arena=str(tmp_path / "none.raf"), **QUICK)))
     assert "none.raf" in result["left_out"]

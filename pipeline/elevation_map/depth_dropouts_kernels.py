@@ -5,13 +5,13 @@ from numba import njit
 
 
 @njit(cache=True)
-def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row_step, dropouts):
+def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, row_step, dropouts):
     """Interpolate the depth of the ground in each narrow gap, and write it to the gap in ``dropouts`` (H, W), m.
 
     A gap is a run of ``fewest`` to ``widest`` pixels, in every ``row_step``-th row, that have no return or a nearer
     one, between two returns whose depths differ by at most a fraction ``same_surface``. ``depth`` is (H, W) m, 0
     where there is no return, and ``focal`` is the vertical focal length, pixels. Surfaces seen at less than
-    ``least_grazing``, rad, are ignored, because they may give no returns themselves.
+    ``min_grazing``, rad, are ignored, because they may give no returns themselves.
     """
     height, width = depth.shape
     rows = 2 * row_step  # because the next searched row may be as noisy as the pixel's own
@@ -26,7 +26,7 @@ def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row
                     continue
                 goes_on = z <= left * (1 + same_surface) and u - at - 1 >= fewest
                 angle = min(grazing(depth, v, at, focal, rows), grazing(depth, v, u, focal, rows)) if goes_on else 0.0
-                if goes_on and angle >= least_grazing:
+                if goes_on and angle >= min_grazing:
                     for k in range(at + 1, u):
                         dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
             left, at = z, u

@@ -21,7 +21,7 @@ class VisibilityConfig:
         nist_slope: slope of a NIST ramp, m per m; ground missed by a keyframe is assumed to fall at least this
             steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
-        least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
+        min_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
             walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
         new_view: minimum distance from the keyframe that last missed a cell at which the cell is expected to be seen,
@@ -34,7 +34,7 @@ class VisibilityConfig:
     close_by: float = 0.2
     nist_slope: float = float(2 * np.tan(RAMP_TILT))
     blocked: float = 0.4
-    least_unknown: float = 1.0
+    min_unknown: float = 1.0
     level_run: float = 1.0
     new_view: float = 0.3
 
@@ -55,7 +55,7 @@ class UnseenWaysConfig:
         ahead: length of the path through unseen ground that a view should show, m.
         second_look: cost of a second view if the first shows none of this ground, s.
         detour: maximum detour for a view, s; longer detours are considered only if no view is within this limit.
-        least_share: minimum fraction of this ground that a view must show.
+        min_fraction: minimum fraction of this ground that a view must show.
         alternatives: maximum number of paths through different unseen ground that are compared.
         tries: number of keyframes that miss unseen ground after which it is treated as blocked.
         drives: number of drives to views of unseen ground, wherever they ended, after which it is treated as blocked.
@@ -66,7 +66,7 @@ class UnseenWaysConfig:
     ahead: float = 1.5
     second_look: float = 5.0
     detour: float = 20.0
-    least_share: float = 0.2
+    min_fraction: float = 0.2
     alternatives: int = 3
     tries: int = 5
     drives: int = 8
@@ -87,8 +87,8 @@ class ExplorationConfig:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
-        most_left: maximum fraction of the seen ground that may be given up as not worth the drive.
-        least_piece: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
+        max_given_up: maximum fraction of the seen ground that may be given up as not worth the drive.
+        min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal is considered reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
@@ -105,8 +105,8 @@ class ExplorationConfig:
     keyframe_time: float = 2.0
     more_ground: float = 1.002
     more_time: float = 1.15
-    most_left: float = 0.01
-    least_piece: float = 0.25
+    max_given_up: float = 0.01
+    min_piece_area: float = 0.25
     horizon: float = 1.5
     arrived: float = 0.15
     patience: int = 5
@@ -119,7 +119,7 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
-        require_at_least(0, "exploration", self, "most_left", "least_piece", "widest_bar")
+        require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "widest_bar")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "patience", "looks")

@@ -90,12 +90,12 @@ class NextBestView(Strategy):
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows most per second, or else one that may open a path; None if no drive is worth it.
 
-        As long as the ground that would be given up exceeds ``most_left`` of the seen ground, any drive is worth it.
+        While the ground that would be given up exceeds ``max_given_up`` of the seen ground, any drive is worth it.
         """
         if viewpoint := self._next(self.outlook, context):
             return viewpoint
         given_up = list(self._in_turn(self._best, self.outlook, context))
-        is_much = sum(view.gain for view in given_up) > self.config.most_left * self.outlook.seen
+        is_much = sum(view.gain for view in given_up) > self.config.max_given_up * self.outlook.seen
         return given_up[0] if is_much else None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
@@ -214,7 +214,7 @@ class NextBestView(Strategy):
         with_slopes = _joined(context, is_known & (steep | ~traversability.hazard))
         without = _joined(context, is_known & ~traversability.hazard)
         for piece in np.argsort(-areas):
-            if areas[piece] < self.config.least_piece:
+            if areas[piece] < self.config.min_piece_area:
                 return
             cells = pieces == piece
             between = near & near_ground(context, cells, half)

@@ -269,7 +269,7 @@ class UnseenWays:
         places = t.grid.centre_of(cells)
         shares = visibility.gains(places, self._camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
         shares = np.where(bits(paths.headings[tuple(cells.T)]), np.minimum(shares, 1.0), 0.0)
-        some = (shares >= self._numbers.least_share).any(axis=1)
+        some = (shares >= self._numbers.min_fraction).any(axis=1)
         cells = cells[some]
         places = places[some]
         shares = shares[some]
@@ -279,7 +279,7 @@ class UnseenWays:
             return None
         there = paths.seconds_to(cells, float(gap.seconds + within - left.min()))
         cost = there + left + self._numbers.second_look * (1 - shares)
-        cost[shares < self._numbers.least_share] = np.inf
+        cost[shares < self._numbers.min_fraction] = np.inf
         n, m = np.unravel_index(cost.argmin(), cost.shape)
         if np.isinf(cost[n, m]):
             return None

@@ -47,10 +47,10 @@ def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: Visib
         walls: cells that block the view.
         seen: cells whose ground was seen.
         cell: side of a cell, m.
-        config: settings, of which ``blocked`` and ``least_unknown`` are used.
+        config: settings, of which ``blocked`` and ``min_unknown`` are used.
     """
     depth = -np.log1p(-config.blocked) * mean_free_path(walls, seen, cell)
-    return float(rounded(max(config.least_unknown, depth)))
+    return float(rounded(max(config.min_unknown, depth)))
 
 
 def mean_free_path(walls: MaskLayer, seen: MaskLayer, cell: float) -> float:

@@ -55,7 +55,7 @@ class SearchedTerrain(NamedTuple):
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
-        most_unknown: length of unknown ground that a ray is expected to see through, m.
+        max_unknown: length of unknown ground that a ray is expected to see through, m.
         ramp_slope: slope above which ground is a ramp.
         nist_slope, level_run, new_view: see ``VisibilityConfig``.
     """
@@ -70,7 +70,7 @@ class SearchedTerrain(NamedTuple):
     falls: bool
     ramp_slope: float
     nist_slope: float
-    most_unknown: float
+    max_unknown: float
     level_run: float
     new_view: float
 
@@ -100,7 +100,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     levelling = terrain.nist_slope * cell / terrain.level_run
     total, count, probability = 0.0, 0, 1.0
     d = 0.5 * cell
-    while d < view.far and unknown < terrain.most_unknown:
+    while d < view.far and unknown < terrain.max_unknown:
         d += cell
         i, j = cell_at(x + (d + ahead) * dx, y + (d + ahead) * dy, origin, cell)
         if not (0 <= i < nx and 0 <= j < ny):

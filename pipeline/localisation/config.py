@@ -24,12 +24,12 @@ class RegistrationConfig:
         widest, coarse, fine: maximum distances between corresponding points, m: initially when starting from a guess
             alone, initially when starting from odometry, and finally (two voxels).
         rounds: number of iterations at each of these distances.
-        least_points: minimum number of points in each of the two clouds that are registered.
+        min_points: minimum number of points in each of the two clouds that are registered.
         surface_sigma: standard deviation of the distance between corresponding points perpendicular to the surface,
             m. The noise of single points is smaller, but it is correlated within each keyframe that later frames are
             registered with.
         same_surface: minimum cosine between the normals of corresponding points.
-        least_strength: information in a direction is treated as noise and left out if it is below this fraction of
+        min_strength: information in a direction is treated as noise and left out if it is below this fraction of
             that in the strongest direction.
         lever: typical distance of the surfaces in view, m; it converts errors of rotation into errors of position.
         chance_overlap: fraction of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
@@ -45,10 +45,10 @@ class RegistrationConfig:
     coarse: float = 0.2
     fine: float = 0.1
     rounds: int = 4
-    least_points: int = 100
+    min_points: int = 100
     surface_sigma: float = 0.063
     same_surface: float = 0.9
-    least_strength: float = 1e-3
+    min_strength: float = 1e-3
     lever: float = 2.0
     chance_overlap: float = 0.6
     confidence: float = 0.99
@@ -57,7 +57,7 @@ class RegistrationConfig:
         """Raise InputError if nothing could be registered with these settings."""
         section = "localisation.registration"
         require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
-        require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "least_points")
+        require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "min_points")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class OdometryConfig:
         way_sigma: standard deviation of the measured translation after a skid-steered robot has driven 1 m or turned
             by 1 rad, m. The errors are a random walk, so their variance is proportional to the distance plus the
             angle. On level ground in four simulated arenas, 0.004 was measured.
-        least_way: distance added to every motion, m, so that even the motion of a robot at rest has some noise.
+        added_distance: distance added to every motion, m, so that even the motion of a robot at rest has some noise.
         slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned; it is multiplied
             by the sine of the tilt. On half ramps, 0.45 was measured.
         slide: mean downhill slide of a turning skid-steered robot on wood, m per rad turned; it is multiplied by the
@@ -89,7 +89,7 @@ class OdometryConfig:
     turn_sigma: float = 3e-4
     turn_sigma_per_rad: float = 1e-3
     way_sigma: float = 0.005
-    least_way: float = 0.02
+    added_distance: float = 0.02
     slide_noise: float = 0.5
     slide: float = 0.4
     way_error_sigma: float = 0.02
@@ -104,7 +104,7 @@ class OdometryConfig:
         section = "localisation.odometry"
         require_positive(section, self, "gravity_sigma", "turn_sigma", "way_sigma", "way_error_sigma")
         require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma", "slip_way")
-        require_at_least(0, section, self, "turn_sigma_per_rad", "least_way", "slide_noise")
+        require_at_least(0, section, self, "turn_sigma_per_rad", "added_distance", "slide_noise")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class PoseGraphConfig:
 
     Attributes:
         fixed_sigma: standard deviation of the first keyframe's position and heading, m and rad.
-        least_information: information added to that of each pose, 1/rad² and 1/m², so that no direction is
+        prior_information: information added to that of each pose, 1/rad² and 1/m², so that no direction is
             undetermined.
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
             systematic errors, which are weakly determined, hardly change the error.
@@ -123,13 +123,13 @@ class PoseGraphConfig:
     """
 
     fixed_sigma: float = 1e-4
-    least_information: float = 1e-3
+    prior_information: float = 1e-3
     tolerance: float = 1e-7
     window: int = 30
 
     def __post_init__(self) -> None:
         """Raise InputError if the graph could not be solved."""
-        require_positive("localisation.graph", self, "fixed_sigma", "least_information", "tolerance")
+        require_positive("localisation.graph", self, "fixed_sigma", "prior_information", "tolerance")
         require_at_least(1, "localisation.graph", self, "window")
 
 
@@ -159,46 +159,47 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        least_fit: minimum fraction of the recently seen surfaces that lie on old ones; surfaces in a voxel next to an
+        min_fit: minimum fraction of the recently seen surfaces that lie on old ones; surfaces in a voxel next to an
             old one count half.
         rival: maximum fit of any other place, relative to that of the best one; above it, the place is ambiguous.
         pinned_deviation: maximum standard deviation of the horizontal position and heading, m and rad, as the old
             surfaces determine them.
         sigma: standard deviation of a loop's pose in addition to that of its registration, m, because surfaces that
             were seen along several metres of path are not quite rigid.
-        most_through: maximum fraction of the old points that the new frame looks through, and of the new points that
-            the old frame looked through.
+        max_seen_through: maximum fraction of the old points that the new frame looks through, and of the new points
+            that the old frame looked through.
         seen_through: a frame looks through a surface if its return is more than this behind the surface, m.
         agreeing: minimum number of keyframes that find the same place.
         apart: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
         remembered: number of keyframes after which a candidate is discarded.
-        most_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
+        max_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
         tolerance: standard deviation that is allowed between two candidates in addition to their own uncertainty, m.
-        most_bent: maximum number of other constraints that a loop may contradict, such as those of slipping wheels.
+        max_contradicted: maximum number of other constraints that a loop may contradict, such as those of slipping
+            wheels.
         contradiction: offset between a keyframe and its loop, m, that is never a contradiction, however certain the
             registration is.
         confidence: probability that a correct loop is accepted.
     """
 
-    least_fit: float = 0.5
+    min_fit: float = 0.5
     rival: float = 0.9
     pinned_deviation: float = 0.05
     sigma: float = 0.02
-    most_through: float = 0.05
+    max_seen_through: float = 0.05
     seen_through: float = 0.15
     agreeing: int = 3
     apart: float = 0.5
     remembered: int = 20
-    most_disagreeing: float = 0.34
+    max_disagreeing: float = 0.34
     tolerance: float = 0.03
-    most_bent: int = 4
+    max_contradicted: int = 4
     contradiction: float = 0.1
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
         """Raise InputError if no loop could be closed."""
         section = "localisation.loops"
-        require_positive(section, self, "least_fit", "pinned_deviation", "sigma", "seen_through")
+        require_positive(section, self, "min_fit", "pinned_deviation", "sigma", "seen_through")
         require_positive(section, self, "tolerance", "contradiction")
         require_at_least(1, section, self, "agreeing", "remembered")
 
@@ -212,12 +213,12 @@ class SlamConfig:
             belong to the local map that frames are registered with. Other keyframes are matched only by loop
             closures.
         jump: distance since the reference above which the odometry has jumped and is ignored, m.
-        most_shares: maximum number of keyframes that a new one is connected to; the most informative are chosen.
+        max_connections: maximum number of keyframes that a new one is connected to; the most informative are chosen.
     """
 
     local_deviation: float = 0.1
     jump: float = 1.0
-    most_shares: int = 6
+    max_connections: int = 6
 
 
 @dataclass(frozen=True)

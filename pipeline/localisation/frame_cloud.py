@@ -17,8 +17,8 @@ def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.Point
     farthest = frame.sensor.farthest
     farthest_around = cv2.dilate(depth, np.ones((config.limit_pixels, config.limit_pixels)))
     returns &= farthest_around < farthest - frame.sensor.sigma(farthest)
-    if np.count_nonzero(returns) < config.least_points:
+    if np.count_nonzero(returns) < config.min_points:
         return None
     points = frame.intrinsics.rays[::2, ::2][returns] * depth[returns, None]
     cloud = cloud_of(transform_points(frame.T_base_camera, points), config)
-    return cloud if cloud.size() >= config.least_points else None
+    return cloud if cloud.size() >= config.min_points else None

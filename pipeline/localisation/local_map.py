@@ -86,7 +86,7 @@ class LocalMap:
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         at, normals, near = self._at.values, self._facing.values, self._within(low, high, owners)
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
-        is_enough = len(near) >= self._config.registration.least_points
+        is_enough = len(near) >= self._config.registration.min_points
         if not is_enough:
             return None
         owner = self.owner[near]

@@ -73,7 +73,7 @@ class Loops:
         # moved between them.
         moved = np.ptp([self._graph.poses[c.keyframe][:3, 3] for c in (*agree, candidate)], axis=0)
         is_enough = 1 + len(agree) >= config.agreeing and np.linalg.norm(moved) >= config.apart
-        if is_enough and disagree <= config.most_disagreeing * len(agree):
+        if is_enough and disagree <= config.max_disagreeing * len(agree):
             self._confirmed = [*agree, candidate]
             self._candidates.clear()
 
@@ -99,7 +99,7 @@ class Loops:
         false = [c for c in self._counted if self._is_contradicted(c)]
         if self._confirmed:
             bent = self._fitted & ~self._fits()[: len(self._fitted)]
-            if np.count_nonzero(bent) > self._config.most_bent:
+            if np.count_nonzero(bent) > self._config.max_contradicted:
                 false += [c for c in self._confirmed if c not in false]
         self._confirmed = []
         for candidate in false:

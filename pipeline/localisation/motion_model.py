@@ -75,7 +75,7 @@ class MeasuredMotion:
         vertical = np.outer(self.up, self.up)
         tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
         slide = config.slide_noise * slope * turn
-        translation = config.way_sigma**2 * (way + turn + config.least_way) + slide**2
+        translation = config.way_sigma**2 * (way + turn + config.added_distance) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
         # Occasionally, the wheels slip unnoticed, by up to the whole distance.
         slip = way / config.slip_way * np.outer(self.T[:3, 3], self.T[:3, 3]) / 3

@@ -494,7 +494,7 @@ class Problem:
                 blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
         # Gravity, and the pose of the first keyframe.
         rows, free_keyframes = self._gravity_rows(), np.arange(int(self.free.sum()))
-        whole = np.tile(self.config.graph.least_information * np.eye(6), (len(rows), 1, 1))
+        whole = np.tile(self.config.graph.prior_information * np.eye(6), (len(rows), 1, 1))
         whole[:, :3, :3] += rows.swapaxes(1, 2) @ rows
         pull = np.zeros((len(rows), 6))
         pull[:, :3] = -np.einsum("nri,nr->ni", rows, self._off_vertical(self.poses))

@@ -260,7 +260,7 @@ class _Pairs:
         self._scale = np.repeat([config.lever, 1.0], 3)
         self._whole = self._scaled()
         strength, directions = np.linalg.eigh(self._whole[0])
-        self._least = config.least_strength * strength[-1]
+        self._least = config.min_strength * strength[-1]
         self._determined = directions[:, strength > self._least]
 
     def measure(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:

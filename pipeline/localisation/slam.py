@@ -179,7 +179,7 @@ class Slam(Localisation):
         if match.registration is None or match.cloud is None or match.prediction is None:
             return False
         unseen = (1 - match.registration.overlap) * match.cloud.size()
-        is_small = unseen < self._config.registration.least_points
+        is_small = unseen < self._config.registration.min_points
         return match.registration.is_sure and is_small and self._repeated(match.T_map_base) is not None
 
     def add(self, localised: Localised) -> None:
@@ -200,7 +200,7 @@ class Slam(Localisation):
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
             shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
-            for share in shares[: config.slam.most_shares]:
+            for share in shares[: config.slam.max_connections]:
                 self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
         if (stand := self._ground_constraint(T_map_base)) is not None:
             self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
@@ -444,7 +444,7 @@ class Slam(Localisation):
         recent, _ = self.local_map.surfaces(here, RADIUS, self._local)
         before, owner = self.local_map.surfaces(here, reach, old)
         place = find_place(recent, before, T, sigmas)
-        if place is None or place.fit < loops.least_fit or place.rival > loops.rival * place.fit:
+        if place is None or place.fit < loops.min_fit or place.rival > loops.rival * place.fit:
             return
         # Register the recent surfaces with those of the keyframe that saw most of this place, and of keyframes close
         # to that one in the graph.
@@ -457,7 +457,7 @@ class Slam(Localisation):
         target = Target(before.at[near], before.facing[near], owner[near])
         some = np.random.default_rng(0).permutation(recent.size())[:MAX_REGISTERED]
         source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])
-        if len(target.points) < config.least_points:
+        if len(target.points) < config.min_points:
             return
         prior = Prior(guess, np.diag(spread(2 * STEP, config.lever) ** -2.0))
         level = by_gravity(guess, frame, self._config.odometry.gravity_sigma)
@@ -469,7 +469,7 @@ class Slam(Localisation):
         view = self._views[first]
         through = [seen_through(frame, found.T, target.points, loops.seen_through)]
         through += [seen_through(view, poses[first], shown, loops.seen_through)] if view else []
-        if max(through) <= loops.most_through:
+        if max(through) <= loops.max_seen_through:
             known = np.linalg.inv(found.information + np.eye(6)) + np.diag(spread(loops.sigma, config.lever) ** 2)
             self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, np.asarray(known)))
 

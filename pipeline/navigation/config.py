@@ -21,8 +21,8 @@ class FollowerConfig:
         pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
         pivot_ramp: heading error up to which the robot corrects its heading while driving on a ramp, where it slides
             when it turns in place, rad.
-        most_off: distance from the line of a stretch beyond which the robot does not begin the stretch after the turn
-            to its heading, m. The default is the deviation that plans allow for on a straight drive.
+        max_offset: distance from the line of a stretch beyond which the robot does not begin the stretch after the
+            turn to its heading, m. The default is the deviation that plans allow for on a straight drive.
         hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
     """
@@ -34,14 +34,14 @@ class FollowerConfig:
     braking: float = 0.8
     pivot_level: float = radians(15)
     pivot_ramp: float = radians(35)
-    most_off: float = 0.1
+    max_offset: float = 0.1
     hold_gain: float = 1.0
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot could not follow a path with these settings."""
         section = "navigation.follower"
         require_positive(section, self, "turn_gain", "position_tolerance", "heading_tolerance", "braking")
-        require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "most_off", "hold_gain")
+        require_at_least(0, section, self, "lean", "pivot_level", "pivot_ramp", "max_offset", "hold_gain")
 
 
 @dataclass(frozen=True)
@@ -49,18 +49,18 @@ class RecoveryConfig:
     """How the robot recovers from a halt.
 
     Attributes:
-        most_way: maximum distance by which the robot backs out, m; it backs out no farther than it came.
-        most_turn: maximum angle by which the robot turns back, rad; it turns back no farther than it turned.
-        drives_back: number of times that a robot, lost after a halt, drives back by ``most_way`` to look around.
+        max_distance: maximum distance by which the robot backs out, m; it backs out no farther than it came.
+        max_turn: maximum angle by which the robot turns back, rad; it turns back no farther than it turned.
+        drives_back: number of times that a robot, lost after a halt, drives back by ``max_distance`` to look around.
     """
 
-    most_way: float = 0.3
-    most_turn: float = radians(15)
+    max_distance: float = 0.3
+    max_turn: float = radians(15)
     drives_back: int = 2
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot could not back out with these settings."""
-        require_positive("navigation.recovery", self, "most_way", "most_turn")
+        require_positive("navigation.recovery", self, "max_distance", "max_turn")
         require_at_least(0, "navigation.recovery", self, "drives_back")
 
 
@@ -94,14 +94,14 @@ class ObstacleCheckConfig:
         every: distance driven between two checks, m.
         turn: angle by which an arc turns the camera between two checks, rad; keyframes are taken about as often.
         ahead: distance from the robot's centre beyond which obstacles are ignored, m.
-        least_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
+        min_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
             thickest dust at most 17.
     """
 
     every: float = 0.4
     turn: float = radians(15)
     ahead: float = 2.0
-    least_returns: int = 50
+    min_returns: int = 50
 
 
 @dataclass(frozen=True)

@@ -368,7 +368,7 @@ class Navigator:
         def commands() -> Iterator[Velocity]:
             yield from self._turn_to(yaw_of(halt.T_map_base))
             start = self._T_odom_base
-            while _moved_back(self._T_odom_base, start, back) < self._config.recovery.most_way:
+            while _moved_back(self._T_odom_base, start, back) < self._config.recovery.max_distance:
                 yield back
 
         return self._supervised(commands(), send) is Outcome.REACHED
@@ -390,7 +390,7 @@ class Navigator:
             return Outcome.REACHED
         outcome = self._supervised(self._turn_to(stretch.heading), send)
         _, left = stretch.offsets(self.T_map_base[:2, 3], 0)
-        return Outcome.SLID if outcome is Outcome.REACHED and abs(left) > config.most_off else outcome
+        return Outcome.SLID if outcome is Outcome.REACHED and abs(left) > config.max_offset else outcome
 
     @property
     def _leans(self) -> bool:
@@ -548,11 +548,11 @@ class Navigator:
         config = self._config.recovery
         T_odom_held = self._T_odom_base
         if isinstance(command, Turn):
-            least, most = MIN_TURN, config.most_turn
+            least, most = MIN_TURN, config.max_turn
             braking = abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            least, most = MIN_WAY, config.most_way
+            least, most = MIN_WAY, config.max_distance
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
         came = _moved_back(T_odom_start, T_odom_held, undo)

@@ -61,7 +61,7 @@ class ObstacleCheck:
         near = points[is_high & ground.grid.at(ground.traversable, points)]
         near = near[self._on_path(near, path)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
-        self.obstacles = near[count[number.ravel()] >= self._config.least_returns]
+        self.obstacles = near[count[number.ravel()] >= self._config.min_returns]
 
     def _is_too_near(self, command: Approach) -> bool:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""

@@ -22,7 +22,7 @@ class RescueReportConfig:
             if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if it drifts by 16°.
         deviation: standard deviation above which a position may be mistaken for an adjacent one, m, because a robot's
             path is 0.6 m wide.
-        most_named: maximum number of places of one kind that are numbered on the drawing and listed on the page, the
+        max_listed: maximum number of places of one kind that are numbered on the drawing and listed on the page, the
             worst first.
     """
 
@@ -33,7 +33,7 @@ class RescueReportConfig:
     arrival: float = 1.0
     contradicted: float = 0.01
     deviation: float = 0.3
-    most_named: int = 10
+    max_listed: int = 10
 
     def __post_init__(self) -> None:
         require_positive("rescue_report", self, *(field.name for field in fields(self)))

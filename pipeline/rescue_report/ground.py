@@ -116,7 +116,7 @@ def find_hazards(
     )
 
 
-def _drops(traversability: Traversability, reachable: MaskLayer, least_drop: float) -> Layer:
+def _drops(traversability: Traversability, reachable: MaskLayer, min_drop: float) -> Layer:
     """Height by which the ground falls at the edges of the reachable ground, m; 0 elsewhere."""
     grid = traversability.grid
     robot = traversability.robot
@@ -126,7 +126,7 @@ def _drops(traversability: Traversability, reachable: MaskLayer, least_drop: flo
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), EDGE)
-    is_edge = traversability.hazard & (np.abs(elevation - highest) < least_drop)
+    is_edge = traversability.hazard & (np.abs(elevation - highest) < min_drop)
     is_edge &= grid.distance_to(reachable) <= robot.length
     # Low ground narrower than a gap that the robot rolls over is raised by a greyscale closing that ignores NaN,
     # because no wheel reaches its bottom.
@@ -136,20 +136,20 @@ def _drops(traversability: Traversability, reachable: MaskLayer, least_drop: flo
     ground = np.where(np.isnan(elevation), np.nan, closed)
     drop = np.zeros(grid.shape)
     edges = np.argwhere(is_edge)
-    drop[is_edge] = elevation[is_edge] - _lowest_beyond(grid, elevation, ground, edges, robot.length, least_drop)
+    drop[is_edge] = elevation[is_edge] - _lowest_beyond(grid, elevation, ground, edges, robot.length, min_drop)
     # Edges shorter than half the robot's width are seams between the arena's parts.
-    pieces, _ = ndimage.label(drop >= least_drop, np.ones((3, 3)))
+    pieces, _ = ndimage.label(drop >= min_drop, np.ones((3, 3)))
     is_long = np.bincount(pieces.ravel())[pieces] >= round(robot.half_width / grid.cell)
-    return np.where((drop >= least_drop) & is_long, drop, 0.0)
+    return np.where((drop >= min_drop) & is_long, drop, 0.0)
 
 
 def _lowest_beyond(
-    grid: Grid, elevation: Layer, ground: Layer, edges: Cells, reach: float, least_drop: float
+    grid: Grid, elevation: Layer, ground: Layer, edges: Cells, reach: float, min_drop: float
 ) -> Values:
     """Height of the lowest ground within ``reach`` m beyond each of the edges, m.
 
     The search extends over the robot's length, because the camera often misses the nearest ground. In each direction,
-    it ends where the map is less than ``least_drop`` below the edge, which is at ground of the same height or at a
+    it ends where the map is less than ``min_drop`` below the edge, which is at ground of the same height or at a
     wall, behind which no robot falls.
     """
     height = elevation[tuple(edges.T)][:, None]
@@ -162,7 +162,7 @@ def _lowest_beyond(
     for distance in np.arange(grid.cell / 2, reach, grid.cell / 2):
         there = middles + distance * ahead
         has_left = (grid.cell_of(there) != edges[:, None]).any(axis=-1)
-        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - least_drop))
+        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - min_drop))
         lowest = np.fmin(lowest, np.where(is_open, grid.at(ground, there, outside=np.nan), np.nan))
     return lowest.min(axis=1)
 

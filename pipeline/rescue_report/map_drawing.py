@@ -127,7 +127,7 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
     apart = ARROWS / paper.cell
-    for place in hazards.slopes[: situation.config.most_named]:  # kept free for the place's number
+    for place in hazards.slopes[: situation.config.max_listed]:  # kept free for the place's number
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]

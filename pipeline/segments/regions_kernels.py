@@ -32,7 +32,7 @@ def normals(points, near):
             for b in range(3):
                 s[a, b] = s[a, b] / n - m[a] * m[b] / (n * n)
         trace = s[0, 0] + s[1, 1] + s[2, 2]
-        least = least_eigenvalue(s)
+        least = smallest_eigenvalue(s)
         for a in range(3):
             s[a, a] -= least
         result[i] = null_vector(s)
@@ -41,7 +41,7 @@ def normals(points, near):
 
 
 @njit(cache=True)
-def least_eigenvalue(s):
+def smallest_eigenvalue(s):
     """The smallest eigenvalue of a symmetric 3×3 matrix, in closed form (Smith 1961)."""
     mean = (s[0, 0] + s[1, 1] + s[2, 2]) / 3
     a, b, c = s[0, 0] - mean, s[1, 1] - mean, s[2, 2] - mean

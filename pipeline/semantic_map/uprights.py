@@ -100,9 +100,9 @@ def with_whole_walls(plan: TopDownProjection, labels: Labels, width: float, gap:
     is_wall, is_clutter = labels == Label.WALL, labels == Label.CLUTTER
     walls, length = plan.counts(is_wall), ceil(width / plan.cell)
     # Cells of one run stay in line across a gap: over the gap's length, their directions diverge by at most a cell.
-    tolerance, most_gap = plan.cell / gap, int(gap / plan.cell)
+    tolerance, max_gap = plan.cell / gap, int(gap / plan.cell)
     reaches = REACH, length // 2
-    wide = [on_long_runs(directions(walls, reach), length, most_gap, tolerance) for reach in reaches]
+    wide = [on_long_runs(directions(walls, reach), length, max_gap, tolerance) for reach in reaches]
     whole = ndimage.binary_dilation(np.logical_or(*wide), _square(REACH))
     mostly = ndimage.convolve(walls, _square(1)) > ndimage.convolve(plan.counts(is_clutter), _square(1))
     result = labels.copy()

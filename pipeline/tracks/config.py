@@ -92,14 +92,14 @@ class ReobservationConfig:
 
     Attributes:
         reward: area of unseen ground to which a viewpoint towards an object is equivalent, m².
-        most_tries: maximum number of tries to see an object again.
+        max_tries: maximum number of tries to see an object again.
     """
 
     reward: float = 1.0
-    most_tries: int = 4
+    max_tries: int = 4
 
     def __post_init__(self) -> None:
-        require_at_least(0, "tracks.reobservation", self, "reward", "most_tries")
+        require_at_least(0, "tracks.reobservation", self, "reward", "max_tries")
 
 
 @dataclass(frozen=True)

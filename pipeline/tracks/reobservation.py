@@ -54,7 +54,7 @@ class Reobservation:
     def wanted(self) -> list[Track]:
         """The objects to be seen again: worth another look, and not tried too often."""
         unconfirmed = (track for tracks in self._tracks for track in tracks.unconfirmed)
-        return [track for track in unconfirmed if len(track.tried) < self._config.most_tries]
+        return [track for track in unconfirmed if len(track.tried) < self._config.max_tries]
 
     def gains(self, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground with (M,) bearings, rad."""

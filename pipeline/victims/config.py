@@ -13,7 +13,7 @@ class DetectorConfig:
         confidence: minimum confidence of a detection; a detection this uncertain suffices only together with others.
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
         size: width and height of the shipped networks' input for a whole image, pixels, multiples of 32.
-        most_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
+        max_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
             the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
             people, all have more.
         witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even with a minimum this
@@ -24,14 +24,14 @@ class DetectorConfig:
     confidence: float = 0.25
     suppressing_iou: float = 0.45
     size: tuple[int, int] = (512, 384)
-    most_hints: int = 7
+    max_hints: int = 7
     witness: float = 0.05
 
     def __post_init__(self) -> None:
         for name in "confidence", "witness":
             if not 0 < (value := getattr(self, name)) < 1:
                 raise InputError(f"victims.detector.{name} = {value:g}: must be greater than 0 and less than 1")
-        require_at_least(0, "victims.detector", self, "suppressing_iou", "most_hints")
+        require_at_least(0, "victims.detector", self, "suppressing_iou", "max_hints")
         if not all(side > 0 and side % 32 == 0 for side in self.size):
             raise InputError(f"victims.detector.size = {self.size}: must be two multiples of 32")
 

@@ -54,7 +54,7 @@ class TwoStages:
     def find(self, image: Rgb, min_confidence: float) -> Boxes:
         """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``min_confidence``."""
         (boxes, scores), hints = self._suspects(image, min_confidence)
-        look = self._look_closer if hints <= self._config.most_hints else self._look_everywhere
+        look = self._look_closer if hints <= self._config.max_hints else self._look_everywhere
         witnessed, seen = look(image, boxes)
         return joined([(boxes[witnessed], scores[witnessed]), seen])
 

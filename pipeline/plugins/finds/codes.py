@@ -51,7 +51,7 @@ class CodeReader:
 
     def _read_codes(self, decoder: Any, grey: NDArray[np.uint8]) -> Iterator[Reading]:
         """Codes, including those located but not decoded, which the robot should view from a shorter distance."""
-        for text, quad in _decoded(decoder, grey, self._config.least_area):
+        for text, quad in _decoded(decoder, grey, self._config.min_area):
             yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else self._config.undecoded)
 
     def _may_be_code(self, patch: NDArray[np.uint8]) -> bool:
@@ -69,14 +69,14 @@ class CodeReader:
             yield replace(code, corners=np.asarray(cv2.perspectiveTransform(code.corners[None], T)[0], np.float32))
 
 
-def _decoded(decoder: Any, grey: NDArray[np.uint8], least_area: float) -> Iterator[tuple[str, Pixels]]:
+def _decoded(decoder: Any, grey: NDArray[np.uint8], min_area: float) -> Iterator[tuple[str, Pixels]]:
     """The texts of codes, and their four corners; none if OpenCV fails."""
     try:
         _, texts, quads, _ = decoder.detectAndDecodeMulti(grey)
     except (cv2.error, UnicodeDecodeError):
         return
     for text, quad in zip(texts, () if quads is None else quads, strict=True):
-        if np.isfinite(quad).all() and cv2.contourArea(quad.astype(np.float32)) > least_area:
+        if np.isfinite(quad).all() and cv2.contourArea(quad.astype(np.float32)) > min_area:
             yield text, quad
 
 

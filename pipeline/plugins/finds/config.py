@@ -10,9 +10,9 @@ class SquaresConfig:
     """Criteria for outlines in an image that may be squares.
 
     Attributes:
-        most_pixels: maximum size of an image, pixels; larger images are shrunk, so that they take about as long as
+        max_pixels: maximum size of an image, pixels; larger images are shrunk, so that they take about as long as
             one of 1600 × 1200 pixels.
-        least_side: minimum side of a sign that can be recognised, pixels.
+        min_side: minimum side of a sign that can be recognised, pixels.
         small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
             compared with, pixels.
         contrast: offset of the thresholds below and above the mean, in levels from 0 to 255.
@@ -32,8 +32,8 @@ class SquaresConfig:
             leagues' signs are up to 0.3 m wide.
     """
 
-    most_pixels: int = 2_097_152
-    least_side: int = 16
+    max_pixels: int = 2_097_152
+    min_side: int = 16
     small_window: int = 17
     window: int = 51
     contrast: int = 3
@@ -79,14 +79,14 @@ class CodesConfig:
         changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
             range. Half of the 21 modules of the smallest code differ from the one before: 10 changes of 30%.
         read_side: side of a rectified square that is decoded, pixels; at least three per module up to version 10.
-        least_area: minimum area of a code, square pixels.
+        min_area: minimum area of a code, square pixels.
         undecoded: confidence of a code that was located but not decoded; the robot views it from a shorter distance.
     """
 
     checked_side: int = 64
     changes: float = 3.0
     read_side: int = 256
-    least_area: float = 1.0
+    min_area: float = 1.0
     undecoded: float = 0.5
 
 

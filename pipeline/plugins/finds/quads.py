@@ -24,7 +24,7 @@ def _parts(quad: Pixels, config: SquaresConfig) -> Iterator[Pixels]:
     sides = np.linalg.norm(np.roll(quad, -1, axis=0) - quad, axis=1)
     wide, high = sides[::2].mean(), sides[1::2].mean()
     columns, rows = (2 if one > other / config.oblong else 1 for one, other in ((wide, high), (high, wide)))
-    if min(wide / columns, high / rows) < config.least_side:
+    if min(wide / columns, high / rows) < config.min_side:
         return
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
     T = cv2.getPerspectiveTransform(unit, quad)
@@ -49,7 +49,7 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     for first in range(0, most + 1, config.hues):
         # Hues wrap around, and so do differences of unsigned bytes.
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
-        if np.count_nonzero(is_one) >= config.least_side**2:
+        if np.count_nonzero(is_one) >= config.min_side**2:
             yield np.where(is_one, most, 0).astype(np.uint8)
     thresholds = config.faint_edge, config.sure_edge
     edges = np.max([cv2.Canny(channel, *thresholds) for channel in cv2.split(smooth)], axis=0)
@@ -64,7 +64,7 @@ def _above(channel: cv2.typing.MatLike, above: int, window: int) -> NDArray[np.u
 
 def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels]:
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
-    for contour in _large(contours, config.least_side):
+    for contour in _large(contours, config.min_side):
         quad = _quad(np.asarray(cv2.convexHull(contour), np.int32), config)
         if quad is not None:
             yield quad
@@ -87,7 +87,7 @@ def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
         corners = cv2.approxPolyDP(hull, tolerance * cv2.arcLength(hull, True), True)[:, 0].astype(np.float32)
         if len(corners) <= 4:
             break
-    if len(corners) != 4 or area < config.least_side**2:
+    if len(corners) != 4 or area < config.min_side**2:
         return None
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
     is_full = config.filled < cv2.contourArea(corners) / area < 1 / config.filled

@@ -40,7 +40,7 @@ class Squares:
     @classmethod
     def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "Squares":
         """The squares in an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
-        image, scale = _bounded(rgb, config.most_pixels)
+        image, scale = _bounded(rgb, config.max_pixels)
         return cls(image, scale, find_quads(image, config))
 
     def fitting(self, frame: Frame, config: SquaresConfig) -> Self:

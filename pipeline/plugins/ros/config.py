@@ -13,14 +13,14 @@ class Nav2Config:
     Attributes:
         patience: time that a drive may take in addition to the time for its path, s, because Nav2 may wait, back up
             and try again.
-        least_speed: mean speed along the planned path below which a drive is given up, m/s.
+        min_speed: mean speed along the planned path below which a drive is given up, m/s.
         moved, turned: minimum change of a goal in ``odom``, after a correction of the map, for which the goal is sent
             again, m and rad.
         braking: maximum time that a robot takes to stop, s.
     """
 
     patience: float = 30.0
-    least_speed: float = 0.05
+    min_speed: float = 0.05
     moved: float = 0.1
     turned: float = radians(5)
     braking: float = 2.0
@@ -37,9 +37,9 @@ class LiveConfig:
             that are kept; enough for a few seconds of odometry.
         queue: number of messages of a topic that are queued for a listener, which is ROS's default, and of images
             that are kept.
-        least_speed, least_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
-        least_way, least_turn: minimum motion that shows that a robot follows commands, m and rad.
-        least_period: minimum control period, s.
+        min_speed, min_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
+        min_distance, min_turn: minimum motion that shows that a robot follows commands, m and rad.
+        min_period: minimum control period, s.
         hold: time on the robot's clock after which the robot is stopped if there is no new command, because the
             pipeline is computing, s. A frame may be older than the newest odometry by half of this time.
         starting: number of odometry messages from which their period is estimated.
@@ -55,11 +55,11 @@ class LiveConfig:
     idle: float = 0.02
     odometry_queue: int = 100
     queue: int = 10
-    least_speed: float = 0.04
-    least_turn_rate: float = 0.15
-    least_way: float = 0.02
-    least_turn: float = radians(3)
-    least_period: float = 0.04
+    min_speed: float = 0.04
+    min_turn_rate: float = 0.15
+    min_distance: float = 0.02
+    min_turn: float = radians(3)
+    min_period: float = 0.04
     hold: float = 0.2
     starting: int = 5
     trajectory: TrajectoryConfig = TrajectoryConfig()

@@ -33,7 +33,7 @@ GUESSES: dict[str, Any] = {
     "falls": True,
     "ramp_slope": 0.14,
     "nist_slope": 0.28,
-    "most_unknown": 1.0,
+    "max_unknown": 1.0,
     "level_run": 1.0,
     "new_view": 0.3,
 }

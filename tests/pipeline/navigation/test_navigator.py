@@ -17,7 +17,7 @@ from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.navigation.follower import Follower
 from tests.pipeline.robot_model import PIONEER
 
-BACKED_OUT = RecoveryConfig().most_way
+BACKED_OUT = RecoveryConfig().max_distance
 coordinates = st.floats(-3, 3)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.regions_kernels import claim_nearest, grow_regions, least_eigenvalue, normals, null_vector
+from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals, null_vector, smallest_eigenvalue
 from pipeline.segments.surfels_kernels import NONE
 
 
@@ -14,7 +14,7 @@ def test_least_eigenvalue_and_its_vector_agree_with_lapack(seed: int) -> None:
     root = np.random.default_rng(seed).normal(size=(3, 3))
     matrix = root @ root.T
     values, vectors = np.linalg.eigh(matrix)
-    least = least_eigenvalue(matrix)
+    least = smallest_eigenvalue(matrix)
     assert least == pytest.approx(values[0], abs=1e-9 * values[2])
     if values[1] - values[0] > 1e-3 * values[2]:
         vector = null_vector(matrix - least * np.eye(3))

@@ -124,7 +124,7 @@ def test_after_a_try_in_vain_another_side_is_taken(reobservation):
 
 
 def test_after_some_tries_in_vain_it_is_given_up():
-    _, reobservation = seen_once(mapped_room(), config=ReobservationConfig(most_tries=2))
+    _, reobservation = seen_once(mapped_room(), config=ReobservationConfig(max_tries=2))
     frame = step(camera_at(0, 0), [PERSON])
     for tries, (x, y) in enumerate([(0.6, 1.0), (0.6, -1.0)]):
         heading = float(bearing_to_person(x, y)[0])

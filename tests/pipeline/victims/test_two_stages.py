@@ -17,8 +17,8 @@ CONFIG = DetectorConfig()
 class Spots:
     """Sees a box around all that is bright in a channel, if it is upright enough; and boxes that are always there."""
 
-    def __init__(self, channel: int, most_width: float = 9, score: float = 0.8, always: int = 0) -> None:
-        self.channel, self.most_width, self.score, self.always = channel, most_width, score, always
+    def __init__(self, channel: int, max_width: float = 9, score: float = 0.8, always: int = 0) -> None:
+        self.channel, self.max_width, self.score, self.always = channel, max_width, score, always
         self.looks: list[tuple[int, ...]] = []
 
     def boxes(self, image, size, least, heads=None):
@@ -26,7 +26,7 @@ class Spots:
         rows, columns = np.nonzero(image[..., self.channel] > 200)
         boxes = [(8.0 * k, 0.0, 8.0 * k + 4, 4.0) for k in range(self.always)]
         scores = [0.03] * self.always
-        if len(rows) and np.ptp(columns) <= self.most_width * np.ptp(rows):
+        if len(rows) and np.ptp(columns) <= self.max_width * np.ptp(rows):
             boxes.append((columns.min(), rows.min(), columns.max() + 1, rows.max() + 1))
             scores.append(self.score)
         kept = np.array(scores) >= least
@@ -76,14 +76,14 @@ def test_the_witness_looks_only_where_there_is_a_suspect() -> None:
 @pytest.mark.parametrize(("spot", "looks"), [((slice(100, 120), slice(200, 240)), 3), (PERSON, 1)])
 def test_who_may_lie_is_seen_from_the_side_too(spot: tuple[slice, slice], looks: int) -> None:
     """Here the witness knows only people who stand, and those who are 20 × 40 pixels do so in the turned image."""
-    coco = Spots(BLUE, most_width=0.8, score=0.06)
+    coco = Spots(BLUE, max_width=0.8, score=0.06)
     assert len(found(TwoStages(Spots(RED), coco, CONFIG), image_of((RED, *spot), (BLUE, *spot)))) == 1
     assert len(coco.looks) == looks
 
 
 def test_the_witness_looks_everywhere_if_there_are_hints_everywhere() -> None:
     image = image_of((BLUE, *PERSON))
-    for always, sizes in ((CONFIG.most_hints, set()), (CONFIG.most_hints + 1, {image.shape})):
+    for always, sizes in ((CONFIG.max_hints, set()), (CONFIG.max_hints + 1, {image.shape})):
         coco = Spots(BLUE)
         found_there = found(TwoStages(Spots(RED, always=always), coco, CONFIG), image)
         assert set(coco.looks) == sizes

@@ -144,7 +144,7 @@ class Nav2Navigator(Navigator):
     def _go_to(self, place: Place, length: float, send: Send) -> Outcome:
         """Let Nav2 drive to x, y and heading in ``map`` along a path of ``length`` m."""
         command = GoTo(place=self._in_odom(place))
-        latest = self._time + self._nav2.patience + length / self._nav2.least_speed
+        latest = self._time + self._nav2.patience + length / self._nav2.min_speed
         while True:
             outcome = self._outcome(send(command), place, latest)
             if outcome is not None:

@@ -78,7 +78,7 @@ class RosRobot:
             _log.warning("using depths from %g to %g m", self.sensor.nearest, self.sensor.farthest)
         if self._camera.note:
             _log.warning("%s", self._camera.note)
-        self.control_period = round(max(config.least_period, self._senses.period), 4)
+        self.control_period = round(max(config.min_period, self._senses.period), 4)
         node.idle = self._rest
 
     def _find(self, wait: float) -> None:
@@ -234,9 +234,9 @@ class RosRobot:
 
     def _check_obeyed(self, command: Velocity, motion: Motion, elapsed: float) -> None:
         moved, config = inverse(self._anchor) @ motion.T_odom_base, self._config
-        if np.linalg.norm(moved[:3, 3]) > config.least_way or angle_of(moved) > config.least_turn:
+        if np.linalg.norm(moved[:3, 3]) > config.min_distance or angle_of(moved) > config.min_turn:
             self._anchor, self._ignored_for = motion.T_odom_base, 0.0
-        elif abs(command.v) > config.least_speed or abs(command.omega) > config.least_turn_rate:
+        elif abs(command.v) > config.min_speed or abs(command.omega) > config.min_turn_rate:
             self._ignored_for += elapsed
         if self._ignored_for > 2 * self._patience:
             self.stop()

@@ -34,7 +34,7 @@ from tests.pipeline.plugins.ros.live.nav2_stack import Nav2Stack
 from tests.pipeline.robot_model import PIONEER
 
 Watch = Callable[[Velocity], Verdict]
-SOON = Nav2Config(patience=1.0, least_speed=1.0)
+SOON = Nav2Config(patience=1.0, min_speed=1.0)
 
 
 class Drive:

@@ -18,6 +18,7 @@ from sarsim.commands.cli import run
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # scripts/ is not installed
 RUN, MISSION, PHOTOS = "runs/results/episode", "runs/mission", "runs/real_frames"
+RESULTS = "runs/results"
 OF_A_FOLDER = {
     "animation": RUN,
     "recording": RUN,
@@ -28,11 +29,13 @@ OF_A_FOLDER = {
     "thumbnails": RUN,  # Last, because they are cut out of the others
     "mission": MISSION,
     "real_frames": PHOTOS,
+    "explored": RESULTS,
 }
 """Pictures that show the files in a folder of the repository."""
 ORIGINS = {
     RUN: "make results PAGE=episode leaves it there",
     MISSION: "run a mission with --out runs/mission, as docs/missions.md says",
+    RESULTS: "make results PAGE=exploration FOLDER=... leaves it there",
     PHOTOS: "put Open3D's test images of SUN RGB-D, NYU Depth v2 and TUM RGB-D there",
 }
 """How to get each of these folders."""

@@ -189,8 +189,8 @@ class NextBestView(Strategy):
         """The best view of the cells that may block a path; None if no view shows any of them.
 
         A cell that stays unseen still blocks the path, so only views that show almost as many cells as the best one
-        are considered. They must do so even if the robot arrives closer than planned, because the camera cannot see
-        the ground right in front of it.
+        are considered. Views that do so even if the robot arrives closer than planned are preferred, because the
+        camera cannot see the ground right in front of it.
         """
         outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)

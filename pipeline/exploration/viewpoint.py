@@ -102,7 +102,7 @@ class Strategy(Protocol):
 
     @abstractmethod
     def observe(self, context: Context) -> None:
-        """Take the newest keyframe into account; called once per step, before any other method."""
+        """Take the newest keyframe into account; called before any other method, up to three times per step."""
         ...
 
     @abstractmethod

@@ -105,8 +105,8 @@ class Plugin:
     def scene(self, world: Any, folder: Path, index: int) -> AbstractContextManager[Callable[[Any], object]]:
         """Write the plug-in's own files for scene ``index`` of a dataset, next to the scene's file.
 
-        The context's value is called with the :class:`sarsim.robots.pose.Pose` of each frame once the robot stands
-        there. When the context is left, the files are complete; after an error, none remain.
+        The context's value is called with the :class:`sarsim.robots.pose.TrajectorySample` of each frame once the
+        robot stands there. When the context is left, the files are complete; after an error, none remain.
 
         Args:
             world: the :class:`sarsim.dataset.render.World`.

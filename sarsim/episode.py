@@ -24,7 +24,7 @@ from sarsim.methods.make import make_exploration, make_localisation, make_planne
 from sarsim.methods.plugins import make_plugins
 from sarsim.progress import shown_run
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
@@ -33,7 +33,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 class _Estimate(Sink):
     """Keeps the estimated trajectory of an episode without scores."""
 
-    def __init__(self, localisation: Localisation, poses: Sequence[Pose]):
+    def __init__(self, localisation: Localisation, poses: Sequence[TrajectorySample]):
         self.trajectory = EstimatedTrajectory(localisation, poses)
 
     def on_keyframe(self, keyframe: Keyframe) -> None:

@@ -21,20 +21,20 @@ from sarsim.flags import Given
 
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
-Labels = NetworkName | Literal["rules", "truth"] | str
+LabelSource = NetworkName | Literal["rules", "truth"] | str
 """Source of the points' labels: a network, height and slope alone, the simulator, or a class, MODULE:CLASS."""
-Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
-Localisation = Literal["slam", "odometry"] | str
-Planner = Literal["topological"] | str
+ExplorationName = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
+LocalisationName = Literal["slam", "odometry"] | str
+PlannerName = Literal["topological"] | str
 METHODS = {
     flag: tuple(name for part in get_args(kind) for name in get_args(part))
     for flag, kind in {
-        "exploration": Exploration,
-        "labels": Labels,
+        "exploration": ExplorationName,
+        "labels": LabelSource,
         "detector-class": str,
-        "localisation": Localisation,
-        "planner": Planner,
-        "methods": Exploration,
+        "localisation": LocalisationName,
+        "planner": PlannerName,
+        "methods": ExplorationName,
         "sink": str,
         "reader": str,
         "arena": str,
@@ -44,9 +44,9 @@ METHODS = {
 """Names of the methods that sarsim ships, by the flags that take MODULE:CLASS or MODULE:FUNCTION too."""
 OwnClasses = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="MODULE:CLASS")]
 """Classes of the user's own, given by a flag that may be repeated."""
-Robot = Literal["pioneer3at", "jackal"] | str
+RobotName = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file with the same structure."""
-Odometry = Literal["truth", "wheel"]
+OdometryName = Literal["truth", "wheel"]
 """The true pose, or dead reckoning by wheels and gyro."""
 LightingName = Literal["normal", "dim", "dark"]
 """See :class:`sarsim.sensors.lighting.Lighting`."""
@@ -59,29 +59,31 @@ CameraSize = Annotated[tuple[int, int], tyro.conf.arg(metavar="W H")]
 """Width and height of a camera's images, pixels."""
 CAMERA_SIZE = (640, 480)
 """Width and height of the Xtion's images, pixels."""
-SIDES, LONGEST = (32, 4096), 4
+IMAGE_SIDE_LIMITS, MAX_ASPECT_RATIO = (32, 4096), 4
 """Minimum and maximum side of the camera's images, pixels, and maximum ratio of the longer to the shorter side."""
-NETWORK: NetworkName = "pointnext"
+DEFAULT_NETWORK: NetworkName = "pointnext"
 """The default network."""
-WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
+WEIGHTS = asset("weights", f"{DEFAULT_NETWORK}.safetensors")
 """Weights of the default network."""
 NOT_PORTABLE = r"[^\w.-]+"
 """Characters kept out of the names of folders, such as the colon, which Windows and scp interpret differently."""
 EXPLORE = "explore"
 """The mission without a time limit and without files to submit."""
-DETECTOR = (asset("weights", "victims.safetensors"),)
+DEFAULT_DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
-Networks = Annotated[  # the hint keeps the path of the installation out of --help, whose lines the path would break
-    tuple[Path, Path] | tuple[Path] | None,
-    tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
-]
+DetectorFiles = (
+    Annotated[  # the hint keeps the path of the installation out of --help, whose lines the path would break
+        tuple[Path, Path] | tuple[Path] | None,
+        tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
+    ]
+)
 
 
 def check_camera_size(size: tuple[int, int]) -> None:
     """Raises InputError if no camera has images of this size, width and height in pixels."""
-    (least, most), (shorter, longer) = SIDES, sorted(size)
-    if shorter < least or longer > most or longer > LONGEST * shorter:
-        limits = f"from {least} to {most} pixels, and neither more than {LONGEST} times the other"
+    (least, most), (shorter, longer) = IMAGE_SIDE_LIMITS, sorted(size)
+    if shorter < least or longer > most or longer > MAX_ASPECT_RATIO * shorter:
+        limits = f"from {least} to {most} pixels, and neither more than {MAX_ASPECT_RATIO} times the other"
         raise InputError(f"--camera-size {size[0]} {size[1]}: width and height must be {limits}")
 
 
@@ -144,7 +146,7 @@ class SimulatorConfig:
     """
 
     arena: str = "nist_6x4"
-    robot: Robot = "pioneer3at"
+    robot: RobotName = "pioneer3at"
     start: Given[StartPose] = None
     seed: int = 0
     lighting: LightingName = "normal"
@@ -170,9 +172,9 @@ class PerceptionConfig:
         pipeline: all parameters of the robot's software; set them in a ``--config`` file.
     """
 
-    labels: Labels = NETWORK
+    labels: LabelSource = DEFAULT_NETWORK
     weights: Given[Path] = None
-    detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector: DetectorFiles = DEFAULT_DETECTOR if all(path.exists() for path in DEFAULT_DETECTOR) else None
     detector_names: Given[Path] = None
     detector_class: Given[str] = None
     reader: OwnClasses = ()
@@ -205,7 +207,7 @@ class MissionConfig:
     view: Literal["none", "spawn", "web"] = "none"
     mission: str = EXPLORE
     minutes: Given[float] = None
-    exploration: Exploration = "next_best_view"
+    exploration: ExplorationName = "next_best_view"
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
@@ -252,9 +254,9 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     """
 
     resume: Given[Path] = None
-    odometry: Odometry = "wheel"
-    localisation: Localisation = "slam"
-    planner: Planner = "topological"
+    odometry: OdometryName = "wheel"
+    localisation: LocalisationName = "slam"
+    planner: PlannerName = "topological"
     sensor: Literal["xtion", "ideal"] = "xtion"
     dust: float = 0.0
     tyre_error: float = 0.0
@@ -316,8 +318,8 @@ class TeleopConfig(SinkConfig):
 
     arena: str = "nist_6x4"
     start: Given[StartPose] = None
-    robot: Robot = "pioneer3at"
-    labels: Labels = "truth"
+    robot: RobotName = "pioneer3at"
+    labels: LabelSource = "truth"
     reader: OwnClasses = ()
     out: Given[Path] = None
     gamepad: Given[Path] = None
@@ -325,7 +327,7 @@ class TeleopConfig(SinkConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapRecording(SinkConfig, PerceptionConfig):
+class MapRecordingConfig(SinkConfig, PerceptionConfig):
     """A recording to map, and information that the recording does not contain.
 
     Attributes:
@@ -351,7 +353,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
     path: Annotated[Path, tyro.conf.Positional]
     out: Path
     poses: Given[Literal["slam", "registration", "odometry", "truth"]] = None
-    robot: Robot = "pioneer3at"
+    robot: RobotName = "pioneer3at"
     camera: CameraNumbers = None
     intrinsics: Given[tuple[float, float, float, float]] = None
     depth_scale: Given[float] = None

@@ -20,7 +20,7 @@ from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.robots.model import paced_model, robot_sensor
 from sarsim.robots.names import ROBOTS
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera, geom_objects
 from sarsim.sensors.conditions import Conditions
@@ -139,7 +139,7 @@ class SimulatedRobot:
         self._odometry = WheelOdometry(rng, radius, self.config.tyre_error)
         self.collisions = CollisionCounter(self.physics.model.ptr, self.base_body, self._living)
         self.true_frame: TrueFrame | None = None
-        self.trajectory: list[Pose] = []
+        self.trajectory: list[TrajectorySample] = []
         self._settle()
 
     def _settle(self) -> None:
@@ -193,7 +193,7 @@ class SimulatedRobot:
         self._odometry.update(robot.wheel_angle(physics), gyro, accelerometer, self.control_period)
         T_world_base = robot.T_world_base(physics)
         T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base
-        self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
+        self.trajectory.append(TrajectorySample(self.time, T_world_base, T_odom_base))
         wheel_speed = robot.wheel_speed(physics) * robot.drive.wheel_radius
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 

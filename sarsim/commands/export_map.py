@@ -8,7 +8,7 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.commands.cli import run
 from sarsim.flags import Given
-from sarsim.settings import Robot
+from sarsim.settings import RobotName
 
 PLAN_ENDINGS = (".pgm", ".tif", ".png")  # File extensions of 2D maps
 
@@ -23,7 +23,7 @@ def export_map(
     path: Annotated[Path, tyro.conf.Positional],
     out: Path,
     heights: Given[tuple[float, float]] = None,
-    robot: Robot = "pioneer3at",
+    robot: RobotName = "pioneer3at",
 ) -> None:
     """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS or GIS.
 
@@ -74,7 +74,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
     return [out]
 
 
-def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
+def _export_ground(path: Path, out: Path, robot: RobotName) -> list[Path]:
     """Write a 2D map of the ground's traversability for the robot; returns the files."""
     from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map

@@ -7,7 +7,7 @@ from pipeline.files import check_folder
 from sarsim.commands.cli import end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
-from sarsim.settings import MapRecording
+from sarsim.settings import MapRecordingConfig
 
 if TYPE_CHECKING:
     from pipeline.datasets.recording import Recording
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 HDF5 = b"\x89HDF"  # First bytes of a scene file
 
 
-def map_recording(config: MapRecording) -> None:
+def map_recording(config: MapRecordingConfig) -> None:
     """Build all maps, a Rerun recording and a report from recorded camera frames.
 
     If the recording is damaged or a frame cannot be localised, the maps of the earlier frames are kept.
@@ -38,7 +38,7 @@ def map_recording(config: MapRecording) -> None:
     end_by(ended_by)
 
 
-def open_recording(config: MapRecording) -> "Recording":
+def open_recording(config: MapRecordingConfig) -> "Recording":
     """The recording that ``config.path`` names; InputError if the recording does not exist or is broken."""
     from pipeline.datasets.image_pairs import holds_images
     from pipeline.datasets.recording import holds_bag
@@ -70,7 +70,7 @@ def open_recording(config: MapRecording) -> "Recording":
     return _without(recording, config, "a folder of images", "topics")
 
 
-def set_sensor(recording: "Recording", config: MapRecording) -> None:
+def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
     """Complete the recording's camera from the flags, the robot's file or else the defaults.
 
     Raises:
@@ -89,7 +89,7 @@ def set_sensor(recording: "Recording", config: MapRecording) -> None:
     recording.sensor = with_flags(recording.sensor, config.depth_range, config.depth_noise)
 
 
-def _without(recording: "Recording", config: MapRecording, kind: str, *useless: str) -> "Recording":
+def _without(recording: "Recording", config: MapRecordingConfig, kind: str, *useless: str) -> "Recording":
     """The recording, with a note if flags were given that have no effect on its kind."""
     if given := [f"--{name.replace('_', '-')}" for name in useless if getattr(config, name)]:
         recording.note(f"ignoring {' and '.join(given)}, which {kind} does not need")
@@ -98,4 +98,4 @@ def _without(recording: "Recording", config: MapRecording, kind: str, *useless: 
 
 def main() -> None:
     """Entry point of ``sarsim-map-recording``."""
-    run_with_settings(map_recording, MapRecording)
+    run_with_settings(map_recording, MapRecordingConfig)

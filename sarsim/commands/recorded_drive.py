@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Pose as Matrix
+from pipeline.arrays import Pose
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
@@ -20,14 +20,14 @@ from pipeline.transforms import inverse
 from sarsim.composition import compose, make_mapper, with_camera_range
 from sarsim.methods.plugins import make_plugins
 from sarsim.robots.model import robot_model
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.trajectory import TrajectoryScore
-from sarsim.settings import MapRecording
+from sarsim.settings import MapRecordingConfig
 
 _log = logging.getLogger(__name__)
 
 
-def camera_pose(recording: Recording, config: MapRecording) -> Matrix | None:
+def camera_pose(recording: Recording, config: MapRecordingConfig) -> Pose | None:
     """The 4×4 pose of the camera on the robot from ``--camera``, completed from the recording; None without the flag.
 
     Raises:
@@ -69,7 +69,7 @@ class RecordedDrive(MappingRun):
         error: reason why the recording could not be mapped to its end; empty otherwise.
     """
 
-    def __init__(self, recording: Recording, config: MapRecording):
+    def __init__(self, recording: Recording, config: MapRecordingConfig):
         """Raises InputError if the recording lacks the requested poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
@@ -80,7 +80,7 @@ class RecordedDrive(MappingRun):
         camera = camera_pose(recording, config)
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""
-        self._poses: list[Pose] = []
+        self._poses: list[TrajectorySample] = []
         self._score, self._T_map_world = TrajectoryScore(mapper.localisation, self._poses), np.eye(4)
         self._score.has_truth, self._score.is_recorded = False, True
         others = [_Score(self._score)]
@@ -120,7 +120,7 @@ class RecordedDrive(MappingRun):
             self._score.has_truth, self._T_map_world = True, T @ inverse(truth)
         self.frames += 1
         if truth is not None or not self._score.has_truth:
-            self._poses.append(Pose(frame.time, T if truth is None else self._T_map_world @ truth, T))
+            self._poses.append(TrajectorySample(frame.time, T if truth is None else self._T_map_world @ truth, T))
         if keyframe is None:
             self.recorder.log_pose(frame.time, T)
             return

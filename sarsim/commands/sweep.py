@@ -29,14 +29,14 @@ from sarsim.opengl import check_rendering, without_opengl
 from sarsim.robots.names import ROBOTS
 from sarsim.settings import (
     CAMERA_SIZE,
-    DETECTOR,
+    DEFAULT_DETECTOR,
+    DEFAULT_NETWORK,
     METHODS,
-    NETWORK,
     CameraSize,
-    Labels,
+    DetectorFiles,
+    LabelSource,
     LightingName,
-    Networks,
-    Robot,
+    RobotName,
     check_camera_size,
 )
 
@@ -81,11 +81,11 @@ class SweepSettings:
     engine: Literal["local", "ray"] = "local"
     workers: Given[int] = None
     out: Path = Path("runs/sweep")
-    robot: Robot = ROBOTS[0]
+    robot: RobotName = ROBOTS[0]
     lighting: LightingName = "normal"
     steps: int = 300
-    labels: Labels = NETWORK
-    detector: Networks = DETECTOR
+    labels: LabelSource = DEFAULT_NETWORK
+    detector: DetectorFiles = DEFAULT_DETECTOR
     camera_size: CameraSize = CAMERA_SIZE
     limit: Fixed[float] = 14400.0
 

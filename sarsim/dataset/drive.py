@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.arrays import Pose as PoseMatrix
+from pipeline.arrays import Pose
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.errors import InputError
@@ -19,7 +19,7 @@ from sarsim.dataset.settings import KEYFRAME_SPACING
 from sarsim.ground_truth.columns import ConvexBodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.model import robot_model
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.sensors.inertial import GRAVITY
 from sarsim.sensors.odometry import WheelOdometry, acceleration_of
 
@@ -57,7 +57,7 @@ class WheelContact:
         listed = body[np.argsort(cell, kind="stable")]
         self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
 
-    def stand(self, x: float, y: float, yaw: float, height: float) -> PoseMatrix | None:
+    def stand(self, x: float, y: float, yaw: float, height: float) -> Pose | None:
         """Pose of ``base_link`` at rest at (x, y), m, with heading ``yaw``, rad, on rigid tyres.
 
         None if the robot cannot stand: a wheel has no ground below it, or the chassis would touch the ground.
@@ -100,13 +100,13 @@ class EndlessDrive:
         self._dead_reckoning = DeadReckoning(rng, self._period)
         self._time = 0.0
 
-    def poses(self, count: int) -> list[Pose]:
+    def poses(self, count: int) -> list[TrajectorySample]:
         """The poses of the first ``count`` keyframes.
 
         Raises:
             InputError: the robot cannot stand at the start, or cannot leave it.
         """
-        found: list[Pose] = []
+        found: list[TrajectorySample] = []
         failures = 0
         while len(found) < count:
             before = len(found)
@@ -119,7 +119,7 @@ class EndlessDrive:
                 )
         return found[:count]
 
-    def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
+    def _follow(self, leg: NDArray[np.float64], found: list[TrajectorySample]) -> None:
         """Drive a leg, (K, 3) x, y and yaw, m and rad, until the robot cannot stand; add keyframes to ``found``."""
         for x, y, yaw in leg:
             height = self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan)
@@ -129,7 +129,7 @@ class EndlessDrive:
             self._at = np.array([x, y, yaw])
             T_odom = self._dead_reckoning.update(T)
             if not found or self._is_due(found[-1].T_world_base):
-                found.append(Pose(self._time, T @ self._vibration(), T_odom))
+                found.append(TrajectorySample(self._time, T @ self._vibration(), T_odom))
             self._time = round(self._time + self._period, 6)
 
     def _is_due(self, last: NDArray[np.float64]) -> bool:

@@ -26,7 +26,7 @@ from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWri
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.methods.plugins import make_plugins
 from sarsim.robots.names import ROBOTS, robot_file
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.camera import RgbdCamera, geom_labels, geom_objects
 from sarsim.sensors.lighting import set_lighting
@@ -49,7 +49,7 @@ def make_scene(recipe: Recipe, index: int, folder: Path) -> SceneEntry:
     path.parent.mkdir(exist_ok=True)
     with atomic_write(path) as partial, ExitStack() as added:
 
-        def watchers(world: World) -> list[Callable[[Pose], object]]:
+        def watchers(world: World) -> list[Callable[[TrajectorySample], object]]:
             return [added.enter_context(plugin.scene(world, folder, index)) for plugin in plugins]
 
         scene, points = render_scene(recipe, index, partial, watchers=watchers)
@@ -72,7 +72,7 @@ def render_scene(
     path: Path,
     on_frame: Callable[[], object] = lambda: None,
     renderer: type[Renderer] = Renderer,
-    watchers: Callable[["World"], Sequence[Callable[[Pose], object]]] = lambda world: (),
+    watchers: Callable[["World"], Sequence[Callable[[TrajectorySample], object]]] = lambda world: (),
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
@@ -168,7 +168,7 @@ class World(ExitStack):
             surface, wheel_contact, self._T_world_start, rng, recipe.keyframes, recipe.frames_per_second
         )
 
-    def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
+    def capture(self, pose: TrajectorySample, rng: np.random.Generator) -> SceneFrame:
         """The frame that the robot sees at a pose; ``rng`` draws the errors of its sensors."""
         self._move(pose.T_world_base)
         true = self.camera.capture(self.data)

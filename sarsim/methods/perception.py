@@ -14,7 +14,7 @@ from pipeline.victims.detector import VictimDetector
 from pipeline.victims.readers import FindReader, SeveralReaders
 from sarsim.assets import asset
 from sarsim.methods.make import make_own
-from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
+from sarsim.settings import POINT_NETWORKS, LabelSource, PerceptionConfig
 
 
 def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:
@@ -40,7 +40,7 @@ def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> Fi
 
 
 def make_classifier(
-    labels: Labels, weights: Path | None, config: SemanticMapConfig = SemanticMapConfig()
+    labels: LabelSource, weights: Path | None, config: SemanticMapConfig = SemanticMapConfig()
 ) -> PointClassifier:
     """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
 

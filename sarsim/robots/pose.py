@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class TrajectorySample:
     """One sample of a trajectory.
 
     Attributes:

@@ -14,7 +14,7 @@ from pipeline.navigation.navigator import Navigator
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import GroundTruthSurface
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.oracle import true_traversability
 from sarsim.scoring.trajectory import LIFT, STILL, driven, motion_figures
 from sarsim.simulated_robot import SimulatedRobot
@@ -68,7 +68,7 @@ class Doing(IntEnum):
     STILL = 3
 
 
-def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str, float]:
+def time_figures(trajectory: Sequence[TrajectorySample], ground: Traversability) -> dict[str, float]:
     """The figures ``navigation.time_s`` for report.json.
 
     Args:
@@ -88,7 +88,7 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
     return each | {"narrow": float(driving[is_narrow(ground, places)].sum()), "ramp": float(driving[on_ramp].sum())}
 
 
-def activities(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
+def activities(trajectory: Sequence[TrajectorySample], robot: RobotModel) -> Values:
     """(N - 1,) :class:`Doing` between N true poses; ``STILL`` while the robot is carried."""
     T = np.array([pose.T_world_base for pose in trajectory])
     steps = np.diff(T[:, :2, 3], axis=0)

@@ -13,7 +13,7 @@ from pipeline.files import run_all
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
 from pipeline.transforms import tilt_of, wrap_angle, yaw_of
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 
 TIPPED = np.deg2rad(45)
 LIFT = 0.15  # m per control period; a step of this length or more means that the robot was carried
@@ -23,7 +23,7 @@ STILL = 5e-4  # m per control period; steps up to this length come from springs,
 FALSE_LOOP = 0.2, np.deg2rad(5)  # A loop is false if its relative pose is off by more than this, m or rad
 
 
-class TrajectoryScore(EstimatedTrajectory[Pose]):
+class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
     """The estimated trajectory, and its errors against the true one.
 
     Attributes:
@@ -72,12 +72,12 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
     return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
-def driven(trajectory: Sequence[Pose]) -> float:
+def driven(trajectory: Sequence[TrajectorySample]) -> float:
     """Distance in m that a simulated robot drove along its true trajectory."""
     return float(distances_driven(trajectory)[-1])
 
 
-def distances_driven(trajectory: Sequence[Pose]) -> Values:
+def distances_driven(trajectory: Sequence[TrajectorySample]) -> Values:
     """(N,) m, distance that a simulated robot had driven at each of its true poses, one per control period.
 
     Steps of at most ``STILL`` and of at least ``LIFT`` are left out.
@@ -86,7 +86,7 @@ def distances_driven(trajectory: Sequence[Pose]) -> Values:
     return np.concatenate([[0.0], np.cumsum(np.where((steps > STILL) & (steps < LIFT), steps, 0))])
 
 
-def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
+def motion_figures(trajectory: Sequence[TrajectorySample]) -> dict[str, float]:
     """Number of times a robot fell over, distance driven, and maximum roll and pitch, for report.json."""
     tipped = np.array([is_tipped(pose.T_world_base) for pose in trajectory])
     roll, pitch = np.abs([tilt_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
@@ -103,6 +103,6 @@ def is_tipped(T: NDArray[np.float64]) -> bool:
     return bool(T[2, 2] < np.cos(TIPPED))
 
 
-def write_true_tum(path: Path, trajectory: Sequence[Pose]) -> None:
+def write_true_tum(path: Path, trajectory: Sequence[TrajectorySample]) -> None:
     """Write the true poses of a trajectory in the TUM format; InputError if the file cannot be written."""
     write_tum(path, [pose.time for pose in trajectory], [pose.T_world_base for pose in trajectory])

@@ -25,7 +25,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.composition import make_mapper
 from sarsim.methods.make import make_localisation
 from sarsim.methods.plugins import make_plugins
-from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig, SinkConfig
+from sarsim.settings import DEFAULT_DETECTOR, LabelSource, OdometryName, PerceptionConfig, SinkConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
 from sarsim.tasks.checks import (
@@ -110,9 +110,9 @@ class Explore(gymnasium.Env[Any, Any]):
         arena: str = "nist_6x4",
         *,
         robot: str = "pioneer3at",
-        labels: Labels = "truth",
+        labels: LabelSource = "truth",
         detects: bool = False,
-        odometry: Odometry = "wheel",
+        odometry: OdometryName = "wheel",
         action: Literal["viewpoint", "pose"] = "viewpoint",
         steps: int = 160,
         weights: ExploreWeights | Mapping[str, float] = DEFAULT_EXPLORE,
@@ -136,7 +136,7 @@ class Explore(gymnasium.Env[Any, Any]):
             InputError: a setting is wrong.
         """
         check_choice("action", action, ("viewpoint", "pose"))
-        check_choice("odometry", odometry, get_args(Odometry))
+        check_choice("odometry", odometry, get_args(OdometryName))
         check_choice("render_mode", render_mode, (None, "rgb_array"))
         if not isinstance(steps, int) or steps < 1:
             raise InputError(f"steps = {steps}: must be a whole number of at least 1")
@@ -147,7 +147,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._is_closed = False
         self._arena, self._max_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
-        self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
+        self._perception = PerceptionConfig(labels=labels, detector=DEFAULT_DETECTOR if detects else None)
         self._weights = weights_of(ExploreWeights, weights)
         self.explorer: Explorer | None = None
         self._robot: SimulatedRobot | None = None

@@ -8,7 +8,15 @@ from tyro.conf import Fixed, FlagConversionOff
 from pipeline.config import PipelineConfig
 from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.flags import Given
-from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig, Robot
+from sarsim.settings import (
+    DEFAULT_DETECTOR,
+    WEIGHTS,
+    EpisodeConfig,
+    LightingName,
+    OdometryName,
+    PerceptionConfig,
+    RobotName,
+)
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data next to the checkout
 ARENAS = "nist_6x4", "esogu_52x15"
@@ -237,7 +245,7 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
         odometry: odometry of the episodes: wheels and gyro, or the true pose.
     """
 
-    odometry: Fixed[Odometry] = "wheel"
+    odometry: Fixed[OdometryName] = "wheel"
 
     @property
     def episode(self) -> EpisodeConfig:
@@ -270,7 +278,7 @@ class FindsSettings(EpisodesSettings):
     seeds: tuple[int, ...] = (0,)
     baselines: Fixed[bool] = False
     photos: Given[Path] = None
-    detector: tuple[Path, Path] | tuple[Path] = DETECTOR
+    detector: tuple[Path, Path] | tuple[Path] = DEFAULT_DETECTOR
     runs: Path = Path("runs/benchmark-finds")
 
     @property
@@ -295,7 +303,7 @@ class VictimsSettings(EpisodesSettings):
     frames: int = 12
     seed: int = 2026
     rounds: int = 15
-    detector: tuple[Path, Path] | tuple[Path] = DETECTOR
+    detector: tuple[Path, Path] | tuple[Path] = DEFAULT_DETECTOR
     runs: Path = Path("runs/benchmark-victims")
 
 
@@ -312,7 +320,7 @@ class LanesSettings(PerceptionConfig, SubjectSettings):
 
     lanes: tuple[str, ...] = ()
     repetitions: int = 10
-    robot: Robot = "pioneer3at"
+    robot: RobotName = "pioneer3at"
     seed: int = 0
 
 
@@ -331,7 +339,7 @@ class BarnSettings(RunsSettings):
     """
 
     worlds: Path = SHARED / "barn"
-    robot: Robot = "jackal"
+    robot: RobotName = "jackal"
     seeds: int = 3
     speed: Given[float] = EpisodeConfig.speed
     runs: Path = Path("runs/benchmark-barn")
@@ -350,7 +358,7 @@ class WorldsSettings(RunsSettings):
     """
 
     worlds: Path = SHARED / "worlds"
-    robot: Robot = "pioneer3at"
+    robot: RobotName = "pioneer3at"
     seed: int = 0
     runs: Path = Path("runs/benchmark-worlds")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()

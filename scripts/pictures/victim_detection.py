@@ -17,7 +17,7 @@ from pipeline.victims.observation import observe
 from sarsim.dataset.render import World, find_scene
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
-from sarsim.settings import DETECTOR
+from sarsim.settings import DEFAULT_DETECTOR
 from scripts.benchmarks.victims import recipe, with_lighting
 from scripts.pictures.layout import beside, save, scaled, stacked
 
@@ -31,7 +31,7 @@ FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 
 def draw() -> None:
     """Draw the detections in each lighting."""
-    detector = VictimDetector.load(*DETECTOR, config=DetectorConfig(confidence=0.5))
+    detector = VictimDetector.load(*DEFAULT_DETECTOR, config=DetectorConfig(confidence=0.5))
     rows = (beside(*(picture(frame, detector) for frame in frames(light)), gap=4) for light in Lighting)
     save("victim-detections.jpg", stacked(*rows, gap=4))
 

@@ -8,13 +8,13 @@ from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.league.config import LeagueConfig
 from sarsim.commands.map_recording import open_recording
 from sarsim.commands.recorded_drive import RecordedDrive
-from sarsim.settings import MapRecording
+from sarsim.settings import MapRecordingConfig
 from tests.config_audit import Audit, fresh
 from tests.pipeline.datasets.recorded_room import write_tum_folder
 
 
 def test_all_numbers_of_recordings_and_results_are_those_of_the_settings(tmp_path: Path) -> None:
-    config = MapRecording(
+    config = MapRecordingConfig(
         path=write_tum_folder(tmp_path / "recording", number=4),
         out=tmp_path / "out",
         depth_range=(0.8, 3.5),  # otherwise the range of the metric map follows the camera's

@@ -17,7 +17,7 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.commands.map_recording import map_recording
 from sarsim.commands.run_episode import run_episode
 from sarsim.commands.settings import run_with_settings
-from sarsim.settings import EpisodeConfig, MapRecording
+from sarsim.settings import EpisodeConfig, MapRecordingConfig
 from tests.pipeline.robot_model import PIONEER
 from tests.recordings import read
 from tests.refusal import refusal
@@ -110,7 +110,7 @@ def test_a_recording_has_them_too_and_a_sink_that_fails_costs_its_own_result_alo
     out = workplace / "mapped"
     flags = [str(workplace / "tum"), "--out", str(out), *OWN, "--sink", "own_page:Late", *QUICK, "--labels", "rules"]
     with pytest.raises(OSError, match="the disk is full"):
-        run_with_settings(map_recording, MapRecording, flags)
+        run_with_settings(map_recording, MapRecordingConfig, flags)
     assert len(positions(out)) > 1
     (square,) = squares(out)
     np.testing.assert_allclose(square["position"], RED, atol=0.2)

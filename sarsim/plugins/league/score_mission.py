@@ -13,14 +13,14 @@ from sarsim.arenas.settings import StartPose, WorldVictims
 from sarsim.commands.cli import run
 from sarsim.flags import Given
 from sarsim.opengl import without_opengl
-from sarsim.settings import Robot
+from sarsim.settings import RobotName
 
 
 def score_mission(
     path: Annotated[Path, tyro.conf.Positional],
     arena: str,
     start: Given[StartPose] = None,
-    robot: Robot = "pioneer3at",
+    robot: RobotName = "pioneer3at",
     mission: str = "league",
     parked: Given[tuple[float, float]] = None,
     resets: int = 0,

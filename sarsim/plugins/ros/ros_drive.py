@@ -30,7 +30,7 @@ from pipeline.sink import Result, Sink, Step
 from sarsim.composition import compose, make_mapper, with_camera_range
 from sarsim.methods.make import make_exploration
 from sarsim.methods.plugins import make_plugins
-from sarsim.plugins.ros.settings import RosExploration
+from sarsim.plugins.ros.settings import RosExplorationConfig
 from sarsim.robots.model import paced_model, robot_sensor
 
 _log = logging.getLogger(__name__)
@@ -103,7 +103,7 @@ class RosDrive(ExplorerRun):
         stopped: reason why the robot was stopped before the end; None if it was not.
     """
 
-    def __init__(self, config: RosExploration, node: RosNode):
+    def __init__(self, config: RosExplorationConfig, node: RosNode):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera

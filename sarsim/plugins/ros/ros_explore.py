@@ -6,10 +6,10 @@ from pipeline.errors import require_package
 from sarsim.commands.cli import end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
-from sarsim.plugins.ros.settings import RosExploration
+from sarsim.plugins.ros.settings import RosExplorationConfig
 
 
-def ros_explore(config: RosExploration) -> None:
+def ros_explore(config: RosExplorationConfig) -> None:
     """Explore with a robot on a ROS 2 network, and write the files of an episode.
 
     Ctrl-C stops the robot. If the robot goes silent or ignores commands, the maps built so far are kept.
@@ -28,4 +28,4 @@ def ros_explore(config: RosExploration) -> None:
 
 def main() -> None:
     """Entry point of ``sarsim-ros-explore``."""
-    run_with_settings(ros_explore, RosExploration)
+    run_with_settings(ros_explore, RosExplorationConfig)

@@ -10,7 +10,7 @@ from tyro.conf import Fixed
 from pipeline.plugins.ros.config import RosConfig
 from pipeline.plugins.ros.live.topic_names import TopicNames
 from sarsim.flags import Given
-from sarsim.settings import MissionConfig, PerceptionConfig, Robot, SimulatorConfig, SinkConfig
+from sarsim.settings import MissionConfig, PerceptionConfig, RobotName, SimulatorConfig, SinkConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class RosRobotConfig(SimulatorConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
+class RosExplorationConfig(SinkConfig, PerceptionConfig, MissionConfig):
     """Settings of the exploration with a ROS 2 robot.
 
     Attributes:
@@ -59,7 +59,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
     """
 
     out: Path
-    robot: Robot = "pioneer3at"
+    robot: RobotName = "pioneer3at"
     camera: Given[tuple[float, float, float, float, float, float]] = None
     topics: TopicNames = field(default_factory=TopicNames)
     nav2: bool = False

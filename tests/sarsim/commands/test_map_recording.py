@@ -23,7 +23,7 @@ from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.semantic_map.ply import read_ply
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from sarsim.commands.map_recording import MapRecording, map_recording, open_recording, set_sensor
+from sarsim.commands.map_recording import MapRecordingConfig, map_recording, open_recording, set_sensor
 from sarsim.commands.recorded_drive import camera_pose
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.exports.tum import Tum
@@ -55,7 +55,7 @@ FILES = {
 
 
 def run(*words: object) -> None:
-    run_with_settings(map_recording, MapRecording, [*map(str, words), "--detector", "None"])
+    run_with_settings(map_recording, MapRecordingConfig, [*map(str, words), "--detector", "None"])
 
 
 def failed(capsys: pytest.CaptureFixture[str], *words: object) -> str:
@@ -150,7 +150,7 @@ def test_the_drift_is_the_error_at_the_end_over_the_way(every: int, tmp_path: Pa
 def test_a_folder_of_images_is_one_whatever_lies_beside_them(beside: str, tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path / "room", 2)
     (folder / beside).write_text("camera: 1\n")
-    recording = open_recording(MapRecording(path=folder, out=tmp_path / "out"))
+    recording = open_recording(MapRecordingConfig(path=folder, out=tmp_path / "out"))
     assert len(list(recording.frames())) == 2
     assert any("bag" in note for note in recording.notes) == (not beside.endswith(".yaml"))
 
@@ -162,16 +162,16 @@ def test_a_bag_is_one_whatever_its_folder_is_called_and_holds(tmp_path: Path) ->
     (tmp_path / "alone").mkdir()
     convert([bag], tmp_path / "alone" / "room.bag", **TO_ROS_1)
     (bag / "metadata.yaml").unlink()
-    recording = open_recording(MapRecording(path=bag, out=tmp_path / "out"))
+    recording = open_recording(MapRecordingConfig(path=bag, out=tmp_path / "out"))
     assert len(list(recording.frames())) == 2
-    assert len(list(open_recording(MapRecording(path=tmp_path / "alone", out=tmp_path / "out")).frames())) == 2
+    assert len(list(open_recording(MapRecordingConfig(path=tmp_path / "alone", out=tmp_path / "out")).frames())) == 2
 
 
 def test_a_scene_is_one_whatever_it_is_called(tmp_path: Path) -> None:
     generate(Recipe(seed=3, frames=2, width=80, height=60, arenas=("nist_6x4",)), 1, tmp_path / "data", InProcess())
     (scene,) = (tmp_path / "data" / "scenes").glob("*.h5")
     path = scene.rename(tmp_path / "scene.hdf5")
-    assert len(list(open_recording(MapRecording(path=path, out=tmp_path / "out")).frames())) == 2
+    assert len(list(open_recording(MapRecordingConfig(path=path, out=tmp_path / "out")).frames())) == 2
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +231,7 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     ],
 )
 def test_flags_without_an_effect_are_said(kind: str, flags: dict, said: str, ways_in: dict[str, Path]) -> None:
-    notes = open_recording(MapRecording(path=ways_in[kind], out=Path("out"), **flags)).notes
+    notes = open_recording(MapRecordingConfig(path=ways_in[kind], out=Path("out"), **flags)).notes
     assert any(f"ignoring {said}, " in note for note in notes)
 
 
@@ -295,7 +295,7 @@ def test_a_range_or_noise_of_no_camera_is_refused(
 
 def test_sarsims_own_recordings_are_of_its_own_camera(ways_in: dict[str, Path]) -> None:
     for name in ("scene", "tum", "bag"):
-        recording = open_recording(MapRecording(path=ways_in[name], out=Path("out")))
+        recording = open_recording(MapRecordingConfig(path=ways_in[name], out=Path("out")))
         assert recording.sensor == XTION
         assert not [note for note in recording.notes if "--depth-range" in note]
 
@@ -376,7 +376,7 @@ def test_wheels_alone_are_those_of_the_topic(tmp_path: Path) -> None:
 
 
 def test_what_is_not_given_of_the_cameras_pose_is_as_recorded(tmp_path: Path) -> None:
-    config = MapRecording(path=write_bag(tmp_path / "bag", number=2), out=Path("out"))
+    config = MapRecordingConfig(path=write_bag(tmp_path / "bag", number=2), out=Path("out"))
     recorded = CameraPose.of(T_BASE_CAMERA)
     for numbers, expected in (
         ((None, None, 0.5, None, None, None), recorded._replace(z=0.5)),
@@ -407,7 +407,7 @@ def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(hall: Path, 
     robot = tmp_path / "robot.xml"
     custom = '<custom><numeric name="depth_range" data="0.4 6"/>'
     robot.write_text(robot_file("jackal").read_text().replace("<custom>", custom, 1))
-    config = MapRecording(path=hall, out=tmp_path / "out", robot=str(robot))
+    config = MapRecordingConfig(path=hall, out=tmp_path / "out", robot=str(robot))
     recording = open_recording(config)
     set_sensor(recording, config)
     assert recording.sensor is not None

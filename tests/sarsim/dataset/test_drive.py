@@ -12,7 +12,7 @@ from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive, Whe
 from sarsim.dataset.settings import KEYFRAME_SPACING
 from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from tests.sarsim.sensors.no_noise import NoNoise
 
 COUNT = 100
@@ -30,7 +30,7 @@ class Nist:
         self.surface: GroundTruthSurface = Survey(model, data).surface_from(self.start[:3, 3])
         self.wheel_contact = WheelContact(convex_bodies(model, data, None), self.surface.grid)
 
-    def poses(self, seed: int, count: int = COUNT) -> list[Pose]:
+    def poses(self, seed: int, count: int = COUNT) -> list[TrajectorySample]:
         """A drive from the start."""
         rng = np.random.default_rng(seed)
         return EndlessDrive(self.surface, self.wheel_contact, self.start, rng).poses(count)
@@ -42,28 +42,30 @@ def nist() -> Nist:
 
 
 @pytest.fixture(scope="module")
-def keyframes(nist: Nist) -> list[Pose]:
+def keyframes(nist: Nist) -> list[TrajectorySample]:
     return nist.poses(seed=3)
 
 
-def poses(keyframes: list[Pose]) -> np.ndarray:
+def poses(keyframes: list[TrajectorySample]) -> np.ndarray:
     return np.array([keyframe.T_world_base for keyframe in keyframes])
 
 
-def test_it_begins_at_the_start_and_has_as_many_keyframes_as_asked(nist: Nist, keyframes: list[Pose]) -> None:
+def test_it_begins_at_the_start_and_has_as_many_keyframes_as_asked(
+    nist: Nist, keyframes: list[TrajectorySample]
+) -> None:
     assert len(keyframes) == COUNT
     np.testing.assert_allclose(keyframes[0].T_world_base[:2, 3], nist.start[:2, 3], atol=1e-9)
     times = [keyframe.time for keyframe in keyframes]
     assert times[0] == 0 and (np.diff(times) > 0).all()
 
 
-def test_every_place_is_drivable(nist: Nist, keyframes: list[Pose]) -> None:
+def test_every_place_is_drivable(nist: Nist, keyframes: list[TrajectorySample]) -> None:
     near = nist.surface.grid.at(nist.surface.drivable, poses(keyframes)[:, :2, 3])
     # A pose between the centres of two drivable cells may be in the corner of a third cell, which is not drivable.
     assert near.mean() > 0.95
 
 
-def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(keyframes: list[Pose]) -> None:
+def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(keyframes: list[TrajectorySample]) -> None:
     T = poses(keyframes)
     height, pitch = T[:, 2, 3], np.degrees([tilt_of(pose)[1] for pose in T])
     assert height.max() > 0.16  # on a deck
@@ -87,13 +89,13 @@ def test_keyframes_are_apart_as_wanted(nist: Nist, monkeypatch: pytest.MonkeyPat
     assert moved.max() < KEYFRAME_SPACING[0] + 2 * SPEED * PERIOD
 
 
-def test_it_visits_most_of_the_arena(nist: Nist, keyframes: list[Pose]) -> None:
+def test_it_visits_most_of_the_arena(nist: Nist, keyframes: list[TrajectorySample]) -> None:
     cells = nist.surface.grid.centre_of(np.argwhere(nist.surface.drivable))
     nearest = np.linalg.norm(cells[:, None] - poses(keyframes)[:, :2, 3], axis=2).min(axis=1)
     assert (nearest < 1.0).mean() > 0.8
 
 
-def test_odometry_drifts_a_little_and_more_and_more(keyframes: list[Pose]) -> None:
+def test_odometry_drifts_a_little_and_more_and_more(keyframes: list[TrajectorySample]) -> None:
     error = [np.linalg.norm(s.T_odom_base[:2, 3] - s.T_world_base[:2, 3]) for s in keyframes]
     assert error[0] < 1e-9
     driven = np.linalg.norm(np.diff(poses(keyframes)[:, :2, 3], axis=0), axis=1).sum()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_yaw
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.navigation import is_narrow, time_figures
 from sarsim.scoring.oracle import true_traversability
@@ -29,15 +29,15 @@ def ground(width: float = 4.0, slope: float = 0.0):
     return true_traversability(GroundTruthSurface(grid, height, floor, np.zeros(grid.shape, np.bool_)), ROBOT)
 
 
-def drive(*legs: tuple[float, float, float], start: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Pose]:
+def drive(*legs: tuple[float, float, float], start: Sequence[float] = (0.0, 0.0, 0.0)) -> list[TrajectorySample]:
     """The poses of a drive from ``start``: x, y and heading; a leg is s, m/s and rad/s."""
     x, y, heading = start
-    poses = [Pose(0.0, from_yaw(x, y, 0, heading), np.eye(4))]
+    poses = [TrajectorySample(0.0, from_yaw(x, y, 0, heading), np.eye(4))]
     for seconds, v, omega in legs:
         for _ in range(round(seconds / PERIOD)):
             x, y = x + v * PERIOD * np.cos(heading), y + v * PERIOD * np.sin(heading)
             heading += omega * PERIOD
-            poses.append(Pose(poses[-1].time + PERIOD, from_yaw(x, y, 0, heading), np.eye(4)))
+            poses.append(TrajectorySample(poses[-1].time + PERIOD, from_yaw(x, y, 0, heading), np.eye(4)))
     return poses
 
 

@@ -8,13 +8,13 @@ from pipeline.localisation.localisation import Localised, Loop
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from sarsim.robots.pose import Pose
+from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures
 
 
 def straight(length, drift=0.0):
     xs = np.linspace(0, length, 101)
-    return [Pose(t, from_yaw(x, 0, 0, 0), from_yaw(x, drift * x, 0, 0)) for t, x in enumerate(xs)]
+    return [TrajectorySample(t, from_yaw(x, 0, 0, 0), from_yaw(x, drift * x, 0, 0)) for t, x in enumerate(xs)]
 
 
 def scored(trajectory, keyframes=(), poses=(), loops=()):
@@ -48,13 +48,13 @@ def test_drift_of_a_recording_does_not_depend_on_how_many_poses_it_has(poses):
     # 2 m on and 1.5 m up a ramp, in the end 5 cm off: 2%
     share = np.linspace(0, 1, poses)
     ways = [(from_yaw(2 * s, 0, 1.5 * s, 0), from_yaw(2 * s, 0.05 * s, 1.5 * s, 0)) for s in share]
-    score = scored([Pose(t, true, believed) for t, (true, believed) in enumerate(ways)])
+    score = scored([TrajectorySample(t, true, believed) for t, (true, believed) in enumerate(ways)])
     score.is_recorded = True
     assert score.report()["drift_percent"] == pytest.approx(2.0)
 
 
 def test_errors_of_heading_are_those_the_short_way_around():
-    trajectory = [Pose(0, from_yaw(0, 0, 0, np.pi - 0.05), from_yaw(0, 0, 0, -np.pi + 0.05))]
+    trajectory = [TrajectorySample(0, from_yaw(0, 0, 0, np.pi - 0.05), from_yaw(0, 0, 0, -np.pi + 0.05))]
     report = scored(trajectory).report()
     assert report["heading_rmse_deg"] == pytest.approx(np.degrees(0.1))
     assert report["drift_percent"] == 0  # of a robot that did not drive
@@ -91,7 +91,7 @@ def test_keyframes_at_the_odometrys_poses_change_nothing(keyframes, x, yaw):
     ],
 )
 def test_a_loop_is_false_whose_relative_pose_is_off(off, is_false):
-    trajectory = [Pose(t, from_yaw(t, 1, 0, 0.5 * t), np.eye(4)) for t in range(4)]
+    trajectory = [TrajectorySample(t, from_yaw(t, 1, 0, 0.5 * t), np.eye(4)) for t in range(4)]
     true = inverse(trajectory[1].T_world_base) @ trajectory[3].T_world_base
     loops = [Loop(0, 1, true @ off), Loop(0, 1, true)]
     report = scored(trajectory, (1, 3), [pose.T_world_base for pose in trajectory[1::2]], loops).report()
@@ -104,14 +104,14 @@ def test_distance_is_the_length_of_the_way():
 
 
 def test_a_robot_that_was_lifted_did_not_drive_that_way():
-    there = [Pose(0, from_yaw(9, 9, 0, 0), np.eye(4))]
+    there = [TrajectorySample(0, from_yaw(9, 9, 0, 0), np.eye(4))]
     assert driven(straight(2.0) + there + there + straight(1.0)) == pytest.approx(3.0)
 
 
 def test_tilt_and_tipping():
     rolls = np.deg2rad([0, 10, -20, 60, 80, 0, 50])
     poses = [
-        Pose(t, from_rotation(Rotation.from_euler("x", r).as_matrix(), np.zeros(3)), np.eye(4))
+        TrajectorySample(t, from_rotation(Rotation.from_euler("x", r).as_matrix(), np.zeros(3)), np.eye(4))
         for t, r in enumerate(rolls)
     ]
     figures = motion_figures(poses)

@@ -26,7 +26,7 @@ from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.lidar.config import LidarConfig
 from sarsim.plugins.lidar.plugin import Lidar, log_scan
 from sarsim.plugins.lidar.ros import scan_messages
-from sarsim.settings import EpisodeConfig, MapRecording
+from sarsim.settings import EpisodeConfig, MapRecordingConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from tests.recordings import read
 from tests.refusal import refusal
@@ -120,7 +120,7 @@ def test_a_scene_that_fails_leaves_no_sequence(tmp_path):
 
 def test_commands_without_a_simulated_robot_refuse_it():
     with pytest.raises(InputError, match="--lidar: only a simulated robot has this lidar"):
-        make_plugins(MapRecording(path=Path("bag"), out=Path("out"), plugins={"lidar": SMALL}))
+        make_plugins(MapRecordingConfig(path=Path("bag"), out=Path("out"), plugins={"lidar": SMALL}))
 
 
 def test_datasets_refuse_plugins_that_add_nothing_to_them(tmp_path, capsys):

@@ -15,7 +15,7 @@ from pipeline.plugins.ros.live.actions import GoalEnd
 from pipeline.robot import Velocity
 from pipeline.transforms import yaw_of
 from sarsim.plugins.ros.ros_drive import RosDrive
-from sarsim.plugins.ros.settings import RosExploration, RosRobotConfig
+from sarsim.plugins.ros.settings import RosExplorationConfig, RosRobotConfig
 from sarsim.plugins.ros.simulated_node import WATCHDOG, SimulatedNode
 from tests.pipeline.plugins.ros.live.loopback import End, Wire
 from tests.pipeline.plugins.ros.live.nav2_stack import Nav2Stack
@@ -40,7 +40,7 @@ class Pair:
         end.work = self.work
         self.out = folder / "run"
         settings = {"steps": 2, "labels": "rules", "detector": None} | config
-        self.drive = RosDrive(RosExploration(out=self.out, **settings), end)  # type: ignore[arg-type]
+        self.drive = RosDrive(RosExplorationConfig(out=self.out, **settings), end)  # type: ignore[arg-type]
 
     def work(self) -> None:
         self.wire.time += self.simulated.robot.control_period

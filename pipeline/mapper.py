@@ -17,8 +17,8 @@ from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
-from pipeline.localisation.localisation import Localisation, Localised
-from pipeline.localisation.pose_check import Confirmed
+from pipeline.localisation.localisation import Localisation, LocalisedFrame
+from pipeline.localisation.pose_check import ConfirmedPose
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.isolated_returns import remove_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
@@ -178,7 +178,7 @@ class Mapper:
         last = self._T_odom_keyframe
         return last is None or self.policy.is_due(last, T_odom_base)
 
-    def localise(self, frame: Frame) -> Localised:
+    def localise(self, frame: Frame) -> LocalisedFrame:
         """Remove isolated returns from a new frame and localise it; LostError if its pose is unknown."""
         with self.stopwatch("localisation"):
             return self.localisation.localise(self.clean(frame))
@@ -187,7 +187,7 @@ class Mapper:
         """A copy of the frame without isolated returns."""
         return remove_isolated_returns(frame)
 
-    def add_frame(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
+    def add_frame(self, localised: LocalisedFrame, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
 
         An unlabelled frame is added to the metric map and the elevation map only. The people and objects in it are
@@ -263,7 +263,7 @@ class Mapper:
         return keyframe
 
     def add_if_new(
-        self, localised: Localised, labelled: bool | None = None, set_down: bool = False
+        self, localised: LocalisedFrame, labelled: bool | None = None, set_down: bool = False
     ) -> Keyframe | None:
         """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats an earlier one."""
         if not localised.repeats:
@@ -444,7 +444,7 @@ class Mapper:
         return read.detections
 
 
-Check = Callable[[Localised], Confirmed | None]
+Check = Callable[[LocalisedFrame], ConfirmedPose | None]
 """Checks a pose: returns the newest frame, whose pose is then certain, or None if the pose remains in doubt."""
 
 
@@ -479,7 +479,7 @@ def map_frame(
     localised = mapper.localise(frame)
     # Check whether the map agrees with that pose.
     was_set_down = mapper.knows_camera and not len(mapper.keyframes)
-    confirmed = Confirmed(localised, was_set_down) if check is None else check(localised)
+    confirmed = ConfirmedPose(localised, was_set_down) if check is None else check(localised)
     if confirmed is None:
         return None
     # Map: add the frame to every map, unless it shows nothing new.

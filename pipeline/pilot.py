@@ -13,8 +13,8 @@ from pipeline.arrays import Points, Pose
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
-from pipeline.localisation.localisation import Localised, LostError
-from pipeline.localisation.pose_check import Confirmed, PoseCheck
+from pipeline.localisation.localisation import LocalisedFrame, LostError
+from pipeline.localisation.pose_check import ConfirmedPose, PoseCheck
 from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.navigation.commands import STOP, Approach, Outcome, Verdict
 from pipeline.navigation.course import Course
@@ -67,7 +67,7 @@ class Pilot:
         self.correct()
         return keyframe
 
-    def confirm(self, localised: Localised) -> Confirmed:
+    def confirm(self, localised: LocalisedFrame) -> ConfirmedPose:
         """The newest frame, once the robot knows where it is, and whether it was carried or set down there.
 
         Raises:
@@ -84,9 +84,9 @@ class Pilot:
             moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
             was_carried = bool(moved > self._carried_way)
         self.was_carried = was_carried
-        return Confirmed(localised, was_carried)
+        return ConfirmedPose(localised, was_carried)
 
-    def _confirmed(self, localised: Localised, last: Frame | None) -> Confirmed:
+    def _confirmed(self, localised: LocalisedFrame, last: Frame | None) -> ConfirmedPose:
         """Turn for other views until the pose is confirmed; if that fails after a halt, drive back and look again."""
         for _ in range(self._mapper.config.navigation.recovery.drives_back):
             try:
@@ -97,7 +97,7 @@ class Pilot:
                 last, localised = None, self._note(self._mapper.localise(self.sense()))
         return self.pose_check.confirm(localised, last, self._turn)
 
-    def _turn(self, angle: float) -> Localised | None:
+    def _turn(self, angle: float) -> LocalisedFrame | None:
         """Turn by an angle, rad, and localise the frame seen then; None if the robot cannot turn."""
         can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
         return self._note(self._mapper.localise(self.sense())) if can_turn else None
@@ -156,10 +156,10 @@ class Pilot:
         if motion is None or not self._mapper.is_due(motion.T_odom_base):
             return Verdict.FINE
 
-        def check(localised: Localised) -> Confirmed | None:
+        def check(localised: LocalisedFrame) -> ConfirmedPose | None:
             self.pose_check.compare(self._note(localised), is_driving=True)
             self.faults.check_motion(belief, localised.frame.time)
-            return Confirmed(localised, None) if belief.knows_place else None
+            return ConfirmedPose(localised, None) if belief.knows_place else None
 
         map_frame(self._mapper, self.sense, check)
         if not belief.knows_place:
@@ -172,14 +172,14 @@ class Pilot:
     def _returns(self) -> Points:
         """The camera's current returns in ``map``; their frame becomes a keyframe."""
 
-        def check(localised: Localised) -> Confirmed:
-            return Confirmed(self._note(localised), None)
+        def check(localised: LocalisedFrame) -> ConfirmedPose:
+            return ConfirmedPose(self._note(localised), None)
 
         keyframe = required(map_frame(self._mapper, self.sense, check, labelled=False, may_repeat=True))
         self.correct()
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
 
-    def _note(self, localised: Localised) -> Localised:
+    def _note(self, localised: LocalisedFrame) -> LocalisedFrame:
         """Remember the newest frame; LostError if the camera no longer measures anything."""
         self._last = localised.frame
         self.pose_check.check_depth(localised)

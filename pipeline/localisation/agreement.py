@@ -11,7 +11,7 @@ from scipy import ndimage
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.ray_kernels import cast
-from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tiles_seen
+from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tile_log_likelihoods
 from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
@@ -61,7 +61,7 @@ class Agreement(NamedTuple):
     def log_likelihoods(self, config: BeliefConfig) -> Values:
         """(5,) log-likelihoods of the tiles under each :class:`pipeline.localisation.belief.MotionState`."""
         missing = max(0, self.expected - self.known)
-        return tiles_seen(self.explained, self.short + self.through, missing, config)
+        return tile_log_likelihoods(self.explained, self.short + self.through, missing, config)
 
     def shows_another_place(self, config: BeliefConfig) -> bool:
         """Whether the tiles are more likely if the robot was carried than if its motion was nominal."""
@@ -99,7 +99,7 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreem
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
-def change(frame: Frame, last: Frame) -> Agreement | None:
+def agreement_with_previous(frame: Frame, last: Frame) -> Agreement | None:
     """Compare a frame with the previous one, tile by tile; None if the wheels moved.
 
     If the wheels are still, only a carried robot sees another place. This comparison helps where one with the map

@@ -23,7 +23,7 @@ CORRELATED_TILES = 9
 """Number of tiles that are treated as one observation, because each is compared in a 3 × 3 window."""
 IMAGE_SHARE = 0.75
 """Number of tiles in an image divided by the square of ``TILES``, for an aspect ratio of 4:3."""
-PARTS = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
+OBSERVATIONS_PER_IMAGE = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
 """Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
 """Probabilities that a tile for which the map predicts a surface shows this surface, or has no return, if the robot
@@ -104,7 +104,7 @@ def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray
     """
     rates = np.zeros((len(MotionState),) * 2)
     rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = (
-        distance / config.fault_way
+        distance / config.distance_between_faults
     )
     rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = distance / RECOVERY_WAY
     rates[:, MotionState.CARRIED] = seconds / config.lift_time
@@ -112,7 +112,7 @@ def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray
     return np.asarray(expm(rates - np.diag(rates.sum(axis=1))))
 
 
-def tiles_seen(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
+def tile_log_likelihoods(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
     """(5,) log-likelihoods of a frame with these numbers of tiles.
 
     Args:
@@ -121,7 +121,7 @@ def tiles_seen(explained: int, contradicted: int, missing: int, config: BeliefCo
         config: settings of the belief.
     """
     here, elsewhere, blind = _by_place(explained, contradicted, missing, config)
-    return place_bounded(np.array([here, here, here, elsewhere, blind]), config)
+    return bounded_log_likelihoods(np.array([here, here, here, elsewhere, blind]), config)
 
 
 def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
@@ -142,21 +142,23 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
     return outcomes @ (explained, contradicted, missing) / CORRELATED_TILES
 
 
-def evidence_of_overlap(overlap: float, chance: float, covered: float = 1.0) -> float:
+def overlap_log_likelihood_ratio(overlap: float, chance: float, covered: float = 1.0) -> float:
     """Log-likelihood ratio of a correct pose to a wrong one, from the fraction of points that fit.
 
     An overlap of up to ``chance`` is evidence for neither pose, because the other points may be new ground or dust.
     ``covered``: fraction of the image that the points cover.
     """
-    return float(-np.log(chance) * covered * PARTS * max(0.0, overlap - chance))
+    return float(-np.log(chance) * covered * OBSERVATIONS_PER_IMAGE * max(0.0, overlap - chance))
 
 
-def likelihood_of_view(shown: Values, covered: float) -> Values:
+def view_log_likelihoods(shown: Values, covered: float) -> Values:
     """Log-likelihoods of a frame that shows the fractions ``shown`` of the surfaces predicted for several poses.
 
     ``covered``: fraction of the image that these surfaces cover.
     """
-    return np.asarray(covered * PARTS * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE)))
+    return np.asarray(
+        covered * OBSERVATIONS_PER_IMAGE * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE))
+    )
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:
@@ -170,7 +172,7 @@ def tiles_covered(pixels: Indices, width: int) -> float:
     return len(np.unique(row * TILES + column)) / (TILES**2 * IMAGE_SHARE)
 
 
-def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:
+def bounded_log_likelihoods(log_likelihoods: Values, config: BeliefConfig) -> Values:
     """(5,) log-likelihoods, bounded so that no single frame makes the robot surer of its place than ``confidence``.
 
     The bound is needed because all parts of a frame mislead together if something new is in view, or if another place

@@ -23,12 +23,12 @@ class RegistrationConfig:
         normal_neighbours: number of neighbours from which a point's normal is estimated.
         widest, coarse, fine: maximum distances between corresponding points, m: initially when starting from a guess
             alone, initially when starting from odometry, and finally (two voxels).
-        rounds: number of iterations at each of these distances.
+        iterations: number of iterations at each of these distances.
         min_points: minimum number of points in each of the two clouds that are registered.
         surface_sigma: standard deviation of the distance between corresponding points perpendicular to the surface,
             m. The noise of single points is smaller, but it is correlated within each keyframe that later frames are
             registered with.
-        same_surface: minimum cosine between the normals of corresponding points.
+        min_normal_cosine: minimum cosine between the normals of corresponding points.
         min_strength: information in a direction is treated as noise and left out if it is below this fraction of
             that in the strongest direction.
         lever: typical distance of the surfaces in view, m; it converts errors of rotation into errors of position.
@@ -44,10 +44,10 @@ class RegistrationConfig:
     widest: float = 0.5
     coarse: float = 0.2
     fine: float = 0.1
-    rounds: int = 4
+    iterations: int = 4
     min_points: int = 100
     surface_sigma: float = 0.063
-    same_surface: float = 0.9
+    min_normal_cosine: float = 0.9
     min_strength: float = 1e-3
     lever: float = 2.0
     chance_overlap: float = 0.6
@@ -57,7 +57,7 @@ class RegistrationConfig:
         """Raise InputError if nothing could be registered with these settings."""
         section = "localisation.registration"
         require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
-        require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "rounds", "min_points")
+        require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "iterations", "min_points")
 
 
 @dataclass(frozen=True)
@@ -69,41 +69,42 @@ class OdometryConfig:
             during a drive.
         turn_sigma, turn_sigma_per_rad: standard deviation of the heading after a motion, rad, and its increase, rad
             per rad turned, including the random walk of the gyro's bias. For the simulated gyro, 2e-4 was measured.
-        way_sigma: standard deviation of the measured translation after a skid-steered robot has driven 1 m or turned
-            by 1 rad, m. The errors are a random walk, so their variance is proportional to the distance plus the
-            angle. On level ground in four simulated arenas, 0.004 was measured.
+        translation_sigma: standard deviation of the measured translation after a skid-steered robot has driven 1 m or
+            turned by 1 rad, m. The errors are a random walk, so their variance is proportional to the distance plus
+            the angle. On level ground in four simulated arenas, 0.004 was measured.
         added_distance: distance added to every motion, m, so that even the motion of a robot at rest has some noise.
         slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned; it is multiplied
             by the sine of the tilt. On half ramps, 0.45 was measured.
         slide: mean downhill slide of a turning skid-steered robot on wood, m per rad turned; it is multiplied by the
             sine of the tilt.
-        way_error_sigma, turn_error_sigma: standard deviations of the relative errors of distance, due to the tyres,
-            and of rotation, from the data sheets of gyros.
+        distance_scale_sigma, rotation_scale_sigma: standard deviations of the relative errors (scale errors) of
+            distance, due to the tyres, and of rotation, from the data sheets of gyros.
         centre_sigma: standard deviation of the distance from ``base_link`` forward to the centre of rotation, m.
         slide_sigma: standard deviation of ``slide``, in the same unit.
         bias_sigma: standard deviation of the yaw rate's bias, rad/s.
-        slip_way: mean distance driven between two unnoticed slips, m.
+        distance_between_slips: mean distance driven between two unnoticed slips, m.
     """
 
     gravity_sigma: float = radians(0.3)
     turn_sigma: float = 3e-4
     turn_sigma_per_rad: float = 1e-3
-    way_sigma: float = 0.005
+    translation_sigma: float = 0.005
     added_distance: float = 0.02
     slide_noise: float = 0.5
     slide: float = 0.4
-    way_error_sigma: float = 0.02
-    turn_error_sigma: float = 0.005
+    distance_scale_sigma: float = 0.02
+    rotation_scale_sigma: float = 0.005
     centre_sigma: float = 0.02
     slide_sigma: float = 0.2
     bias_sigma: float = 5e-5
-    slip_way: float = 300.0
+    distance_between_slips: float = 300.0
 
     def __post_init__(self) -> None:
         """Raise InputError if a standard deviation or distance is out of range."""
         section = "localisation.odometry"
-        require_positive(section, self, "gravity_sigma", "turn_sigma", "way_sigma", "way_error_sigma")
-        require_positive(section, self, "turn_error_sigma", "centre_sigma", "slide_sigma", "bias_sigma", "slip_way")
+        require_positive(section, self, "gravity_sigma", "turn_sigma", "translation_sigma", "distance_scale_sigma")
+        require_positive(section, self, "rotation_scale_sigma", "centre_sigma", "slide_sigma", "bias_sigma")
+        require_positive(section, self, "distance_between_slips")
         require_at_least(0, section, self, "turn_sigma_per_rad", "added_distance", "slide_noise")
 
 
@@ -139,19 +140,19 @@ class BeliefConfig:
 
     Attributes:
         confidence: probability above which the robot is sure of its state; no single frame makes it surer than this.
-        fault_way: mean distance driven between two slips, m, and likewise between two occasions on which the robot is
-            held or its camera sees nothing. No slip occurred in four recorded drives.
+        distance_between_faults: mean distance driven between two slips, m, and likewise between two occasions on
+            which the robot is held or its camera sees nothing. No slip occurred in four recorded drives.
         lift_time: mean time between two occasions on which the robot is lifted, s; a mission of an hour has at most
             one.
     """
 
     confidence: float = 0.99
-    fault_way: float = 300.0
+    distance_between_faults: float = 300.0
     lift_time: float = 3600.0
 
     def __post_init__(self) -> None:
         """Raise InputError if a rate would be infinite."""
-        require_positive("localisation.belief", self, "fault_way", "lift_time")
+        require_positive("localisation.belief", self, "distance_between_faults", "lift_time")
 
 
 @dataclass(frozen=True)
@@ -168,10 +169,10 @@ class LoopConfig:
             were seen along several metres of path are not quite rigid.
         max_seen_through: maximum fraction of the old points that the new frame looks through, and of the new points
             that the old frame looked through.
-        seen_through: a frame looks through a surface if its return is more than this behind the surface, m.
+        see_through_margin: a frame looks through a surface if its return is more than this distance behind it, m.
         agreeing: minimum number of keyframes that find the same place.
         apart: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
-        remembered: number of keyframes after which a candidate is discarded.
+        max_candidate_age: number of keyframes after which a candidate is discarded.
         max_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
         tolerance: standard deviation that is allowed between two candidates in addition to their own uncertainty, m.
         max_contradicted: maximum number of other constraints that a loop may contradict, such as those of slipping
@@ -186,10 +187,10 @@ class LoopConfig:
     pinned_deviation: float = 0.05
     sigma: float = 0.02
     max_seen_through: float = 0.05
-    seen_through: float = 0.15
+    see_through_margin: float = 0.15
     agreeing: int = 3
     apart: float = 0.5
-    remembered: int = 20
+    max_candidate_age: int = 20
     max_disagreeing: float = 0.34
     tolerance: float = 0.03
     max_contradicted: int = 4
@@ -199,9 +200,9 @@ class LoopConfig:
     def __post_init__(self) -> None:
         """Raise InputError if no loop could be closed."""
         section = "localisation.loops"
-        require_positive(section, self, "min_fit", "pinned_deviation", "sigma", "seen_through")
+        require_positive(section, self, "min_fit", "pinned_deviation", "sigma", "see_through_margin")
         require_positive(section, self, "tolerance", "contradiction")
-        require_at_least(1, section, self, "agreeing", "remembered")
+        require_at_least(1, section, self, "agreeing", "max_candidate_age")
 
 
 @dataclass(frozen=True)
@@ -226,11 +227,11 @@ class TrajectoryConfig:
     """How long a recorded pose is valid.
 
     Attributes:
-        still_valid: maximum time before or after a pose at which the pose is used without interpolation, s.
+        max_time_offset: maximum time before or after a pose at which the pose is used without interpolation, s.
         longest_gap: maximum time between two poses that are interpolated, s.
     """
 
-    still_valid: float = 0.02
+    max_time_offset: float = 0.02
     longest_gap: float = 0.5
 
 
@@ -239,18 +240,18 @@ class PoseCheckConfig:
     """How a doubtful pose is checked.
 
     Attributes:
-        looks: number of views in the full turn that a robot makes when its pose is in doubt.
+        views_per_turn: number of views in the full turn that a robot makes when its pose is in doubt.
         carried_way: minimum distance between the estimated and the found position of a robot that was carried, m.
         carried_turn: minimum angle between the estimated and the found heading of a robot that was carried, rad.
     """
 
-    looks: int = 8
+    views_per_turn: int = 8
     carried_way: float = 0.3
     carried_turn: float = radians(15)
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot would not look around."""
-        require_at_least(1, "localisation.pose_check", self, "looks")
+        require_at_least(1, "localisation.pose_check", self, "views_per_turn")
 
 
 @dataclass(frozen=True)
@@ -260,21 +261,21 @@ class KeyframePolicy:
     A frame within this spacing of a keyframe repeats the keyframe if it shows nothing new.
 
     Attributes:
-        way: distance from the last keyframe at which a new one is taken, m.
+        distance: distance from the last keyframe at which a new one is taken, m.
         turn: rotation from the last keyframe at which a new one is taken, rad.
         on_ramps: fraction of both limits at which a new keyframe is taken on a ramp, where the robot slides.
         labelled_every: interval between the labelled keyframes of a drive, in keyframes; not all are labelled,
             because the network is the slowest stage.
     """
 
-    way: float = 0.3
+    distance: float = 0.3
     turn: float = radians(25)
     on_ramps: float = 0.4
     labelled_every: int = 6
 
     def __post_init__(self) -> None:
         """Raise InputError if keyframes cannot be spaced with these settings."""
-        require_positive("localisation.keyframes", self, "way", "turn", "on_ramps")
+        require_positive("localisation.keyframes", self, "distance", "turn", "on_ramps")
         require_at_least(1, "localisation.keyframes", self, "labelled_every")
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
@@ -282,7 +283,7 @@ class KeyframePolicy:
         moved = inverse(T_odom_keyframe) @ T_odom_base
         tilt = np.arccos(min(T_odom_keyframe[2, 2], T_odom_base[2, 2], 1.0))
         spacing = self.on_ramps if tilt > RAMP_TILT else 1.0
-        return bool(np.linalg.norm(moved[:3, 3]) >= spacing * self.way or angle_of(moved) >= spacing * self.turn)
+        return bool(np.linalg.norm(moved[:3, 3]) >= spacing * self.distance or angle_of(moved) >= spacing * self.turn)
 
     def is_labelled(self, keyframes: int) -> bool:
         """Whether the next keyframe of a drive is labelled, given the number of ``keyframes`` before it."""
@@ -305,8 +306,8 @@ class LocalisationConfig:
 
     def __post_init__(self) -> None:
         """Raise InputError if the motion between two keyframes would be taken for a jump of the odometry."""
-        way, jump = self.keyframes.way, self.slam.jump
-        if not way < jump:
+        distance, jump = self.keyframes.distance, self.slam.jump
+        if not distance < jump:
             raise InputError(
-                f"localisation.keyframes.way = {way:g}: must be below localisation.slam.jump ({jump:g} m)"
+                f"localisation.keyframes.distance = {distance:g}: must be below localisation.slam.jump ({jump:g} m)"
             )

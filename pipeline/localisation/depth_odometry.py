@@ -15,7 +15,7 @@ from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import LostError
-from pipeline.localisation.registration import Prior, Registration, Target, register, shares_of
+from pipeline.localisation.registration import Prior, Registration, Target, evidence_by_keyframe, register
 from pipeline.transforms import angle_of, from_rotation, inverse, transform_places
 
 GUESS_SIGMA = 0.15
@@ -77,7 +77,7 @@ class DepthOdometry:
             T, target = self._find(frame, cloud, by_image)
             self._motion = np.eye(4) if self._blind else inverse(self._T) @ T
             self._T = T
-            new = shares_of(target, cloud, T, registration)[1] if target else new
+            new = evidence_by_keyframe(target, cloud, T, registration)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
         moved = inverse(self._kept[-1] if self._kept else self._T) @ self._T
         is_far = np.linalg.norm(moved[:3, 3]) > KEPT_WAY or angle_of(moved) > KEPT_TURN

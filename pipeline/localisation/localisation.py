@@ -13,7 +13,7 @@ from pipeline.transforms import POSE, are_poses
 
 
 @dataclass(frozen=True, eq=False)
-class Localised:
+class LocalisedFrame:
     """A frame and the pose at which it was taken.
 
     Attributes:
@@ -64,7 +64,7 @@ class OdometryErrors:
     def expected(cls, config: OdometryConfig) -> "OdometryErrors":
         """The errors expected of a skid-steered robot that has not driven yet."""
         c = config
-        sigmas = [c.way_error_sigma, c.turn_error_sigma, c.centre_sigma, c.slide_sigma, c.bias_sigma]
+        sigmas = [c.distance_scale_sigma, c.rotation_scale_sigma, c.centre_sigma, c.slide_sigma, c.bias_sigma]
         return cls(np.array([0.0, 0.0, 0.0, c.slide, 0.0]), np.diag(np.square(sigmas)))
 
 
@@ -113,15 +113,15 @@ class Localisation(Protocol):
         """Current estimate of every keyframe's ``T_map_base``."""
         ...
 
-    def localise(self, frame: Frame) -> Localised:
+    def localise(self, frame: Frame) -> LocalisedFrame:
         """Localise a new frame; raises LostError if its pose is unknown."""
         ...
 
-    def add(self, localised: Localised) -> None:
+    def add(self, localised: LocalisedFrame) -> None:
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         ...
 
-    def pass_by(self, localised: Localised) -> None:
+    def pass_by(self, localised: LocalisedFrame) -> None:
         """Continue from the newest frame, as returned by :meth:`localise`, without making it a keyframe."""
         ...
 
@@ -129,7 +129,7 @@ class Localisation(Protocol):
         """Correct the poses of all keyframes."""
         ...
 
-    def set_down(self, T_map_base: Pose) -> None:
+    def set_pose(self, T_map_base: Pose) -> None:
         """Continue from the pose to which the robot was carried."""
         ...
 

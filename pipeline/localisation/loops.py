@@ -16,7 +16,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import Loop
-from pipeline.localisation.pose_graph import Kind, PoseGraph, adjoints, spread
+from pipeline.localisation.pose_graph import ConstraintKind, PoseGraph, adjoints, pose_sigmas
 from pipeline.localisation.registration import logarithm
 from pipeline.transforms import inverse, transform_points
 
@@ -42,7 +42,7 @@ class Candidate:
         return poses[self.first] @ self.T_first_base
 
 
-class Loops:
+class LoopCloser:
     """Closes loops of a pose graph, and removes wrong ones.
 
     Attributes:
@@ -64,7 +64,7 @@ class Loops:
 
     def propose(self, candidate: Candidate) -> None:
         """Propose the newest keyframe's registration as a loop, which is confirmed if enough candidates agree."""
-        config, oldest = self._config, candidate.keyframe - self._config.remembered
+        config, oldest = self._config, candidate.keyframe - self._config.max_candidate_age
         self._candidates = [c for c in self._candidates if c.keyframe >= oldest]
         agree = [c for c in self._candidates if self._agree(c, candidate)]
         disagree = len(self._candidates) - len(agree)
@@ -86,11 +86,11 @@ class Loops:
             first, number = candidate.first, candidate.keyframe
             self.closed.append(Loop(first, number, candidate.T_first_base))
             information = np.asarray(np.linalg.inv(candidate.covariance))
-            graph.connect(first, number, candidate.T_map_base(graph.poses), information, Kind.LOOP)
+            graph.connect(first, number, candidate.T_map_base(graph.poses), information, ConstraintKind.LOOP)
             self._counted.append(candidate)
             graph.is_unsettled = True
 
-    def take_back(self) -> bool:
+    def remove_contradicted(self) -> bool:
         """Remove the loops that the solved graph contradicts, and return whether there were any.
 
         The newest loop is also removed if too many constraints that fitted before do not fit with it, however well it
@@ -105,7 +105,7 @@ class Loops:
         for candidate in false:
             self._counted.remove(candidate)
             graph = self._graph
-            graph.remove((graph.kinds == Kind.LOOP) & (graph.constraints.second == candidate.keyframe))
+            graph.remove((graph.kinds == ConstraintKind.LOOP) & (graph.constraints.second == candidate.keyframe))
             self.closed[:] = [loop for loop in self.closed if loop.second != candidate.keyframe]
         return bool(false)
 
@@ -121,13 +121,13 @@ class Loops:
         new = graph.covariance(second.keyframe, first.keyframe)
         (back,) = adjoints(inverse(second.T_first_base)[None])
         old = back @ graph.covariance(second.first, first.first) @ back.T
-        least = np.diag(spread(self._config.tolerance, self._lever) ** 2)
+        least = np.diag(pose_sigmas(self._config.tolerance, self._lever) ** 2)
         return self._accepts(off, first.covariance + second.covariance + new + old + least)
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         poses = self._graph.poses
         off = logarithm(inverse(candidate.T_map_base(poses)) @ poses[candidate.keyframe])
-        allowed = np.diag(spread(self._config.contradiction, self._lever) ** 2) / self._gate(off)
+        allowed = np.diag(pose_sigmas(self._config.contradiction, self._lever) ** 2) / self._gate(off)
         return not self._accepts(off, candidate.covariance + allowed)
 
     def _accepts(self, deviation: Values, covariance: Covariance) -> bool:
@@ -137,7 +137,7 @@ class Loops:
         return chi2_gate(len(deviation), self._config.confidence)
 
 
-def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
+def seen_through_fraction(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
     """Fraction of the points in view with a return more than ``margin`` m behind them; 0 if no points are in view.
 
     At a wrong pose, a frame looks through known surfaces. ``T_map_base``: assumed pose of the robot.

@@ -47,27 +47,27 @@ class MeasuredMotion:
         return turn + whole * turn / np.copysign(np.linalg.norm(turn), turn @ self.up) if whole else turn
 
     @cached_property
-    def moves(self) -> NDArray[np.float64]:
+    def translation_jacobian(self) -> NDArray[np.float64]:
         """(3, 5) Jacobian of the translation, m, in ``base_link`` before the motion, w.r.t. the systematic errors."""
         slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
         nothing = np.zeros(3)
         return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
 
     @cached_property
-    def turns(self) -> NDArray[np.float64]:
+    def rotation_jacobian(self) -> NDArray[np.float64]:
         """(3, 5) Jacobian of the rotation vector, rad, w.r.t. the systematic errors."""
         nothing = np.zeros(3)
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
     def without(self, errors: Values) -> Pose:
         """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (5,)."""
-        R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix()
-        return from_rotation(R, self.T[:3, 3] + self.moves @ errors)
+        R = Rotation.from_rotvec(self.turn + self.rotation_jacobian @ errors).as_matrix()
+        return from_rotation(R, self.T[:3, 3] + self.translation_jacobian @ errors)
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
         """(6, 5) Jacobian of the pose after the motion, in its tangent space, w.r.t. the systematic errors."""
-        return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
+        return np.vstack([self.rotation_jacobian, self.T[:3, :3].T @ self.translation_jacobian])
 
     def noise(self, config: OdometryConfig) -> Covariance:
         """Covariance of the pose after the motion, without the part due to the systematic errors."""
@@ -75,10 +75,10 @@ class MeasuredMotion:
         vertical = np.outer(self.up, self.up)
         tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
         slide = config.slide_noise * slope * turn
-        translation = config.way_sigma**2 * (way + turn + config.added_distance) + slide**2
+        translation = config.translation_sigma**2 * (way + turn + config.added_distance) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
         # Occasionally, the wheels slip unnoticed, by up to the whole distance.
-        slip = way / config.slip_way * np.outer(self.T[:3, 3], self.T[:3, 3]) / 3
+        slip = way / config.distance_between_slips * np.outer(self.T[:3, 3], self.T[:3, 3]) / 3
         return np.asarray(block_diag(heading + tilt, translation * np.eye(3) + slip))
 
 
@@ -90,13 +90,13 @@ class Prediction:
         motion: motion since the reference.
         T_map_base: predicted pose.
         covariance: (11, 11) of the pose relative to the map, in its tangent space, and of the systematic errors.
-        step: covariance of the pose from the motion alone, as if the pose before the motion were exact.
+        motion_covariance: covariance of the pose from the motion alone, as if the pose before the motion were exact.
     """
 
     motion: MeasuredMotion
     T_map_base: Pose
     covariance: Covariance
-    step: Covariance
+    motion_covariance: Covariance
 
 
 class MotionModel:
@@ -116,10 +116,10 @@ class MotionModel:
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(self.errors))]])
         covariance = F @ self._covariance @ F.T
         covariance[POSE, POSE] += noise
-        step = noise + J @ self._covariance[ERRORS, ERRORS] @ J.T
-        return Prediction(motion, orthonormal(T_map_base @ delta), covariance, step)
+        motion_covariance = noise + J @ self._covariance[ERRORS, ERRORS] @ J.T
+        return Prediction(motion, orthonormal(T_map_base @ delta), covariance, motion_covariance)
 
-    def take(self, prediction: Prediction, information: Information | None) -> None:
+    def update(self, prediction: Prediction, information: Information | None) -> None:
         """Continue from a predicted pose, whose covariance follows from the motion and from registration.
 
         ``information``: information of the pose from registration; None if nothing was registered.
@@ -131,7 +131,7 @@ class MotionModel:
         if information is None:
             self._covariance = prediction.covariance
         else:
-            self.restart(np.asarray(np.linalg.inv(information + np.linalg.inv(prediction.step))))
+            self.restart(np.asarray(np.linalg.inv(information + np.linalg.inv(prediction.motion_covariance))))
 
     def restart(self, covariance: Covariance) -> None:
         """Continue from a pose with this covariance, whatever the odometry measured."""

@@ -8,7 +8,12 @@ from scipy.linalg import block_diag
 
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
-from pipeline.localisation.belief import MotionState, evidence_of_overlap, likelihood_of_view, tiles_covered
+from pipeline.localisation.belief import (
+    MotionState,
+    overlap_log_likelihood_ratio,
+    tiles_covered,
+    view_log_likelihoods,
+)
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
 from pipeline.localisation.loops import in_view
 from pipeline.localisation.registration import Prior, Registration, Target, exponential, register
@@ -36,9 +41,9 @@ def log_likelihoods(
         if len(z):
             shown[n] = np.mean(np.abs(depth - z) < config.fine)
         covered[n] = tiles_covered(pixels, frame.intrinsics.width)
-        evidence += [evidence_of_overlap(shown[n], chance, covered[n])]
-        evidence += [evidence_of_overlap(registration.overlap, chance)]
-    compared = likelihood_of_view(shown, covered.min())
+        evidence += [overlap_log_likelihood_ratio(shown[n], chance, covered[n])]
+        evidence += [overlap_log_likelihood_ratio(registration.overlap, chance)]
+    compared = view_log_likelihoods(shown, covered.min())
     surprise = np.array([registration.surprise for registration in found])
     return np.asarray(compared - compared.max() + max(evidence) - surprise)
 
@@ -56,10 +61,10 @@ def register_alternatives(
     For a slip, which moves the robot no farther than measured, registration starts from both ``T_map_base`` and the
     pose of the odometry.
     """
-    held, slips = held_or_slipping(odometry, T_map_base)
+    held, slips = held_and_slipping_priors(odometry, T_map_base)
 
     def registered(*priors: Prior) -> Registration:
-        level = by_gravity(priors[-1].T, frame, config.odometry.gravity_sigma)
+        level = gravity_prior(priors[-1].T, frame, config.odometry.gravity_sigma)
         return register(target, cloud, [*priors, level], config.registration.coarse, config.registration)
 
     begins = (Prior(prior.T, np.zeros_like(slips.information)) for prior in (held, odometry))
@@ -68,7 +73,7 @@ def register_alternatives(
     return {MotionState.HELD: (held, registered(held)), MotionState.SLIPPING: (slips, slipped[likeliest])}
 
 
-def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
+def held_and_slipping_priors(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
     """Priors of the pose if the robot has stayed at ``T_map_base``, and if it has moved no farther than measured.
 
     Slipping wheels move the robot less far than they measure, but hardly sideways.
@@ -82,7 +87,7 @@ def held_or_slipping(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
     return held, Prior(odometry.T, block_diag(rotation, np.linalg.inv(still + np.outer(way, way))))
 
 
-def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
+def gravity_prior(T: Pose, frame: Frame, sigma: float) -> Prior:
     """A prior of roll and pitch alone, with a standard deviation of ``sigma`` rad.
 
     Its mean is the pose ``T``, rotated so that its vertical is that of the odometry.

@@ -8,7 +8,7 @@ from pipeline.localisation.belief import Belief
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import (
     Localisation,
-    Localised,
+    LocalisedFrame,
     Loop,
     OdometryErrors,
     SavedKeyframes,
@@ -39,22 +39,22 @@ class OdometryLocalisation(Localisation):
         """Current estimate of every keyframe's ``T_map_base``."""
         return self._poses
 
-    def localise(self, frame: Frame) -> Localised:
+    def localise(self, frame: Frame) -> LocalisedFrame:
         """Localise a new frame; raises LostError if its pose is unknown."""
         check_odometry(frame)
-        return Localised(frame, self.T_map_odom @ frame.T_odom_base)
+        return LocalisedFrame(frame, self.T_map_odom @ frame.T_odom_base)
 
-    def add(self, localised: Localised) -> None:
+    def add(self, localised: LocalisedFrame) -> None:
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         self._poses = np.concatenate([self._poses, localised.T_map_base[None]])
 
-    def pass_by(self, localised: Localised) -> None:
+    def pass_by(self, localised: LocalisedFrame) -> None:
         """Continue from the newest frame without a keyframe; here a no-op, because no frame repeats a keyframe."""
 
     def optimise(self) -> None:
         """Correct the poses of all keyframes; here there is nothing to correct."""
 
-    def set_down(self, T_map_base: Pose) -> None:
+    def set_pose(self, T_map_base: Pose) -> None:
         """Continue from the pose to which the robot was carried; here the pose is ignored."""
 
     def points(self) -> Points:

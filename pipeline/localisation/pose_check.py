@@ -14,10 +14,10 @@ from pipeline.arrays import Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes
-from pipeline.localisation.agreement import Agreement, agreement, change
+from pipeline.localisation.agreement import Agreement, agreement, agreement_with_previous
 from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.localisation import Localisation, Localised, LostError
+from pipeline.localisation.localisation import Localisation, LocalisedFrame, LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
@@ -27,7 +27,7 @@ BLIND_TURN = tau
 """Rotation, rad, after which a camera without any returns, although the map predicts some, has failed."""
 
 
-class Confirmed(NamedTuple):
+class ConfirmedPose(NamedTuple):
     """A pose that is known to be right.
 
     Attributes:
@@ -35,11 +35,11 @@ class Confirmed(NamedTuple):
         was_carried: whether the robot was carried there; None if its pose was never in doubt.
     """
 
-    localised: Localised
+    localised: LocalisedFrame
     was_carried: bool | None
 
 
-Turn = Callable[[float], Localised | None]
+TurnRobot = Callable[[float], LocalisedFrame | None]
 """Turns the robot by an angle, rad, and returns the localised next frame; None if the robot could not turn."""
 
 
@@ -70,7 +70,7 @@ class PoseCheck:
         self._has_seen = False
         self._T_odom_unseen: list[Pose] = []  # odometry poses of the latest frames without returns
 
-    def confirm(self, localised: Localised, last: Frame | None, turn: Turn) -> Confirmed:
+    def confirm(self, localised: LocalisedFrame, last: Frame | None, turn: TurnRobot) -> ConfirmedPose:
         """Look around until it is clear where the robot is.
 
         Args:
@@ -84,7 +84,7 @@ class PoseCheck:
         # Compare views with the map until it is clear whether the estimated pose is right.
         if self._localisation.may_err and not self._is_lost:
             self.compare(localised, last)
-            for _ in range(self._config.looks):
+            for _ in range(self._config.views_per_turn):
                 if self._belief.knows_place or self._belief.is_sure_of(MotionState.CARRIED):
                     break
                 if (view := turn(self._next_view)) is None:
@@ -92,10 +92,10 @@ class PoseCheck:
                 localised = view
                 self.compare(localised)
         if self._belief.knows_place and not self._is_lost:
-            return Confirmed(localised, None)
+            return ConfirmedPose(localised, None)
         # The pose is wrong or unknown: collect views until the robot is found on the map.
         relocalisation = Relocalisation(self._robot, config=self._all)
-        for _ in range(self._config.looks):
+        for _ in range(self._config.views_per_turn):
             relocalisation.add(localised.frame)
             T = relocalisation.find(self._metric_map, self._elevation_map, self._localisation.points())
             if T is not None:
@@ -109,7 +109,7 @@ class PoseCheck:
             return self._go_on(localised, localised.T_map_base)
         raise LostError("the camera view does not match the map, and no other place matches reliably")
 
-    def compare(self, localised: Localised, last: Frame | None = None, is_driving: bool = False) -> None:
+    def compare(self, localised: LocalisedFrame, last: Frame | None = None, is_driving: bool = False) -> None:
         """Update the belief with a frame, compared with the map, and with the last frame if the wheels were still.
 
         A changed view shows that the robot was carried even if the new place looks as the map predicts, so both
@@ -120,7 +120,8 @@ class PoseCheck:
         if not self._localisation.may_err:
             return
         belief, config = self._belief, self._belief.config
-        found, changed = self._agreement(localised), None if last is None else change(localised.frame, last)
+        found = self._agreement(localised)
+        changed = None if last is None else agreement_with_previous(localised.frame, last)
         found = found._replace(expected=found.known) if is_driving else found
         if changed is not None and changed.shows_another_place(config):
             found = Agreement.of([found, changed])
@@ -130,7 +131,7 @@ class PoseCheck:
         """Doubt the pose or the map, because the robot has leaned too far with no mapped ramp nearby."""
         self._belief.observe_lean()
 
-    def check_depth(self, localised: Localised) -> None:
+    def check_depth(self, localised: LocalisedFrame) -> None:
         """Raise LostError if the camera measures no depth in a full turn, or on a drive longer than its near limit.
 
         A frame without returns is ignored if the map predicts too few, unless the camera has not measured any depth
@@ -160,18 +161,18 @@ class PoseCheck:
 
     @property
     def _next_view(self) -> float:
-        return 2 * np.pi / self._config.looks
+        return 2 * np.pi / self._config.views_per_turn
 
-    def _agreement(self, localised: Localised) -> Agreement:
+    def _agreement(self, localised: LocalisedFrame) -> Agreement:
         return agreement(localised.frame, localised.T_map_camera, self._metric_map)
 
-    def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
+    def _go_on(self, localised: LocalisedFrame, T_map_base: Pose) -> ConfirmedPose:
         """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
         is_far = np.linalg.norm(move[:3, 3]) > config.carried_way or abs(yaw_of(move)) > config.carried_turn
         self._belief.restart()
         if not (self._is_lost or is_far):
-            return Confirmed(localised, was_carried=False)
-        self._localisation.set_down(T_map_base)
+            return ConfirmedPose(localised, was_carried=False)
+        self._localisation.set_pose(T_map_base)
         self.relocalised += 1
-        return Confirmed(self._localisation.localise(localised.frame), was_carried=True)
+        return ConfirmedPose(self._localisation.localise(localised.frame), was_carried=True)

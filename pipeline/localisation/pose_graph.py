@@ -27,7 +27,7 @@ from pipeline.localisation.localisation import OdometryErrors
 from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.transforms import orthonormal
 
-ERRORS = 5
+ERROR_COUNT = 5
 """Number of systematic errors of the odometry."""
 SAMPLES = 64
 """Number of samples of the poses' distribution; they determine a standard deviation to within 9%."""
@@ -45,7 +45,7 @@ COARSE_TOLERANCE = 1e-3
 """Tolerance of the solutions with all of these factors but the last, because each solution only starts the next."""
 
 
-class Kind(IntEnum):
+class ConstraintKind(IntEnum):
     """The source of a constraint."""
 
     MOTION = 0
@@ -65,7 +65,8 @@ class Constraints(NamedTuple):
         first, second: indices of the keyframes.
         T: measured pose of the second in the frame of the first.
         whitening: (N, 6, 6) square root of the information, which scales every residual's standard deviation to 1.
-        turn, moves, turns, jacobian: values of the :class:`MeasuredMotion` from odometry; 0 for other constraints.
+        turn, translation_jacobian, rotation_jacobian, jacobian: values of the :class:`MeasuredMotion` from odometry;
+            0 for other constraints.
     """
 
     first: Indices
@@ -73,8 +74,8 @@ class Constraints(NamedTuple):
     T: Poses
     whitening: NDArray[np.float64]
     turn: NDArray[np.float64]
-    moves: NDArray[np.float64]
-    turns: NDArray[np.float64]
+    translation_jacobian: NDArray[np.float64]
+    rotation_jacobian: NDArray[np.float64]
     jacobian: NDArray[np.float64]
 
     def some(self, chosen: Mask | Indices) -> "Constraints":
@@ -84,10 +85,10 @@ class Constraints(NamedTuple):
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
         """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (5,)."""
-        turned = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix().swapaxes(1, 2)
+        turned = Rotation.from_rotvec(self.turn + self.rotation_jacobian @ errors).as_matrix().swapaxes(1, 2)
         between = relative(poses, self.first, self.second)
         rotation = Rotation.from_matrix(turned @ between[:, :3, :3]).as_rotvec()
-        moved = turned @ (between[:, :3, 3] - self.T[:, :3, 3] - self.moves @ errors)[..., None]
+        moved = turned @ (between[:, :3, 3] - self.T[:, :3, 3] - self.translation_jacobian @ errors)[..., None]
         return np.asarray((self.whitening @ np.concatenate([rotation[..., None], moved], axis=1))[..., 0])
 
     def chi2(self, poses: Poses, errors: Values) -> Values:
@@ -145,7 +146,7 @@ class PoseGraph:
         self._poses = GrowingArray(4, 4)
         self._ups = GrowingArray(3)
         self._samples = GrowingArray(6, SAMPLES)
-        shapes = (4, 4), (6, 6), (3,), (3, ERRORS), (3, ERRORS), (6, ERRORS)
+        shapes = (4, 4), (6, 6), (3,), (3, ERROR_COUNT), (3, ERROR_COUNT), (6, ERROR_COUNT)
         ends = GrowingArray(dtype=np.int64), GrowingArray(dtype=np.int64)
         self._rows = [*ends, *(GrowingArray(*shape) for shape in shapes)]
         self._kinds = GrowingArray(dtype=np.int64)
@@ -180,7 +181,7 @@ class PoseGraph:
 
     @property
     def kinds(self) -> Indices:
-        """(N,) the :class:`Kind` of each constraint."""
+        """(N,) the :class:`ConstraintKind` of each constraint."""
         return self._kinds.values
 
     def add(self, T_map_base: Pose, up: Direction) -> int:
@@ -197,7 +198,7 @@ class PoseGraph:
             self.add(T, up)
         self._fixed = self._solved = len(self)
 
-    def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: Kind) -> None:
+    def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: ConstraintKind) -> None:
         """Add a constraint on the pose of keyframe j relative to the current pose of keyframe i.
 
         A constraint that is not finite is left out and counted in ``dropped``. A constraint without information is
@@ -217,19 +218,19 @@ class PoseGraph:
         strength, directions = np.linalg.eigh(information)
         whitening = np.sqrt(np.maximum(strength, 0.0))[:, None] * directions.T
         T = np.linalg.solve(self.poses[i], T_map_base)
-        nothing = (np.zeros((3, ERRORS)), np.zeros((3, ERRORS)), np.zeros((6, ERRORS)))
+        nothing = (np.zeros((3, ERROR_COUNT)), np.zeros((3, ERROR_COUNT)), np.zeros((6, ERROR_COUNT)))
         turn = Rotation.from_matrix(T[:3, :3]).as_rotvec()
         self._append(i, j, T, whitening, turn, *nothing, kind=kind)
 
-    def drive(self, motion: MeasuredMotion) -> None:
+    def add_motion(self, motion: MeasuredMotion) -> None:
         """Add a constraint from the odometry's motion between the previous keyframe and the newest one."""
         k, whitening = len(self) - 1, np.linalg.inv(np.linalg.cholesky(motion.noise(self._config.odometry)))
         self._append(
-            k - 1, k, motion.T, whitening, motion.turn, motion.moves, motion.turns, motion.jacobian,
-            kind=Kind.MOTION,
+            k - 1, k, motion.T, whitening, motion.turn,
+            motion.translation_jacobian, motion.rotation_jacobian, motion.jacobian, kind=ConstraintKind.MOTION,
         )  # fmt: skip
 
-    def _append(self, *values: object, kind: Kind) -> None:
+    def _append(self, *values: object, kind: ConstraintKind) -> None:
         for row, value in zip(self._rows, values, strict=True):
             row.append(value)  # type: ignore[arg-type]
         self._kinds.append(kind)
@@ -252,7 +253,7 @@ class PoseGraph:
         """
         k, samples = len(self) - 1, self._samples.values
         constraints = self.constraints
-        surfaces = constraints.some((constraints.second == k) & (self.kinds != Kind.MOTION))
+        surfaces = constraints.some((constraints.second == k) & (self.kinds != ConstraintKind.MOTION))
         chi2 = surfaces.chi2(self.poses, self.odometry.errors)
         roots = np.sqrt(weights_of(chi2, chi2_gate(6, self._config.registration.confidence)))
         total, pull = np.zeros((6, 6)), np.zeros((6, SAMPLES))
@@ -305,7 +306,7 @@ class PoseGraph:
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
         grown, window = len(self) - self._solved, self._config.graph.window
         # A registration with surfaces of an older keyframe moves the newest poses at once, and the others gradually.
-        tells = np.isin(self.kinds[self._settled :], (Kind.MOTION, Kind.LOOP))
+        tells = np.isin(self.kinds[self._settled :], (ConstraintKind.MOTION, ConstraintKind.LOOP))
         self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
         self._settled = len(self._kinds)
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
@@ -370,7 +371,7 @@ class Problem:
     def __post_init__(self) -> None:
         self._at = np.cumsum(self.free) - 1
         self._variables = 6 * int(self.free.sum())
-        self._size = self._variables + (ERRORS if self.frees_errors else 0)
+        self._size = self._variables + (ERROR_COUNT if self.frees_errors else 0)
         self._gravity = 1 / self.config.odometry.gravity_sigma
         sigmas = np.full(6, self.config.graph.fixed_sigma)
         sigmas[:2] = 1.0  # gravity determines roll and pitch
@@ -421,7 +422,7 @@ class Problem:
             self._add(gradient, ends[chosen], root[chosen] * (J[chosen].swapaxes(1, 2) @ noise[chosen]))
         if self.frees_errors:
             gradient[self._variables :] = np.einsum("nri,nrs->is", root * errors, noise)
-            gradient[self._variables :] += self._before.T @ rng.normal(size=(ERRORS, SAMPLES))
+            gradient[self._variables :] += self._before.T @ rng.normal(size=(ERROR_COUNT, SAMPLES))
         upright = self._gravity_rows().swapaxes(1, 2) @ rng.normal(size=(int(self.free.sum()), 2, SAMPLES))
         gradient[: self._variables] += np.concatenate([upright, np.zeros_like(upright)], axis=1).reshape(-1, SAMPLES)
         if self.free[0]:
@@ -432,8 +433,8 @@ class Problem:
 
     def error_covariance(self) -> Covariance:
         """(5, 5) covariance of the systematic errors."""
-        unit = np.zeros((self._size, ERRORS))
-        unit[self._variables :] = np.eye(ERRORS)
+        unit = np.zeros((self._size, ERROR_COUNT))
+        unit[self._variables :] = np.eye(ERROR_COUNT)
         covariance = self._factor.solve(unit)[self._variables :]
         return (covariance + covariance.T) / 2
 
@@ -530,7 +531,7 @@ class Problem:
             left: the Jacobians w.r.t. the systematic errors, weighted and transposed.
         """
         size, first = self._size, self._variables
-        dense = np.zeros((size, ERRORS))
+        dense = np.zeros((size, ERROR_COUNT))
         for keyframe, J in ends:
             free = self.free[keyframe]
             self._add(dense, keyframe[free], (left[free] @ J[free]).swapaxes(1, 2))
@@ -553,6 +554,6 @@ def _sparse(blocks: list[tuple[Indices, Indices, NDArray[np.float64]]], size: in
     return coo_array((values.ravel(), at), shape=(size, size)).tocsc()
 
 
-def spread(deviation: float, lever: float) -> Values:
+def pose_sigmas(deviation: float, lever: float) -> Values:
     """(6,) standard deviations of a pose, rad and m, each moving a point ``lever`` m away by ``deviation`` m."""
     return np.repeat([deviation / lever, deviation], 3)

@@ -171,7 +171,7 @@ def register(
     """
     # Gauss-Newton steps: pair points within ever smaller distances, and fuse their information with the priors.
     T = priors[0].T
-    for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.rounds):
+    for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.iterations):
         pairs = _Pairs(target, source, T, gate, config, target.weight)
         information, pull = pairs.measure()
         total = information.copy()
@@ -191,7 +191,7 @@ def register(
     return Registration(T, information, covariance, overlap, chi2, prior, fits, is_sure)
 
 
-def shares_of(
+def evidence_by_keyframe(
     target: Target, source: small_gicp.PointCloud, T: Pose, config: RegistrationConfig
 ) -> tuple[list[KeyframeEvidence], Mask]:
     """The evidence of each keyframe that owns points of the target, and which of the source's points are new.
@@ -207,14 +207,14 @@ def shares_of(
     """
     pairs = _Pairs(target, source, T, config.fine, config, np.ones(len(target.points)))
     owner = target.owner[pairs.target]
-    shares = []
+    evidence = []
     for one in np.unique(owner):
         H, pull = pairs.measure(owner == one)
         # Adding the identity fixes the directions that a few points leave undetermined, in which their own minimum
         # is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
-        shares.append(KeyframeEvidence(int(one), T @ exponential(np.asarray(delta)), H))
-    return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > config.voxel**2
+        evidence.append(KeyframeEvidence(int(one), T @ exponential(np.asarray(delta)), H))
+    return sorted(evidence, key=lambda e: -np.trace(e.information)), pairs.squared > config.voxel**2
 
 
 class _Pairs:
@@ -248,7 +248,7 @@ class _Pairs:
         n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
         # The normals of a frame's cloud have arbitrary signs; its target has only surfaces that face the camera.
-        alike = (cosine if isinstance(source, Surfaces) else np.abs(cosine)) > config.same_surface
+        alike = (cosine if isinstance(source, Surfaces) else np.abs(cosine)) > config.min_normal_cosine
         self.source, self.target = near[alike], index[near[alike]]
         away = target.points[self.target] - at[self.source]
         self.rows = []

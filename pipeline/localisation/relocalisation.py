@@ -21,7 +21,7 @@ from pipeline.geometry.thinning import voxel_means
 from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.belief import disproves
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.pose_graph import spread
+from pipeline.localisation.pose_graph import pose_sigmas
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
@@ -251,7 +251,7 @@ class MapPoints:
         # Points closer together than the correspondence distance share one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
         # A robot on a slope slides while it looks around.
-        drift = spread(DRIFT, registration.lever)
+        drift = pose_sigmas(DRIFT, registration.lever)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
         if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MAX_UNCERTAIN**2:

@@ -15,25 +15,30 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Covariance, Information, Mask, Places, Points, Pose, Poses, Values
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
-from pipeline.localisation.belief import Belief, MotionState, place_bounded
+from pipeline.localisation.belief import Belief, MotionState, bounded_log_likelihoods
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.localisation import Localisation, Localised, LostError, SavedKeyframes, check_odometry
-from pipeline.localisation.loops import Candidate, Loops, seen_through
+from pipeline.localisation.localisation import Localisation, LocalisedFrame, LostError, SavedKeyframes, check_odometry
+from pipeline.localisation.loops import Candidate, LoopCloser, seen_through_fraction
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel, Prediction
-from pipeline.localisation.motion_states import by_gravity, held_or_slipping, log_likelihoods, register_alternatives
+from pipeline.localisation.motion_states import (
+    gravity_prior,
+    held_and_slipping_priors,
+    log_likelihoods,
+    register_alternatives,
+)
 from pipeline.localisation.places import RADIUS, SIGMAS, STEP, WIDEST, find_place
-from pipeline.localisation.pose_graph import Kind, PoseGraph, spread
+from pipeline.localisation.pose_graph import ConstraintKind, PoseGraph, pose_sigmas
 from pipeline.localisation.registration import (
     KeyframeEvidence,
     Prior,
     Registration,
     Surfaces,
     Target,
+    evidence_by_keyframe,
     occam_factor,
     register,
-    shares_of,
 )
 from pipeline.localisation.unchanged_view import shows_no_motion
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_places
@@ -62,15 +67,15 @@ MIN_GROUND_POINTS = 20
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Match(Localised):
+class RegisteredFrame(LocalisedFrame):
     """A frame, its pose, and the data that connect a keyframe made from the frame to others.
 
-    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the prior of the pose, relative to the
-    reference, before the frame was registered; None for the first frame.
+    ``prediction`` is None if the odometry cannot be trusted. ``motion_prior`` is the prior of the pose, relative to
+    the reference, before the frame was registered; None for the first frame.
     """
 
     prediction: Prediction | None = None
-    step: Prior | None = None
+    motion_prior: Prior | None = None
     cloud: small_gicp.PointCloud | None = None
     target: Target | None = None
     registration: Registration | None = None
@@ -124,7 +129,7 @@ class Slam(Localisation):
         self.graph = PoseGraph(config)
         self.local_map = LocalMap(config)
         self.motion = MotionModel(config.odometry)
-        self._loops = Loops(self.graph, config)
+        self._loops = LoopCloser(self.graph, config)
         self.loops = self._loops.closed
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
@@ -161,7 +166,7 @@ class Slam(Localisation):
         """Covariance of the newest keyframe's pose relative to the first one's, from the last optimisation."""
         return self.graph.covariance(len(self.graph) - 1)
 
-    def localise(self, frame: Frame) -> Match:
+    def localise(self, frame: Frame) -> RegisteredFrame:
         """Localise a new frame by registration.
 
         Raises:
@@ -170,73 +175,73 @@ class Slam(Localisation):
         check_odometry(frame)
         self._pass_time(frame)
         before, self._last = self._last, frame
-        match = self._find(frame, before)
-        self.T_map_odom = match.T_map_base @ inverse(frame.T_odom_base)
-        return replace(match, repeats=self._repeats(match))
+        newest = self._find(frame, before)
+        self.T_map_odom = newest.T_map_base @ inverse(frame.T_odom_base)
+        return replace(newest, repeats=self._repeats(newest))
 
-    def _repeats(self, match: Match) -> bool:
+    def _repeats(self, newest: RegisteredFrame) -> bool:
         """Whether a keyframe at the same pose has seen all that a frame shows."""
-        if match.registration is None or match.cloud is None or match.prediction is None:
+        if newest.registration is None or newest.cloud is None or newest.prediction is None:
             return False
-        unseen = (1 - match.registration.overlap) * match.cloud.size()
+        unseen = (1 - newest.registration.overlap) * newest.cloud.size()
         is_small = unseen < self._config.registration.min_points
-        return match.registration.is_sure and is_small and self._repeated(match.T_map_base) is not None
+        return newest.registration.is_sure and is_small and self._repeated(newest.T_map_base) is not None
 
-    def add(self, localised: Localised) -> None:
+    def add(self, localised: LocalisedFrame) -> None:
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
-        match, reference = self._arrive(localised), self._reference
-        frame, T_map_base, config = match.frame, match.T_map_base, self._config
+        newest, reference = self._arrive(localised), self._reference
+        frame, T_map_base, config = newest.frame, newest.T_map_base, self._config
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         self._views.append(reduced(frame))
         # Connect the keyframe with the reference by the motion between them.
         motion = None
-        if match.step is not None:
-            motion = np.asarray(np.linalg.inv(np.linalg.inv(match.step.information) + reference.covariance))
-            if match.prediction is not None and reference.is_keyframe:
-                self.graph.drive(match.prediction.motion)
+        if newest.motion_prior is not None:
+            motion = np.asarray(np.linalg.inv(np.linalg.inv(newest.motion_prior.information) + reference.covariance))
+            if newest.prediction is not None and reference.is_keyframe:
+                self.graph.add_motion(newest.prediction.motion)
             else:
-                self.graph.connect(reference.keyframe, number, match.step.T, motion, Kind.MOTION)
+                self.graph.connect(reference.keyframe, number, newest.motion_prior.T, motion, ConstraintKind.MOTION)
         # Connect it with the keyframes that it was registered with, and with the ground that others saw below it.
-        new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
-        if match.target is not None and match.cloud is not None and (found := match.registration) is not None:
-            shares, new = shares_of(match.target, match.cloud, found.T, config.registration)
-            for share in shares[: config.slam.max_connections]:
-                self.graph.connect(share.owner, number, share.T, share.information, Kind.SURFACE)
+        new = np.ones(newest.cloud.size() if newest.cloud else 0, np.bool_)
+        if newest.target is not None and newest.cloud is not None and (found := newest.registration) is not None:
+            evidence, new = evidence_by_keyframe(newest.target, newest.cloud, found.T, config.registration)
+            for one in evidence[: config.slam.max_connections]:
+                self.graph.connect(one.owner, number, one.T, one.information, ConstraintKind.SURFACE)
         if (stand := self._ground_constraint(T_map_base)) is not None:
-            self.graph.connect(stand.owner, number, stand.T, stand.information, Kind.GROUND)
+            self.graph.connect(stand.owner, number, stand.T, stand.information, ConstraintKind.GROUND)
         # Sample its pose relative to all of them: surfaces seen long ago stay certain as long as they are in view.
         if motion is not None:
             self.graph.extend_samples(reference.keyframe, motion)
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
-        if match.cloud is not None:
-            self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
+        if newest.cloud is not None:
+            self.local_map.add(number, T_map_base, newest.cloud, frame.T_base_camera[:3, 3], new)
         self._refer(number, np.eye(4), frame)
         if self.closes_loops:
-            self._find_loop(number, match)
+            self._find_loop(number, newest)
 
-    def pass_by(self, localised: Localised) -> None:
+    def pass_by(self, localised: LocalisedFrame) -> None:
         """Measure further motions from the newest frame, which repeats a keyframe, without keeping the frame."""
-        match = self._arrive(localised)
+        newest = self._arrive(localised)
         number = required(self._repeated(localised.T_map_base))
         covariance = self.graph.covariance(number, self._reference.keyframe)
-        if match.registration is not None:
-            covariance = covariance + match.registration.covariance
+        if newest.registration is not None:
+            covariance = covariance + newest.registration.covariance
         self._refer(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame, covariance)
 
-    def _arrive(self, match: Localised) -> Match:
+    def _arrive(self, newest: LocalisedFrame) -> RegisteredFrame:
         """Accept the newest frame's pose as the start of the next motion."""
-        if not isinstance(match, Match) or match.frame is not self._last:
+        if not isinstance(newest, RegisteredFrame) or newest.frame is not self._last:
             raise ValueError("only the newest frame, as returned by localise, can be a keyframe or be passed by")
-        if match.prediction is not None:
-            self.motion.take(match.prediction, match.registration.information if match.registration else None)
-        elif match.registration:
-            self.motion.restart(match.registration.covariance)
-        elif match.step is not None:
-            self.motion.restart(np.asarray(np.linalg.inv(match.step.information)))
-        return match
+        if newest.prediction is not None:
+            self.motion.update(newest.prediction, newest.registration.information if newest.registration else None)
+        elif newest.registration:
+            self.motion.restart(newest.registration.covariance)
+        elif newest.motion_prior is not None:
+            self.motion.restart(np.asarray(np.linalg.inv(newest.motion_prior.information)))
+        return newest
 
     def _found_sigmas(self) -> Values:
-        return spread(FOUND_DEVIATION, self._config.registration.lever)
+        return pose_sigmas(FOUND_DEVIATION, self._config.registration.lever)
 
     def _refer(
         self, keyframe: int, T_keyframe_base: Pose, frame: Frame, covariance: Covariance | float = 0.0
@@ -252,7 +257,7 @@ class Slam(Localisation):
         spacing = self._config.keyframes
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
         cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
-        same = (way < spacing.way) & (cosine > np.cos(spacing.turn))
+        same = (way < spacing.distance) & (cosine > np.cos(spacing.turn))
         nearest = int(np.where(same, way, np.inf).argmin())
         return nearest if same.any() and self._deviations[nearest] < REPEATED_DEVIATION else None
 
@@ -260,13 +265,13 @@ class Slam(Localisation):
         """Close a loop if one was confirmed, and correct the poses of all keyframes."""
         self._loops.close()
         self.graph.optimise()
-        while self._loops.take_back():
+        while self._loops.remove_contradicted():
             self.graph.optimise()
         self.motion.learn(self.graph.odometry)
         self.T_map_odom = self.T_map_reference @ inverse(self._reference.T_odom_base)
         self._renew()
 
-    def set_down(self, T_map_base: Pose) -> None:
+    def set_pose(self, T_map_base: Pose) -> None:
         """Continue from the pose at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._last = T_map_base, None
         if len(self.graph):  # nearby keyframes have seen the surfaces in view from there
@@ -286,7 +291,7 @@ class Slam(Localisation):
         return SavedKeyframes(self.poses, ups, seen.points, seen.normals, seen.owner, self.graph.odometry)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Start with the keyframes of an earlier run, whose poses stay fixed; :meth:`set_down` sets the robot's pose.
+        """Start with the keyframes of an earlier run, whose poses stay fixed; :meth:`set_pose` sets the robot's pose.
 
         Raises:
             InputError: the keyframes have no points, because they were not registered.
@@ -332,7 +337,7 @@ class Slam(Localisation):
         """Update the uncertainty of each keyframe's pose relative to the reference."""
         self._deviations = self.graph.deviations(self._reference.keyframe)
 
-    def _find(self, frame: Frame, before: Frame | None) -> Match:
+    def _find(self, frame: Frame, before: Frame | None) -> RegisteredFrame:
         """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
 
         ``before``: the previous frame; None if there is none, or if the robot was carried since then.
@@ -341,7 +346,7 @@ class Slam(Localisation):
         # The odometry of the first frame defines the frame ``map``.
         cloud = cloud_of_frame(frame, config)
         if not len(self.graph) and self._anchor is None:
-            return Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
+            return RegisteredFrame(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         # Predict the pose: by the odometry since the reference or, where a carried robot was found, without it.
         odometry, farthest = None, config.coarse
         if self._anchor is None:
@@ -358,24 +363,24 @@ class Slam(Localisation):
         # If the view does not change and shows no surfaces, the wheels spun on the spot. If it shows surfaces, it may
         # also stay the same along a plain corridor.
         if odometry and cloud is None and before is not None and shows_no_motion(before, frame):
-            first, _ = held_or_slipping(first, self.T_map_reference)
+            first, _ = held_and_slipping_priors(first, self.T_map_reference)
             odometry = None
             self.slips += 1
-        step = first
+        motion_prior = first
         if odometry and start.is_keyframe:
-            step = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
+            motion_prior = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.motion_covariance)))
         # Where the certain keyframes saw too little, take the prediction as the pose.
         target = self._target(cloud.points()[:, :3], first.T, frame, self._local, config.widest) if cloud else None
         if target is None:
-            return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
+            return RegisteredFrame(frame, first.T, prediction=odometry, motion_prior=motion_prior, cloud=cloud)
         # Register the frame, with the prediction, gravity and the ground below as priors.
-        registered = partial(Match, frame, cloud=cloud, target=target)
+        registered = partial(RegisteredFrame, frame, cloud=cloud, target=target)
         stand = self._ground_constraint(first.T)
         heights = [Prior(stand.T, stand.information)] if stand else []
-        level = by_gravity(first.T, frame, self._config.odometry.gravity_sigma)
+        level = gravity_prior(first.T, frame, self._config.odometry.gravity_sigma)
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
         if odometry is None:
-            return registered(nominal.T, step=step, registration=nominal)
+            return registered(nominal.T, motion_prior=motion_prior, registration=nominal)
         # If the frame does not fit, also register it as if the robot were held or slipping, and trust the likeliest
         # state.
         found = {MotionState.NOMINAL: (first, nominal)}
@@ -387,9 +392,11 @@ class Slam(Localisation):
         state = max(found, key=lambda state: self.belief.probabilities[state])
         prior, registration = found[state]
         if state is MotionState.NOMINAL:
-            return registered(registration.T, prediction=odometry, step=step, registration=registration)
+            return registered(
+                registration.T, prediction=odometry, motion_prior=motion_prior, registration=registration
+            )
         self.slips += 1
-        return registered(registration.T, step=prior, registration=registration)
+        return registered(registration.T, motion_prior=prior, registration=registration)
 
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
         """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""
@@ -399,10 +406,10 @@ class Slam(Localisation):
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
         reach = max(MIN_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
-        level = by_gravity(motion.T, frame, config.odometry.gravity_sigma)
+        level = gravity_prior(motion.T, frame, config.odometry.gravity_sigma)
         anywhere = level.information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
         likely[MotionState.CARRIED] = -min(motion.surprise, occam_factor(anywhere, motion.information))
-        return place_bounded(likely, config.belief)
+        return bounded_log_likelihoods(likely, config.belief)
 
     def _target(self, points: Places, T: Pose, frame: Frame, owners: Mask, margin: float) -> Target | None:
         """The old points in view, weighted by the certainty of their keyframe's pose."""
@@ -422,10 +429,10 @@ class Slam(Localisation):
         information = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, GROUND_SIGMA**-2])
         return KeyframeEvidence(int(np.bincount(owners).argmax()), lifted, information)
 
-    def _find_loop(self, number: int, match: Match) -> None:
+    def _find_loop(self, number: int, newest: RegisteredFrame) -> None:
         """Try to locate the newest keyframe among old surfaces whose position relative to it is uncertain."""
         config, loops, poses = self._config.registration, self._config.loops, self.poses
-        T, cloud, frame = poses[number], match.cloud, match.frame
+        T, cloud, frame = poses[number], newest.cloud, newest.frame
         if cloud is None or self._loops.is_due:
             return
         # Select the old keyframes that may have seen the robot's surroundings.
@@ -459,18 +466,19 @@ class Slam(Localisation):
         source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])
         if len(target.points) < config.min_points:
             return
-        prior = Prior(guess, np.diag(spread(2 * STEP, config.lever) ** -2.0))
-        level = by_gravity(guess, frame, self._config.odometry.gravity_sigma)
+        prior = Prior(guess, np.diag(pose_sigmas(2 * STEP, config.lever) ** -2.0))
+        level = gravity_prior(guess, frame, self._config.odometry.gravity_sigma)
         found = register(target, source, [prior, level], config.coarse, config)
         if not (found.fits and is_pinned(found.information, loops.pinned_deviation)):
             return
         # The frame must not look through the old surfaces, nor the old frame through the surfaces of this one.
         shown = transform_places(found.T, cloud.points()[:, :3])
         view = self._views[first]
-        through = [seen_through(frame, found.T, target.points, loops.seen_through)]
-        through += [seen_through(view, poses[first], shown, loops.seen_through)] if view else []
+        through = [seen_through_fraction(frame, found.T, target.points, loops.see_through_margin)]
+        through += [seen_through_fraction(view, poses[first], shown, loops.see_through_margin)] if view else []
         if max(through) <= loops.max_seen_through:
-            known = np.linalg.inv(found.information + np.eye(6)) + np.diag(spread(loops.sigma, config.lever) ** 2)
+            registered = np.linalg.inv(found.information + np.eye(6))
+            known = registered + np.diag(pose_sigmas(loops.sigma, config.lever) ** 2)
             self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, np.asarray(known)))
 
 

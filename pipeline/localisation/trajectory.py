@@ -48,7 +48,7 @@ class Trajectory:
             start, end = self.poses[pair, :3, 3]
             return from_rotation(R, start + share * (end - start))
         k = min((k for k in (after - 1, after) if 0 <= k < len(self.times)), key=lambda k: abs(self.times[k] - time))
-        return self.poses[k] if abs(self.times[k] - time) <= config.still_valid else None
+        return self.poses[k] if abs(self.times[k] - time) <= config.max_time_offset else None
 
     def of_base(self, T_base_camera: Pose) -> "Trajectory":
         """The trajectory of ``base_link``, given the camera's pose ``T_base_camera`` on the robot."""

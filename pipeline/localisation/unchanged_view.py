@@ -10,9 +10,9 @@ from pipeline.transforms import inverse
 
 MIN_WAY = 0.05
 """Minimum distance that the wheels must have measured, m."""
-SMALL = 80, 60
+REDUCED_SIZE = 80, 60
 """Width and height, pixels, to which images are reduced, so that their noise averages out."""
-MAX_SAME = 0.95
+DIFFERENCE_QUANTILE = 0.95
 """Quantile of the absolute differences of pixels by which images are compared."""
 SAME_GREY = 1.2
 """Maximum difference between two images of one view, grey levels. While the wheels of a wedged robot spun, it was 1;
@@ -29,8 +29,8 @@ def shows_no_motion(before: Frame, after: Frame) -> bool:
     moved = inverse(before.T_odom_base) @ after.T_odom_base
     if np.linalg.norm(moved[:3, 3]) < MIN_WAY or before.rgb.shape != after.rgb.shape or not after.rgb.size:
         return False
-    old, new = (_small(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)) for frame in (before, after))
-    depths = [_small(np.where(frame.returns, frame.depth, 0.0)) for frame in (before, after)]
+    old, new = (_reduced(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)) for frame in (before, after))
+    depths = [_reduced(np.where(frame.returns, frame.depth, 0.0)) for frame in (before, after)]
     is_same = _difference(old, new) < SAME_GREY and _difference(*depths) < SAME_DEPTH
     return is_same and _difference(old, _after(old, before, after, moved)) > 2 * SAME_GREY
 
@@ -44,15 +44,15 @@ def _after(image: NDArray[np.float64], before: Frame, after: Frame, moved: Pose)
     returns = before.depth[before.returns]
     away = float(np.median(returns)) if returns.size else before.sensor.nearest
     k = before.intrinsics
-    K = np.diag([SMALL[0] / k.width, SMALL[1] / k.height, 1.0]) @ k.matrix
+    K = np.diag([REDUCED_SIZE[0] / k.width, REDUCED_SIZE[1] / k.height, 1.0]) @ k.matrix
     plane = T[:3, :3] + np.outer(T[:3, 3], [0.0, 0.0, 1.0 / away])
     homography = K @ plane @ np.linalg.inv(K)
-    return np.asarray(cv2.warpPerspective(image, homography, SMALL, borderMode=cv2.BORDER_REPLICATE))
+    return np.asarray(cv2.warpPerspective(image, homography, REDUCED_SIZE, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _small(image: NDArray[np.generic]) -> NDArray[np.float64]:
-    return np.asarray(cv2.resize(image.astype(np.float64), SMALL, interpolation=cv2.INTER_AREA))
+def _reduced(image: NDArray[np.generic]) -> NDArray[np.float64]:
+    return np.asarray(cv2.resize(image.astype(np.float64), REDUCED_SIZE, interpolation=cv2.INTER_AREA))
 
 
 def _difference(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
-    return float(np.quantile(np.abs(after - before), MAX_SAME))
+    return float(np.quantile(np.abs(after - before), DIFFERENCE_QUANTILE))

@@ -198,7 +198,7 @@ def _turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray
 
 def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
     """Keyframe poses on a straight drive, including one at its end."""
-    count = ceil(np.linalg.norm(b - a) / SPACING.way)
+    count = ceil(np.linalg.norm(b - a) / SPACING.distance)
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
 
 

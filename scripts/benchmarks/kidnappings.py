@@ -59,7 +59,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     robot, config = episode.robot, episode.config
     mapper = make_mapper(replace(TRUE_LABELS, labels=config.labels), robot.model, config.seed, earlier=folder)
     explorer, frame = Explorer(robot, mapper), robot.sense()
-    mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
+    mapper.localisation.set_pose(robot.trajectory[-1].T_world_base)
     mapper.add_frame(mapper.localise(frame), labelled=True)
     explorer.pilot.navigator.moved(robot.drive(Velocity()))
     explorer.pilot.confirm(mapper.localise(robot.sense()))  # the last view before it is carried

@@ -117,13 +117,13 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
 @pytest.mark.parametrize(
     ("config", "field", "wrong"),
     [
-        (KeyframePolicy, "way", 0.0),
+        (KeyframePolicy, "distance", 0.0),
         (KeyframePolicy, "labelled_every", 0),
-        (RegistrationConfig, "rounds", 0),
-        (OdometryConfig, "way_sigma", 0.0),
+        (RegistrationConfig, "iterations", 0),
+        (OdometryConfig, "translation_sigma", 0.0),
         (OdometryConfig, "added_distance", -0.1),
-        (BeliefConfig, "fault_way", 0.0),
-        (PoseCheckConfig, "looks", 0),
+        (BeliefConfig, "distance_between_faults", 0.0),
+        (PoseCheckConfig, "views_per_turn", 0),
         (VisibilityConfig, "stride", 0),
         (ExplorationConfig, "more_time", 1.0),
         (TopologicalMapConfig, "max_detour", 0.9),

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.labels import Label
-from pipeline.localisation.localisation import Localised
+from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, load_elevation_map, load_keyframes, save_keyframes, varies
@@ -116,7 +116,7 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     load_keyframes(file, loaded)
     assert loaded.T_map_start is None
     T = mapper.keyframes.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
-    loaded.localisation.set_down(from_yaw(0.05, 0.03, 0, 0) @ T)
+    loaded.localisation.set_pose(from_yaw(0.05, 0.03, 0, 0) @ T)
     loaded.add_frame(loaded.localise(seen_from(T, np.eye(4), seed=9)))
     loaded.apply_corrections()
     np.testing.assert_allclose(loaded.keyframes.poses[:4], mapper.keyframes.poses, atol=1e-3)
@@ -202,7 +202,7 @@ def test_files_that_are_none_are_refused(file, tmp_path):
 
 def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     taken = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    taken.add_frame(Localised(seen_from(POSES[0], POSES[0]), POSES[0]))
+    taken.add_frame(LocalisedFrame(seen_from(POSES[0], POSES[0]), POSES[0]))
     save_keyframes(taken, tmp_path / "taken.npz")
     with pytest.raises(InputError, match=r"taken.npz"):
         load_keyframes(tmp_path / "taken.npz", new_mapper())

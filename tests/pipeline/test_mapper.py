@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
-from pipeline.localisation.localisation import Localised, LostError
+from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import bits
@@ -44,7 +44,7 @@ def mapped(poses: np.ndarray) -> Mapper:
     """A mapper whose robot was set down at the first of these poses, with a drive up to the third."""
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     for k, (frame, T, labelled) in enumerate(zip(FRAMES, poses, LABELLED, strict=True)):
-        mapper.add_frame(Localised(frame, T), labelled, set_down=k == 0)
+        mapper.add_frame(LocalisedFrame(frame, T), labelled, set_down=k == 0)
         if k == 2:
             track, box = np.array([(-0.05, 0.02, 0), (0, 0, 0), (0.03, 0.01, 0)]), np.full((60, 3), (0.4, 0, 0.35))
             track, box, panel = (p @ T[:3, :3].T + T[:3, 3] for p in (track, box, np.array([(0.3, 0.2, 0.3)])))
@@ -65,7 +65,7 @@ def set_down(faces: list, *yaws: float, reach: tuple[float, float] = RANGE) -> M
     for seed, yaw in enumerate(yaws):
         T = from_yaw(0, 0, 0, yaw)
         frame = look(faces, T @ T_BASE_CAMERA, 0.004, seed, reach, HALF)
-        mapper.add_frame(Localised(replace(frame, T_base_camera=T_BASE_CAMERA), T), False, set_down=seed == 0)
+        mapper.add_frame(LocalisedFrame(replace(frame, T_base_camera=T_BASE_CAMERA), T), False, set_down=seed == 0)
     return mapper
 
 
@@ -110,7 +110,7 @@ def test_a_robot_set_down_between_walls_that_it_cannot_see_turns_there_and_stays
 def ground_at(height: float) -> Mapper:
     """A mapper of a robot that was set down at a height, m."""
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    mapper.add_frame(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
+    mapper.add_frame(LocalisedFrame(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
     return mapper
 
 
@@ -134,14 +134,14 @@ def test_classifiers_get_heights_over_where_the_robot_was_set_down(height):
     plain, lifted = Heights(), Heights()
     for classifier, z in ((plain, 0.0), (lifted, height)):
         mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
-        mapper.add_frame(Localised(FRAMES[0], from_yaw(0, 0, z, 0)), set_down=True)
+        mapper.add_frame(LocalisedFrame(FRAMES[0], from_yaw(0, 0, z, 0)), set_down=True)
     np.testing.assert_allclose(lifted.seen, plain.seen, atol=0.03)
 
 
 def test_what_is_farther_than_kept_points_reach_is_no_return():
     far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    mapper.add_frame(Localised(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4)))
+    mapper.add_frame(LocalisedFrame(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4)))
     assert not len(mapper.semantic_map.points())
     assert np.isnan(mapper.elevation_map.measured).all()
     assert len(mapper.metric_map.free_centres())
@@ -271,7 +271,7 @@ def test_maps_move_as_one_with_all_keyframes():
 
 def test_a_keyframe_that_is_not_labelled_is_in_the_geometric_maps_alone():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    keyframe = mapper.add_frame(Localised(FRAMES[0], POSES[0]), labelled=False)
+    keyframe = mapper.add_frame(LocalisedFrame(FRAMES[0], POSES[0]), labelled=False)
     assert not any(map(len, (mapper.semantic_map, mapper.segments, keyframe.points, keyframe.labels)))
     assert len(mapper.metric_map.occupied_centres()) > 0
     assert np.isfinite(mapper.elevation_map.measured).any()
@@ -282,7 +282,7 @@ def test_little_is_kept_of_a_keyframe():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     frame = replace(look(SCENE, T_BASE_CAMERA, 0.004), T_base_camera=T_BASE_CAMERA)
     for labelled, most in ((True, 400_000), (False, 200_000)):
-        mapper.add_frame(Localised(frame, np.eye(4)), labelled)
+        mapper.add_frame(LocalisedFrame(frame, np.eye(4)), labelled)
         assert mapper.keyframes.seen[-1].nbytes < most
 
 
@@ -298,7 +298,7 @@ def test_poses_that_are_none_are_refused():
 def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     for frame, T in zip(FRAMES[:2], POSES, strict=False):
-        mapper.add_frame(Localised(frame, T))
+        mapper.add_frame(LocalisedFrame(frame, T))
     far = POSES[2].copy()
     far[0, 3] = far[1, 3] = reach
     with pytest.raises((InputError, LostError), match=r"odometry|would take"):
@@ -332,11 +332,11 @@ def test_what_keyframes_on_the_way_show_is_on_the_map_from_the_next_one_on():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), readers=readers)
     shown = []
     for frame, T in zip(FRAMES[:4], POSES[:4], strict=True):
-        mapper.add_frame(Localised(frame, T), labelled=frame is FRAMES[3], set_down=frame is FRAMES[0])
+        mapper.add_frame(LocalisedFrame(frame, T), labelled=frame is FRAMES[3], set_down=frame is FRAMES[0])
         shown.append(sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen))
     assert shown == [[], [0], [0, 1], [0, 1, 2, 3]]
     assert readers.asked == FRAMES[:4]
-    mapper.add_frame(Localised(FRAMES[4], POSES[4]), labelled=False)
+    mapper.add_frame(LocalisedFrame(FRAMES[4], POSES[4]), labelled=False)
     mapper.apply_corrections()  # the last keyframe of a run that is cut off counts too
     assert sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen) == [0, 1, 2, 3, 4]
 
@@ -355,6 +355,6 @@ class CertainRamps(Ramps):
 @pytest.mark.parametrize(("classifier", "is_revised"), [(Ramps(), True), (CertainRamps(), False)])
 def test_the_map_revises_labels_that_are_not_certain(classifier: Ramps, is_revised: bool) -> None:
     mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
-    mapper.add_frame(Localised(FRAMES[0], POSES[0]))
+    mapper.add_frame(LocalisedFrame(FRAMES[0], POSES[0]))
     mapper.revise_labels()
     assert (mapper.semantic_map.labels() != Label.INCLINED_RAMP).any() == is_revised

@@ -9,8 +9,8 @@ from pipeline.config import PipelineConfig
 from pipeline.frame import Frame
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.localisation import LostError
-from pipeline.localisation.pose_check import Confirmed
-from pipeline.localisation.pose_graph import Kind
+from pipeline.localisation.pose_check import ConfirmedPose
+from pipeline.localisation.pose_graph import ConstraintKind
 from pipeline.mapper import Keyframe, Mapper, map_frame
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
@@ -65,8 +65,10 @@ class Outlook:
 
     def __init__(self, robot=None):
         self.robot, album = robot or SeeingRobot(), Album()
-        policy = KeyframePolicy(way=0.4, turn=np.deg2rad(20), labelled_every=4)
-        config = PipelineConfig(LocalisationConfig(keyframes=policy, pose_check=PoseCheckConfig(looks=LOOKS)))
+        policy = KeyframePolicy(distance=0.4, turn=np.deg2rad(20), labelled_every=4)
+        config = PipelineConfig(
+            LocalisationConfig(keyframes=policy, pose_check=PoseCheckConfig(views_per_turn=LOOKS))
+        )
         self.mapper = Mapper(PIONEER, TruthClassifier(), config=config)
         self.mapper.observers.append(album)
         self.keyframes = album.keyframes
@@ -80,7 +82,7 @@ class Outlook:
         self.robot.T = place
         return self
 
-    def confirm(self) -> Confirmed:
+    def confirm(self) -> ConfirmedPose:
         """Look around without making a keyframe."""
         return self.pilot.confirm(self.mapper.localise(self.pilot.sense()))
 
@@ -283,7 +285,7 @@ def test_a_registration_that_is_no_number_is_left_out_and_noted():
     outlook.pilot.look_around()
     graph = outlook.mapper.localisation.graph
     before = graph.poses.copy()
-    graph.connect(0, 0, np.full((4, 4), np.nan), np.eye(6), Kind.SURFACE)
+    graph.connect(0, 0, np.full((4, 4), np.nan), np.eye(6), ConstraintKind.SURFACE)
     outlook.pilot.correct()
     assert [fault.kind for fault in outlook.pilot.faults.all] == ["registration"]
     np.testing.assert_array_equal(graph.poses, before)

@@ -51,7 +51,7 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
     for n, frame in enumerate(tour.frames()):
         frame = remove_isolated_returns(frame)
         if tour.was_carried[n]:
-            slam.set_down(tour.true[n] @ found(rng))
+            slam.set_pose(tour.true[n] @ found(rng))
         begin = process_time()
         localised = slam.localise(frame)
         if localised.repeats:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Poses, Values
-from pipeline.localisation.pose_graph import Kind
+from pipeline.localisation.pose_graph import ConstraintKind
 from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative, rms
 from scripts.benchmarks.loops.replay import Replay
 from scripts.benchmarks.loops.revisits import AGAIN
@@ -31,7 +31,7 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
     ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
     constraints, kinds = graph.constraints, graph.kinds
     off, angle = offsets(true, constraints.first, constraints.second, constraints.T, constraints.whitening)
-    registered = (kinds == Kind.SURFACE) | (kinds == Kind.LOOP)
+    registered = (kinds == ConstraintKind.SURFACE) | (kinds == ConstraintKind.LOOP)
     is_false = registered & ((off > FALSE[0]) | (angle > FALSE[1]))
     is_right = registered & (off < RIGHT[0]) & (angle < RIGHT[1])
     frames = np.array(run.keyframes)
@@ -40,10 +40,10 @@ def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
     for stretch in stretches:
         inside = (ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]) & (way[ends[0]] < way[ends[1]] - AGAIN)
         linked += bool((inside & is_right).any())
-        loops = inside & (kinds == Kind.LOOP)
+        loops = inside & (kinds == ConstraintKind.LOOP)
         closures += bool(loops.any())
         false_closures += bool((loops & is_false).any())
-    elsewhere = (kinds == Kind.LOOP) & is_false
+    elsewhere = (kinds == ConstraintKind.LOOP) & is_false
     for stretch in stretches:
         elsewhere &= ~((ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]))
     false_closures += bool(elsewhere.any())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.localisation.agreement import Agreement, agreement, change
+from pipeline.localisation.agreement import Agreement, agreement, agreement_with_previous
 from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
@@ -72,16 +72,16 @@ def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
 def test_a_robot_whose_view_changed_while_its_wheels_stood_was_carried(to: np.ndarray) -> None:
     before = seen(ROOM, HERE)
     carried = replace(seen(ROOM, to, seed=1), T_odom_base=before.T_odom_base)
-    changed = change(carried, before)
+    changed = agreement_with_previous(carried, before)
     assert changed is not None
     assert max(odds(changed), odds(changed, MotionState.BLIND)) == pytest.approx(SURE)
-    assert change(seen(ROOM, to, seed=1), before) is None, "by its wheels it drove there"
+    assert agreement_with_previous(seen(ROOM, to, seed=1), before) is None, "by its wheels it drove there"
 
 
 def test_noise_and_a_small_move_show_the_same_place() -> None:
     before = seen(ROOM, HERE)
     for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
-        changed = change(seen(ROOM, HERE @ move, seed=2), before)
+        changed = agreement_with_previous(seen(ROOM, HERE @ move, seed=2), before)
         assert changed is not None
         assert odds(changed) < -SURE / 2
 

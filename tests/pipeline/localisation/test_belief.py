@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.integrate import solve_ivp
 
-from pipeline.localisation.belief import Belief, MotionState, disproves, place_bounded, tiles_seen, transition
+from pipeline.localisation.belief import (
+    Belief,
+    MotionState,
+    bounded_log_likelihoods,
+    disproves,
+    tile_log_likelihoods,
+    transition,
+)
 from pipeline.localisation.config import BeliefConfig
 
 CONFIG = BeliefConfig()
@@ -60,17 +67,17 @@ def test_a_frame_alone_convinces_nobody_and_three_do() -> None:
     belief.predict(0.0, 10.0)
     sure = []
     for _ in range(4):
-        belief.observe(tiles_seen(explained=50, contradicted=200, missing=0, config=CONFIG))
+        belief.observe(tile_log_likelihoods(explained=50, contradicted=200, missing=0, config=CONFIG))
         sure.append((belief.knows_place, belief.is_sure_of(MotionState.CARRIED)))
     assert sure == [(False, False), (False, False), (False, True), (False, True)]
 
 
 def test_tiles_without_a_return_are_of_a_blind_camera_and_not_of_a_lift() -> None:
-    likely = tiles_seen(explained=0, contradicted=0, missing=300, config=CONFIG)
+    likely = tile_log_likelihoods(explained=0, contradicted=0, missing=300, config=CONFIG)
     assert likely[MotionState.BLIND] - likely[MotionState.NOMINAL] == pytest.approx(SURE)
-    few = tiles_seen(explained=9, contradicted=0, missing=0, config=CONFIG)
+    few = tile_log_likelihoods(explained=9, contradicted=0, missing=0, config=CONFIG)
     assert few[MotionState.CARRIED] - few[MotionState.NOMINAL] == pytest.approx(np.log(0.6 / 0.94))
-    np.testing.assert_array_equal(tiles_seen(0, 0, 0, CONFIG), 0.0)
+    np.testing.assert_array_equal(tile_log_likelihoods(0, 0, 0, CONFIG), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +90,7 @@ def test_frames_together_disprove_a_place(explained: int, contradicted: int, exp
 @settings(max_examples=50, deadline=None)
 @given(likelihoods)
 def test_a_frame_makes_no_surer_of_the_place_than_the_confidence(likely: np.ndarray) -> None:
-    bounded = place_bounded(likely, CONFIG)
+    bounded = bounded_log_likelihoods(likely, CONFIG)
     np.testing.assert_array_equal(bounded[: MotionState.CARRIED], likely[: MotionState.CARRIED])
     assert (np.abs(bounded[MotionState.CARRIED :] - likely[: MotionState.CARRIED].max()) <= SURE + 1e-9).all()
 

@@ -30,7 +30,7 @@ def driven(every: list[MeasuredMotion], errors: NDArray[np.float64]) -> tuple[Co
     graph.add(from_yaw(1, 2, 0, 0.5), every[0].up)
     for motion in every:
         graph.add(graph.poses[-1] @ motion.without(errors), motion.up)
-        graph.drive(motion)
+        graph.add_motion(motion)
     return graph.constraints, graph.poses
 
 

@@ -52,11 +52,11 @@ def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
     for _ in range(20):
         prediction = model.predict(T, motion)
         T = prediction.T_map_base
-        model.take(prediction, None)
+        model.update(prediction, None)
     assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(0.005 * 20 * np.pi / 12, rel=0.1)
-    model.take(prediction, EXACT)
+    model.update(prediction, EXACT)
     after = model.predict(T, motion)
-    np.testing.assert_allclose(after.covariance[POSE, POSE], after.step, rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(after.covariance[POSE, POSE], after.motion_covariance, rtol=1e-3, atol=1e-9)
 
 
 def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:
@@ -67,8 +67,8 @@ def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:
     for _ in range(20):
         prediction = model.predict(T, motion)
         T = prediction.T_map_base
-        model.take(prediction, along)
-    assert prediction.covariance[3, 3] == pytest.approx(2 * prediction.step[3, 3], rel=0.01)
+        model.update(prediction, along)
+    assert prediction.covariance[3, 3] == pytest.approx(2 * prediction.motion_covariance[3, 3], rel=0.01)
 
 
 def test_whole_turns_between_keyframes_count() -> None:
@@ -100,9 +100,9 @@ def test_after_a_restart_a_pose_is_as_sure_as_given() -> None:
 
 def test_what_was_learnt_makes_the_next_motion_surer() -> None:
     motion, model = motion_of(np.random.default_rng(2)), MotionModel(CONFIG)
-    before = model.predict(np.eye(4), motion).step
+    before = model.predict(np.eye(4), motion).motion_covariance
     model.learn(OdometryErrors(EXPECTED.errors, np.zeros((5, 5))))
-    after = model.predict(np.eye(4), motion).step
+    after = model.predict(np.eye(4), motion).motion_covariance
     np.testing.assert_allclose(after, motion.noise(CONFIG))
     assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()
 
@@ -122,7 +122,7 @@ def test_a_motion_is_as_unsure_as_the_way_the_turn_and_the_slope_make_it() -> No
 def test_a_slip_takes_away_any_share_of_the_way(way: float) -> None:
     """Its share is uniform between 0 and 1, so that its mean square is a third."""
     noise = MeasuredMotion(from_yaw(way, 0, 0, 0), np.array([0.0, 0.0, 1.0]), 1.0).noise(CONFIG)
-    assert noise[3, 3] - noise[4, 4] == pytest.approx(way / CONFIG.slip_way * way**2 / 3)
+    assert noise[3, 3] - noise[4, 4] == pytest.approx(way / CONFIG.distance_between_slips * way**2 / 3)
 
 
 @given(numbers, numbers, numbers, st.integers(0, 4))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.localisation import Localised, LostError
+from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.pose_check import PoseCheck
 from pipeline.mapper import Mapper, map_frame
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -33,7 +33,7 @@ def test_a_camera_without_depth_is_noticed_where_it_ought_to_see(mapper: Mapper,
         nonlocal T
         T = T @ move
         seen = replace(frame, depth=np.float32(share) * frame.depth, T_odom_base=T)
-        check.check_depth(Localised(seen, np.eye(4)))
+        check.check_depth(LocalisedFrame(seen, np.eye(4)))
 
     for _ in range(2):  # what it sees in between counts
         for _ in range(most):

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.localisation.pose_graph import Kind, PoseGraph
+from pipeline.localisation.pose_graph import ConstraintKind, PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
 
 CONFIG = LocalisationConfig()
@@ -27,7 +27,7 @@ def chain(edges: list[NDArray[np.float64]], information: NDArray[np.float64] = S
     graph.add(np.eye(4), UP)
     for k, edge in enumerate(edges):
         T = graph.poses[k] @ edge
-        graph.connect(k, graph.add(T, UP), T, information, Kind.MOTION)
+        graph.connect(k, graph.add(T, UP), T, information, ConstraintKind.MOTION)
     return graph
 
 
@@ -40,7 +40,7 @@ def test_a_square_closes() -> None:
     edges = [from_yaw(2.04, 0, 0, np.deg2rad(92))] * 4
     graph = chain(edges, 1e3 * np.eye(6))
     assert np.linalg.norm(graph.poses[-1][:2, 3]) > 0.19
-    graph.connect(0, 4, graph.poses[0], SURE, Kind.MOTION)
+    graph.connect(0, 4, graph.poses[0], SURE, ConstraintKind.MOTION)
     graph.optimise()
     corners = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
     errors = np.linalg.norm(graph.poses[:, :2, 3] - corners, axis=1)
@@ -54,18 +54,18 @@ def test_a_square_closes() -> None:
 def test_what_a_loop_contradicts_is_spread_evenly(edges: int, length: float, ratio: float) -> None:
     """Of n edges d with information 1 and a loop of n m with information r the mean is d + nr (1 - d) / (1 + nr)."""
     graph = chain([from_yaw(length, 0, 0, 0)] * edges, VAGUE)
-    graph.connect(0, edges, from_yaw(edges, 0, 0, 0), ratio * VAGUE, Kind.MOTION)
+    graph.connect(0, edges, from_yaw(edges, 0, 0, 0), ratio * VAGUE, ConstraintKind.MOTION)
     graph.optimise()
     share = edges * ratio / (1 + edges * ratio)
     expected = np.arange(edges + 1) * (length + share * (1 - length))
     np.testing.assert_allclose(graph.poses[:, 0, 3], expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("kind", Kind)
-def test_a_false_constraint_is_outvoted(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", ConstraintKind)
+def test_a_false_constraint_is_outvoted(kind: ConstraintKind) -> None:
     graph = chain([from_yaw(0.5, 0, 0, 0.2)] * 5)
     for k in range(2, 6):
-        graph.connect(k - 2, k, graph.poses[k], SURE, Kind.SURFACE)
+        graph.connect(k - 2, k, graph.poses[k], SURE, ConstraintKind.SURFACE)
     before = graph.poses.copy()
     graph.connect(0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, kind)
     graph.optimise()
@@ -75,7 +75,7 @@ def test_a_false_constraint_is_outvoted(kind: Kind) -> None:
 
 def test_a_true_loop_counts_although_it_may_be_an_outlier() -> None:
     graph = chain([from_yaw(0.51, 0, 0, 0)] * 4)
-    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, Kind.LOOP)
+    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, ConstraintKind.LOOP)
     graph.optimise()
     assert 2.005 < graph.poses[4][0, 3] < 2.02
 
@@ -92,7 +92,7 @@ def test_a_start_on_a_slope_stays_where_the_odometry_has_it() -> None:
     T, graph = tilted(5, -10), PoseGraph(CONFIG)
     graph.add(T, T[2, :3])
     graph.add(np.eye(4), UP)
-    graph.connect(0, 1, np.eye(4), SURE, Kind.MOTION)
+    graph.connect(0, 1, np.eye(4), SURE, ConstraintKind.MOTION)
     graph.optimise()
     np.testing.assert_allclose(graph.poses, [T, np.eye(4)], atol=1e-6)
 
@@ -103,7 +103,7 @@ def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
         T = from_yaw(k, 0, 0, yaw)
         graph.add(T, askew[2, :3])
         if k:
-            graph.connect(k - 1, k, T, SURE, Kind.MOTION)
+            graph.connect(k - 1, k, T, SURE, ConstraintKind.MOTION)
     before = graph.poses.copy()
     graph.optimise()
     np.testing.assert_allclose(graph.poses, before, atol=1e-4)
@@ -112,7 +112,7 @@ def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_nothing_moves_where_all_agree(x: float, yaw: float) -> None:
     graph = chain([from_yaw(x, 0.1, 0, yaw), from_yaw(0, x, 0, -yaw)])
-    graph.connect(0, 2, graph.poses[2], SURE, Kind.LOOP)
+    graph.connect(0, 2, graph.poses[2], SURE, ConstraintKind.LOOP)
     before = graph.poses.copy()
     graph.optimise()
     np.testing.assert_allclose(graph.poses, before, atol=1e-6)
@@ -123,7 +123,9 @@ def test_a_constraint_is_relative_to_where_its_keyframe_is_believed_to_be() -> N
     start = from_yaw(0, 5, 0, np.pi / 2)
     other = PoseGraph(CONFIG)
     other.add(start, UP)
-    other.connect(0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE, Kind.MOTION)
+    other.connect(
+        0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE, ConstraintKind.MOTION
+    )
     other.optimise()
     np.testing.assert_allclose(inverse(other.poses[0]) @ other.poses[1], graph.poses[1], atol=1e-4)
 
@@ -135,8 +137,8 @@ def test_the_error_of_a_keyframe_has_the_lever_of_its_distance() -> None:
         graph.add(from_yaw(x, 0, 0, 0), UP)
     sure, turn = 1e8 * np.eye(6), 1e8 * np.eye(6)
     turn[2, 2] = 0.01**-2
-    graph.connect(0, 1, graph.poses[1], turn, Kind.MOTION)
-    graph.connect(1, 2, graph.poses[2], sure, Kind.MOTION)
+    graph.connect(0, 1, graph.poses[1], turn, ConstraintKind.MOTION)
+    graph.connect(1, 2, graph.poses[2], sure, ConstraintKind.MOTION)
     graph.optimise()
     errors = graph.relative_samples(2)
     assert np.std(errors[1]) < 0.001
@@ -152,9 +154,11 @@ def test_a_keyframe_that_sees_what_an_old_one_saw_stays_certain_relative_to_it()
     for graph, seen in ((blind, ()), (sees, ((0, surface),))):
         graph.add(np.eye(4), UP)
         for k in range(20):
-            graph.connect(k, graph.add(from_yaw(0.1 * (k + 1), 0, 0, 0), UP), graph.poses[-1], motion, Kind.MOTION)
+            graph.connect(
+                k, graph.add(from_yaw(0.1 * (k + 1), 0, 0, 0), UP), graph.poses[-1], motion, ConstraintKind.MOTION
+            )
             for i, information in seen:
-                graph.connect(i, k + 1, graph.poses[-1], information, Kind.SURFACE)
+                graph.connect(i, k + 1, graph.poses[-1], information, ConstraintKind.SURFACE)
             graph.extend_samples(k, motion)
     assert blind.deviations(20)[0] == pytest.approx(0.03 * np.sqrt(3 * 20), rel=0.3)
     (found,) = sees.deviations(20)[:1]
@@ -175,7 +179,7 @@ def test_samples_are_as_uncertain_as_the_inverse_of_the_information(seed: int) -
         factors.add(gtsam.AttitudeFactorPose3(k, gtsam.Unit3(UP), GRAVITY, gtsam.Unit3(T[2, :3])))
         for i in range(k):
             information = np.diag(rng.uniform(1e2, 1e4, 6))
-            graph.connect(i, k, T, information, Kind.SURFACE)
+            graph.connect(i, k, T, information, ConstraintKind.SURFACE)
             model = gtsam.noiseModel.Gaussian.Information(information)
             factors.add(gtsam.BetweenFactorPose3(i, k, gtsam.Pose3(inverse(graph.poses[i]) @ T), model))
     graph.optimise()
@@ -203,7 +207,7 @@ def test_the_best_poses_are_those_of_gtsam() -> None:
     loss = gtsam.noiseModel.mEstimator.GemanMcClure.Create(np.sqrt(chi2_gate(6, CONFIG.registration.confidence)))
 
     def connect(i: int, j: int, T: NDArray[np.float64], information: NDArray[np.float64]) -> None:
-        graph.connect(i, j, T, information, Kind.SURFACE)
+        graph.connect(i, j, T, information, ConstraintKind.SURFACE)
         model = gtsam.noiseModel.Robust.Create(loss, gtsam.noiseModel.Gaussian.Information(information))
         factors.add(gtsam.BetweenFactorPose3(i, j, gtsam.Pose3(inverse(graph.poses[i]) @ T), model))
 
@@ -226,7 +230,7 @@ def test_the_best_poses_are_those_of_gtsam() -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
 def test_a_constraint_that_says_nothing_costs_itself_alone(value: float) -> None:
     graph = chain([from_yaw(1, 0, 0, 0)] * 2)
-    graph.connect(0, 2, graph.poses[2], np.full((6, 6), value), Kind.SURFACE)
+    graph.connect(0, 2, graph.poses[2], np.full((6, 6), value), ConstraintKind.SURFACE)
     graph.optimise()
     assert graph.dropped == (not np.isfinite(value))
     np.testing.assert_allclose(graph.poses[:, 0, 3], [0, 1, 2], atol=1e-6)
@@ -240,9 +244,11 @@ def test_old_poses_stay_until_the_graph_has_grown() -> None:
         graph.add(np.eye(4), UP)
         for k in range(1, 20):
             graph.add(graph.poses[-1] @ from_yaw(0.5, 0, 0, 0.1), UP)
-            graph.connect(k - 1, k, graph.poses[k], SURE, Kind.MOTION)
+            graph.connect(k - 1, k, graph.poses[k], SURE, ConstraintKind.MOTION)
             if k > 1:
-                graph.connect(k - 2, k, graph.poses[k - 2] @ from_yaw(0.99, 0.05, 0, 0.2), SURE, Kind.SURFACE)
+                graph.connect(
+                    k - 2, k, graph.poses[k - 2] @ from_yaw(0.99, 0.05, 0, 0.2), SURE, ConstraintKind.SURFACE
+                )
             if graph is bit_by_bit:
                 graph.optimise()
         graph.is_unsettled = True
@@ -262,7 +268,7 @@ def driven(motions: list[MeasuredMotion]) -> PoseGraph:
     graph.add(np.eye(4), UP)
     for motion in motions:
         graph.add(graph.poses[-1] @ motion.T, UP)
-        graph.drive(motion)
+        graph.add_motion(motion)
     return graph
 
 
@@ -270,7 +276,7 @@ def test_a_turn_that_closes_shows_what_is_wrong_with_the_gyro() -> None:
     """24 steps of 15° by a gyro that measures 0.7% too much; a loop joins the last keyframe to the first."""
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
     graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
-    graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6), Kind.MOTION)
+    graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6), ConstraintKind.MOTION)
     graph.optimise()
     assert graph.odometry.errors[1] == pytest.approx(-0.007, abs=0.0003)
     headings = np.unwrap([yaw_of(T) for T in graph.poses])
@@ -283,7 +289,7 @@ def test_a_return_shows_the_tyres_radius_and_every_motion_follows() -> None:
     graph.optimise()
     assert graph.odometry.errors[0] == pytest.approx(0, abs=1e-6)
     unsure = graph.odometry.covariance[0, 0]
-    graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6), Kind.MOTION)
+    graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6), ConstraintKind.MOTION)
     graph.optimise()
     assert graph.odometry.errors[0] == pytest.approx(0.02, abs=0.001)
     assert graph.odometry.covariance[0, 0] < unsure / 10
@@ -304,7 +310,7 @@ def test_the_same_poses_are_found_from_far_away(seed: int) -> None:
     """Each keyframe begins metres and up to 86° off, from where a whole Gauss-Newton step may lead astray."""
     rng = np.random.default_rng(seed)
     graph = driven([MeasuredMotion(from_yaw(0.5, 0, 0, 0.3), UP, 1.0)] * 20)
-    graph.connect(0, 20, graph.poses[20] @ from_yaw(0.1, 0.05, 0, 0.02), SURE, Kind.MOTION)
+    graph.connect(0, 20, graph.poses[20] @ from_yaw(0.1, 0.05, 0, 0.02), SURE, ConstraintKind.MOTION)
     graph.optimise()
     near, odometry = graph.poses.copy(), graph.odometry
     for k in range(1, 21):
@@ -317,7 +323,7 @@ def test_the_same_poses_are_found_from_far_away(seed: int) -> None:
 
 def test_poses_that_somebody_keeps_stay_when_the_graph_is_solved() -> None:
     graph = chain([from_yaw(1.1, 0, 0, 0)] * 3, VAGUE)
-    graph.connect(0, 3, from_yaw(3, 0, 0, 0), 1e3 * np.eye(6), Kind.LOOP)
+    graph.connect(0, 3, from_yaw(3, 0, 0, 0), 1e3 * np.eye(6), ConstraintKind.LOOP)
     kept = graph.poses
     before = kept.copy()
     graph.optimise()

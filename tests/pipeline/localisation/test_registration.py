@@ -12,11 +12,11 @@ from pipeline.localisation.registration import (
     Prior,
     Target,
     cloud_of,
+    evidence_by_keyframe,
     exponential,
     front_normals,
     logarithm,
     register,
-    shares_of,
 )
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.worlds import flat, ground_points, wall_points
@@ -87,13 +87,12 @@ def test_along_a_corridor_the_pose_stays_with_the_prior(x: float) -> None:
 
 def test_of_the_direction_along_a_corridor_registration_claims_nothing() -> None:
     source = source_of(scattered(FLOOR, *SIDES, seed=1), np.eye(4))
-    shares, _ = shares_of(CORRIDOR, source, np.eye(4), CONFIG)
-    (share,) = shares
-    along, across, up = np.diag(share.information)[3:]
+    (evidence,), _ = evidence_by_keyframe(CORRIDOR, source, np.eye(4), CONFIG)
+    along, across, up = np.diag(evidence.information)[3:]
     assert along < 1e-3 * min(across, up)
-    assert not is_pinned(share.information)
+    assert not is_pinned(evidence.information)
     ends = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
-    assert is_pinned(shares_of(ROOM, ends, np.eye(4), CONFIG)[0][0].information)
+    assert is_pinned(evidence_by_keyframe(ROOM, ends, np.eye(4), CONFIG)[0][0].information)
 
 
 @given(ratio=st.floats(0.01, 100), way=st.floats(-1, 1))
@@ -123,20 +122,20 @@ def test_each_owner_says_what_its_own_points_know() -> None:
     """The first keyframe owns the floor and the ends, the second the sides, 3 cm too far along y."""
     target = target_of(scattered(FLOOR, *ENDS, seed=0), scattered(*SIDES, seed=2) + np.array([0, 0.03, 0]))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
-    shares, _ = shares_of(target, source, np.eye(4), CONFIG)
-    first, second = sorted(shares, key=lambda share: share.owner)
+    evidence, _ = evidence_by_keyframe(target, source, np.eye(4), CONFIG)
+    first, second = sorted(evidence, key=lambda one: one.owner)
     assert (first.owner, second.owner) == (0, 1)
     assert np.linalg.norm(first.T[:3, 3]) < 0.003
     assert second.T[1, 3] == pytest.approx(0.03, abs=0.003)
     assert first.information[3, 3] > 30 * second.information[3, 3]
     assert second.information[4, 4] > 30 * first.information[4, 4]
-    assert shares[0].information.trace() >= shares[1].information.trace()
+    assert evidence[0].information.trace() >= evidence[1].information.trace()
 
 
 def test_points_are_new_where_the_target_has_none() -> None:
     beyond = wall_points((1.2, -1), (1.2, 1))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, beyond, seed=1), np.eye(4))
-    _, new = shares_of(ROOM, source, np.eye(4), CONFIG)
+    _, new = evidence_by_keyframe(ROOM, source, np.eye(4), CONFIG)
     x = source.points()[:, 0]
     assert new[x > 1.15].all()
     assert new[x < 1.05].mean() < 0.02

@@ -106,7 +106,7 @@ def test_a_frame_that_repeats_a_keyframe_is_passed_by_and_the_odometry_goes_on_f
 @pytest.mark.parametrize(("way", "repeats"), [(0.3, True), (0.15, False)])
 def test_a_frame_from_which_a_new_keyframe_is_due_repeats_none(way: float, repeats: bool) -> None:
     """Halfway between two keyframes, the robot sees nothing that neither of them saw."""
-    slam = Slam(config=LocalisationConfig(keyframes=KeyframePolicy(way=way)))
+    slam = Slam(config=LocalisationConfig(keyframes=KeyframePolicy(distance=way)))
     for k, x in enumerate((0.0, 0.4, 0.2)):
         T = AROUND[0] @ from_yaw(x, 0.0, 0.0, 0.0)
         match = slam.localise(seen(T, T, time=k))
@@ -247,7 +247,7 @@ def test_where_most_of_a_frame_is_new_it_shows_where_it_was_taken_by_what_was_se
 def test_a_robot_that_was_set_down_goes_on_from_there() -> None:
     slam = driven(8)
     carried = [seen(T, from_yaw(7.0, 7.0, 0, -1.0) @ frames()[k].T_odom_base, k) for k, T in enumerate(AROUND[:3])]
-    slam.set_down(AROUND[0] @ from_yaw(0.05, -0.05, 0, 0.03))
+    slam.set_pose(AROUND[0] @ from_yaw(0.05, -0.05, 0, 0.03))
     for k, frame in enumerate(carried):
         match = slam.localise(frame)
         assert distance(match.T_map_base, AROUND[k]) < 0.02
@@ -261,7 +261,7 @@ def test_a_robot_that_was_set_down_where_it_sees_nothing_stays_there_on_the_map(
     slam = driven(4)
     slam.optimise()
     there = AROUND[1] @ from_yaw(0.1, 0.1, 0.0, 1.0)
-    slam.set_down(there)
+    slam.set_pose(there)
     frame = seen(there, frames()[3].T_odom_base, 9)
     frame = replace(frame, depth=np.zeros_like(frame.depth))
     slam.add(slam.localise(frame))
@@ -321,7 +321,7 @@ def test_a_robot_that_has_seen_nothing_for_long_no_longer_knows_its_place() -> N
         frame = replace(blank, T_odom_base=from_yaw(0.65 * k, 0.0, 0.0, 0.0) @ first.T_odom_base, time=k / 10)
         slam.add(slam.localise(frame))
     assert not slam.belief.knows_place
-    slam.set_down(AROUND[0])
+    slam.set_pose(AROUND[0])
     assert slam.belief.knows_place
 
 

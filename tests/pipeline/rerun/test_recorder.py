@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS, PLAIN_NAMES, Label
-from pipeline.localisation.localisation import Localised, Loop
+from pipeline.localisation.localisation import LocalisedFrame, Loop
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.rerun.config import RerunConfig
@@ -354,7 +354,7 @@ def test_between_steps_the_newest_keyframe_says_where_the_odometry_is(tmp_path):
     recorder.on_step(explorer.mapper, explorer.step())
     recorder.log_pose(0.2, pose(1))
     be_elsewhere(explorer, pose(yaw=np.pi / 2))
-    explorer.mapper.add_frame(Localised(robot.sense(), explorer.mapper.localisation.poses[-1]), labelled=False)
+    explorer.mapper.add_frame(LocalisedFrame(robot.sense(), explorer.mapper.localisation.poses[-1]), labelled=False)
     recorder.log_pose(0.4, pose(1))
     np.testing.assert_allclose(recorder.T_map_base, pose(yaw=np.pi / 2) @ pose(1))
     recorder.close()

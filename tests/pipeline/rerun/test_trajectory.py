@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.localisation.localisation import Localised
+from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.rerun.trajectory import CorrectedTrajectory, DrawnTrajectory
 from pipeline.transforms import from_yaw
@@ -26,7 +26,7 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 def test_each_point_follows_the_keyframe_before_it():
     localisation, track = OdometryLocalisation(), CorrectedTrajectory(0.04)
     for x in (0.0, 1.0):
-        localisation.add(Localised(None, pose(x)))
+        localisation.add(LocalisedFrame(None, pose(x)))
         for way in (0.0, 0.5):
             track.add(pose(x + way), localisation)
     np.testing.assert_allclose(track.positions(localisation.poses)[:, 0], [0, 0.5, 1, 1.5])
@@ -39,7 +39,7 @@ def test_each_point_follows_the_keyframe_before_it():
 def test_the_odometrys_origin_counts_as_the_newest_keyframe_has_it():
     localisation, track = OdometryLocalisation(), CorrectedTrajectory(0.04)
     track.add(np.eye(4), None)
-    localisation.add(Localised(None, pose(0, 2)))
+    localisation.add(LocalisedFrame(None, pose(0, 2)))
     localisation.T_map_odom = pose(0, 2, np.pi / 2)
     track.add(pose(1), localisation)
     np.testing.assert_allclose(track.positions(localisation.poses), [[0, 3, 0]], atol=1e-12)

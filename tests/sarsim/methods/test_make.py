@@ -143,7 +143,7 @@ def test_what_a_strategy_need_not_have_may_be_missing() -> None:
         ("labels", "json:Mine", "has no attribute 'Mine'"),
         ("labels", "json:dumps", "class"),
         ("labels", "json:JSONDecoder", "has no classify; .* pipeline.semantic_map.classifier.PointClassifier"),
-        ("localisation", f"{__name__}:Silent", "has no T_map_odom, add, .*set_down; "),
+        ("localisation", f"{__name__}:Silent", "has no T_map_odom, add, .*set_pose; "),
         ("reader", "json:JSONDecoder", "has no read"),
         ("sink", "json:JSONDecoder", "has no .*finish, .*on_motion, on_step"),
         ("arena", f"{__name__}:no_arena", "str"),

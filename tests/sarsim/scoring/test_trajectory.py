@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.localisation import Localised, Loop
+from pipeline.localisation.localisation import LocalisedFrame, Loop
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw, inverse
@@ -26,7 +26,7 @@ def scored(trajectory, keyframes=(), poses=(), loops=()):
         if n in keyframes:
             score.add()
     for T in poses:
-        localisation.add(Localised(None, T))
+        localisation.add(LocalisedFrame(None, T))
     localisation.loops.extend(loops)
     return score
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.viewpoint import Context
 from pipeline.keyframes import Seen
-from pipeline.localisation.localisation import Localised
+from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import PosePaths
@@ -55,10 +55,10 @@ def test_a_robot_looks_until_every_wall_was_seen_well_and_then_ends():
     inspection, T, looked = inspection_with(mapper), from_yaw(0, 0, 0, 0), []
     for yaw in np.arange(8) * np.pi / 4:  # what exploring shows, from the middle
         around = from_yaw(0, 0, 0, yaw)
-        mapper.add_frame(Localised(frame_at(around), around), labelled=False, set_down=not yaw)
+        mapper.add_frame(LocalisedFrame(frame_at(around), around), labelled=False, set_down=not yaw)
     while len(looked) < MAX_LOOKS:
         frame = frame_at(T)
-        mapper.add_frame(Localised(frame, T), labelled=False)
+        mapper.add_frame(LocalisedFrame(frame, T), labelled=False)
         paths = PosePaths(mapper.traversability, T[:2, 3], yaw_of(T))
         context = Context(frame, T, mapper.elevation_map.measured, paths, mapper.keyframes.poses)
         inspection.observe(context)

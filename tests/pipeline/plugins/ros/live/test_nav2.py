@@ -138,7 +138,7 @@ def test_a_drive_ends_when_it_need_not_or_must_not_go_on(drive: Drive, verdict: 
 
 
 def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> None:
-    policy = KeyframePolicy(way=0.2, labelled_every=100)
+    policy = KeyframePolicy(distance=0.2, labelled_every=100)
     mapper = Mapper(PIONEER, TruthClassifier(), config=PipelineConfig(LocalisationConfig(keyframes=policy)))
     pilot = Pilot(drive.robot, mapper, [], drive.navigator)
     map_frame(mapper, drive.robot.sense, pilot.confirm, labelled=False)

@@ -55,10 +55,10 @@ def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
     for name, arguments in functions:
         # If the list is older than the code, nothing breaks: functions are compiled when first called.
         with suppress(Exception):
-            named(name).compile(tuple(map(type_of, arguments)))
+            resolve_name(name).compile(tuple(map(type_of, arguments)))
 
 
-def named(name: str) -> Any:
+def resolve_name(name: str) -> Any:
     """The object that ``module:name`` refers to."""
     module, _, attribute = name.partition(":")
     return getattr(import_module(module), attribute)
@@ -74,7 +74,7 @@ def type_of(argument: Argument) -> Any:
     if kind in ("literal", "omitted"):
         return {"literal": types.literal, "omitted": types.Omitted}[kind](*about)
     if kind == "tuple":
-        return types.BaseTuple.from_types([type_of(inner) for inner in about[1]], about[0] and named(about[0]))
+        return types.BaseTuple.from_types([type_of(inner) for inner in about[1]], about[0] and resolve_name(about[0]))
     dtype, dimensions, layout, is_readonly = about
     return types.Array(getattr(types, dtype), dimensions, layout, readonly=is_readonly)
 

@@ -15,8 +15,8 @@ from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
 from sarsim.robots.names import ROBOTS
-from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import SkidSteered, per_side
+from sarsim.robots.skid_steer import SkidSteerController
+from sarsim.robots.skid_steered import SkidSteerRobot, per_side
 
 CONTROL_TIMESTEP = 0.02
 """s, control period of the drive's firmware."""
@@ -36,14 +36,14 @@ class RescueEnvironment(dm_env.Environment):
     """
 
     def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
-        """Place ``robot``, named as in :class:`SkidSteered`, at the arena's start.
+        """Place ``robot``, named as in :class:`SkidSteerRobot`, at the arena's start.
 
         Raises:
             InputError: the robot does not exist, its time step does not divide ``CONTROL_TIMESTEP``, or the arena and
                 the robot cannot be compiled as one model.
         """
         self._T_world_start = arena.T_world_start
-        self.robot = SkidSteered(robot)
+        self.robot = SkidSteerRobot(robot)
         _reconcile(arena.mjcf_model, self.robot.mjcf_model)
         try:
             _set_free(arena, self.robot)
@@ -65,7 +65,7 @@ class RescueEnvironment(dm_env.Environment):
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
         with self.physics.reset_context():
             self.robot.set_pose(self.physics, T[:3, 3], quat)
-        self.firmware = SkidSteer(self.robot.drive)
+        self.firmware = SkidSteerController(self.robot.drive)
         self._sensed[:], self._measured = 0, 0
         return dm_env.restart(self._observation())
 
@@ -112,7 +112,7 @@ class RescueEnvironment(dm_env.Environment):
         return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """The shapes and types of :meth:`SkidSteered.measurements`."""
+        """The shapes and types of :meth:`SkidSteerRobot.measurements`."""
         return {name: specs.Array(value.shape, value.dtype, name) for name, value in self._observation().items()}
 
     def _observation(self) -> dict[str, NDArray[np.float64]]:
@@ -123,7 +123,7 @@ class RescueEnvironment(dm_env.Environment):
         self.physics.free()
 
 
-def _set_free(arena: RescueArena, robot: SkidSteered) -> None:
+def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
     if robot.freedom:
         arena.attach(robot).add("joint", type="free", **robot.freedom)
     else:

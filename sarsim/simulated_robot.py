@@ -47,7 +47,7 @@ class SimulationConfig:
         lighting: lighting of the arena; in the dark, the robot's lamp is on.
         dust: dust in the air, from 0 to 1; it swallows depth returns, causes false ones and veils colours.
         speed: the robot's speed on level ground, m/s; by default that of its model.
-        robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
+        robot: see :class:`sarsim.robots.skid_steered.SkidSteerRobot`.
         tyre_error: relative error of the wheels' radius, unknown to the odometry.
         camera_size: width and height of the camera's images, pixels.
     """

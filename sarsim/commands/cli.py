@@ -34,16 +34,16 @@ from sarsim.settings import METHODS, is_own_arena
 from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
-ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals of Ctrl-C, of service managers and containers, and of a closed terminal; all end a command alike."""
 SIGNALLED = 128  # Exit status after a signal, to which the signal's number is added, as in shells
-UNREAD = 141  # Exit status if the output has no reader: 128 + SIGPIPE
+SIGPIPE_STATUS = 141  # Exit status if the output has no reader: 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # Indent of a flag's help in tyro's messages about wrong flags
 COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
 )
-READ = ("data", "detector", "detector-names", "init", "map", "path", "weights")
+INPUT_PATH_FLAGS = ("data", "detector", "detector-names", "init", "map", "path", "weights")
 """Settings that name files or folders to read."""
 Item = TypeVar("Item")
 _quiet = _verbose = False
@@ -66,7 +66,7 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
         return functools.partial(command, *args, **kwargs)
 
     def action() -> None:
-        words = common(args)  # before tyro's stderr is captured
+        words = apply_common_flags(args)  # before tyro's stderr is captured
         about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
         bound = parse(lambda: tyro.cli(bind, prog=program(), args=words, description=about))
         check_names(bound.keywords)
@@ -75,7 +75,7 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
     guarded(action)
 
 
-def common(args: Sequence[str] | None = None) -> list[str]:
+def apply_common_flags(args: Sequence[str] | None = None) -> list[str]:
     """Apply the flags of :data:`COMMON`; returns the other words of the command line.
 
     Raises:
@@ -147,7 +147,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
             for method in values:
                 if isinstance(method, str):
                     check_method(flag, method)
-        elif flag in READ:
+        elif flag in INPUT_PATH_FLAGS:
             for path in values:
                 if isinstance(path, Path) and not path.exists():
                     raise InputError(f"{'' if flag == 'path' else f'--{flag} '}{path}: no such file or folder")
@@ -227,9 +227,10 @@ def check_folder_of(flag: str, path: Path) -> None:
 
 
 def guarded(action: Callable[[], object]) -> None:
-    """Run ``action`` in a prepared process; bad input or one of :data:`ENDINGS` ends it with a line and a status.
+    """Run ``action`` in a prepared process.
 
-    If the program that reads the output stops reading, as ``head`` does, the process ends without a message.
+    Bad input or one of :data:`TERMINATION_SIGNALS` ends it with a line and a status. If the program that reads the
+    output stops reading, as ``head`` does, the process ends without a message.
     """
     prepare_process()
     for stream in (sys.stdout, sys.stderr):
@@ -256,7 +257,7 @@ def guarded(action: Callable[[], object]) -> None:
             raise
         # Python flushes the remaining output at exit, which would fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(UNREAD)
+        sys.exit(SIGPIPE_STATUS)
 
 
 def _is_unread() -> bool:
@@ -268,12 +269,12 @@ def _is_unread() -> bool:
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Make all of :data:`ENDINGS` raise KeyboardInterrupt unless they are ignored, as SIGHUP is under ``nohup``.
+    """Make all :data:`TERMINATION_SIGNALS` raise KeyboardInterrupt unless ignored, as SIGHUP is under ``nohup``.
 
     SIGINT raises it even if ignored: shells without job control start background jobs with SIGINT ignored, but
     ``kill -INT`` should still end them.
     """
-    before = {number: signal.getsignal(number) for number in ENDINGS}
+    before = {number: signal.getsignal(number) for number in TERMINATION_SIGNALS}
     for number, handler in before.items():
         if handler == signal.SIG_DFL or (number, handler) == (signal.SIGINT, signal.SIG_IGN):
             signal.signal(number, interrupt)
@@ -300,7 +301,7 @@ def forget_terminal() -> None:
 
 
 class Interruptible:
-    """Records the first signal of :data:`ENDINGS`, so that a step can be completed; a second one interrupts at once.
+    """Records the first of :data:`TERMINATION_SIGNALS`, so that a step can be completed; a second interrupts at once.
 
     Attributes:
         signal: number of the first signal; None if none has arrived in the ``with`` block.
@@ -310,7 +311,7 @@ class Interruptible:
         self.signal: int | None = None
 
     def __enter__(self) -> Self:
-        self._before = {number: signal.getsignal(number) for number in ENDINGS}
+        self._before = {number: signal.getsignal(number) for number in TERMINATION_SIGNALS}
         for number, handler in self._before.items():
             if handler != signal.SIG_IGN:
                 signal.signal(number, self._note)
@@ -341,7 +342,7 @@ def run_watched(
     return control.signal
 
 
-def end_by(number: int | None) -> None:
+def exit_by_signal(number: int | None) -> None:
     """End the process with the status of a signal, if one ended the command."""
     if number:
         raise SystemExit(SIGNALLED + number)

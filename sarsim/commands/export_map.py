@@ -10,7 +10,7 @@ from sarsim.commands.cli import run
 from sarsim.flags import Given
 from sarsim.settings import RobotName
 
-PLAN_ENDINGS = (".pgm", ".tif", ".png")  # File extensions of 2D maps
+MAP_2D_SUFFIXES = (".pgm", ".tif", ".png")  # File extensions of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,7 +38,7 @@ def export_map(
             ground. A slice ignores ramps; 0.25 0.65 shows obstacles on level ground.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
     """
-    *endings, last = ".bt", ".ot", ".ply", *PLAN_ENDINGS
+    *endings, last = ".bt", ".ot", ".ply", *MAP_2D_SUFFIXES
     if out.suffix not in (*endings, last):
         raise InputError(f"--out {out}: the file name must end in {', '.join(endings)} or {last}")
     if heights is not None and out.suffix != ".pgm":
@@ -46,7 +46,7 @@ def export_map(
     if heights is not None and not heights[0] < heights[1]:
         raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: the first height must be below the second")
     path = path / "metric_map.npz" if path.is_dir() else path
-    is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
+    is_of_ground = out.suffix in MAP_2D_SUFFIXES and heights is None
     files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
     print(f"Wrote {', '.join(map(str, files))}")
 

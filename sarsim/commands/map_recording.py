@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError, require_package
 from pipeline.files import check_folder
-from sarsim.commands.cli import end_by, is_verbose, run_watched
+from sarsim.commands.cli import exit_by_signal, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
 from sarsim.settings import MapRecordingConfig
@@ -35,7 +35,7 @@ def map_recording(config: MapRecordingConfig) -> None:
         show_results(drive.report, config.out, is_verbose())
     if drive.error:
         raise InputError(drive.error)
-    end_by(ended_by)
+    exit_by_signal(ended_by)
 
 
 def open_recording(config: MapRecordingConfig) -> "Recording":

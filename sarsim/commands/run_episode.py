@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from pipeline.errors import InputError
 from pipeline.files import check_folder
 from sarsim.assets import asset
-from sarsim.commands.cli import announce_compilation, end_by, is_verbose, run_watched
+from sarsim.commands.cli import announce_compilation, exit_by_signal, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
 from sarsim.compilation import compile_on_two_cores
@@ -40,7 +40,7 @@ def run_episode(config: EpisodeConfig) -> None:
     if config.resume:
         print(f"Repeated the episode from the start, reusing {cache.hits} stored network outputs")
     show_results(episode.report, config.folder, is_verbose())
-    end_by(ended_by)
+    exit_by_signal(ended_by)
     if (viewer := episode.recorder.viewer) and viewer.was_opened:
         print("Press Ctrl-C to close the live view", flush=True)
         viewer.wait()

@@ -16,7 +16,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from sarsim.commands.cli import COMMON, check_names, common, guarded, parse, program
+from sarsim.commands.cli import COMMON, apply_common_flags, check_names, guarded, parse, program
 from sarsim.methods.plugins import is_portable, settings_of, shipped_plugin, split_flags, summary
 from sarsim.settings import chooses_code
 
@@ -45,7 +45,7 @@ def run_with_settings(
     """Like :func:`sarsim.commands.cli.run`, for a dataclass whose fields become flags, together with ``--config``."""
 
     def run() -> None:
-        words = common(args)
+        words = apply_common_flags(args)
         about = getdoc(getattr(command, "func", command))
         settings = settings_from(kind, words, f"{about}\n\n{COMMON}", prog)
         check_names(vars(settings))
@@ -67,7 +67,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
         if name and not name.startswith("-"):
             meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
             raise InputError(f"unknown subcommand {name!r}: must be one of {', '.join(commands)}{meant}")
-        words = common()
+        words = apply_common_flags()
         parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, prog=program(), args=words, description=about))
 
     guarded(run)

@@ -49,7 +49,7 @@ MANIFEST = "sweep.json"
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
 """Columns of a leaderboard's table that are printed; all of them would not fit, but the page has them all."""
-EPISODES = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
+EPISODE_FIELDS = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
 """Settings that a sweep passes on to its episodes."""
 FAILED = 1  # Exit status if every episode failed
 
@@ -92,7 +92,7 @@ class SweepSettings:
     @property
     def of_episodes(self) -> dict[str, Any]:
         """The settings of every episode, as fields of :class:`sarsim.settings.EpisodeConfig`."""
-        return {name: getattr(self, name) for name in EPISODES}
+        return {name: getattr(self, name) for name in EPISODE_FIELDS}
 
 
 def sweep(settings: SweepSettings) -> None:

@@ -17,7 +17,7 @@ from pipeline.rescue_report.figures import figures
 SKIPPED = ("config", "timing_ms")
 VIEW = "sarsim-view"
 STILL = 0.05  # m; a robot that has driven less has only turned in place
-ENDINGS = {
+ENDED_TEXTS = {
     "nothing_left": "nothing was left to explore",
     "not_worth_it": "no remaining viewpoint was worth the drive",
     "held": "the robot could not move",
@@ -66,7 +66,7 @@ def _explored(report: Mapping[str, Any]) -> str:
     points = [
         f"{name} {report[name]['total']['points']:.4g} points" for name in ("league", "virtual") if name in report
     ]
-    ended = [ENDINGS.get(exploration["ended"], exploration["ended"])] if "ended" in exploration else []
+    ended = [ENDED_TEXTS.get(exploration["ended"], exploration["ended"])] if "ended" in exploration else []
     return "; ".join([f"{seen}{lasted}", *ended, *points])
 
 

@@ -9,7 +9,7 @@ import tyro
 
 from pipeline.errors import InputError
 from pipeline.files import check_regular
-from sarsim.commands.cli import ENDINGS, run
+from sarsim.commands.cli import TERMINATION_SIGNALS, run
 
 RECORDING = "episode.rrd"
 MAGIC = b"RRF2"  # The first bytes of every recording
@@ -26,7 +26,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
     """
     recording = find_recording(path)
     # The page ends with this process, even if the signal arrives while the viewer starts.
-    for ending in ENDINGS:
+    for ending in TERMINATION_SIGNALS:
         signal.signal(ending, leave)
     from pipeline.rerun.viewer import Viewer, has_display
 
@@ -36,7 +36,7 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
 
 def leave(*_: object) -> None:
     """End the process; further signals are ignored, because Python's shutdown must not be interrupted."""
-    for ending in ENDINGS:
+    for ending in TERMINATION_SIGNALS:
         signal.signal(ending, signal.SIG_IGN)
     sys.exit()
 

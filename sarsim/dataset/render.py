@@ -27,7 +27,7 @@ from sarsim.ground_truth.true_surface import Survey
 from sarsim.methods.plugins import make_plugins
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.pose import TrajectorySample
-from sarsim.robots.skid_steered import SkidSteered
+from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors.camera import RgbdCamera, geom_labels, geom_objects
 from sarsim.sensors.lighting import set_lighting
 from sarsim.sensors.rendering import Renderer, hidden
@@ -225,8 +225,8 @@ def _with_robot(text: ArenaText) -> mujoco.MjModel:
 
 
 @cache
-def _robot_by_name() -> SkidSteered:
+def _robot_by_name() -> SkidSteerRobot:
     """The robot in an empty arena, for the names of its parts."""
-    robot = SkidSteered()
+    robot = SkidSteerRobot()
     composer.Arena().add_free_entity(robot)
     return robot

@@ -11,7 +11,7 @@ from sarsim.sensors.camera import geom_labels
 
 OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
 
-CHATTER = 0.5
+DEBOUNCE_TIME = 0.5
 """s; a contact that recurs between the same geoms within this time is not counted again, because contacts chatter."""
 
 ROLLED_OVER = float(np.sqrt(0.5))
@@ -64,6 +64,6 @@ class CollisionCounter:
         """Number of the ``touches`` at ``time``, s, that have just begun."""
         begun = 0
         for touch in touches:
-            begun += time - self._touched.get(touch, -np.inf) > CHATTER
+            begun += time - self._touched.get(touch, -np.inf) > DEBOUNCE_TIME
             self._touched[touch] = time
         return begun

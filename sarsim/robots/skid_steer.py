@@ -50,7 +50,7 @@ class DriveModel:
         return self.top_speed, self.top_turn_rate
 
 
-class SkidSteer:
+class SkidSteerController:
     """Follows a velocity command with limited acceleration; gyro feedback holds the heading, encoders the speeds.
 
     Call ``command`` once per control period. The heading error is the integral of the commanded minus the measured

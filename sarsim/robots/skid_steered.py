@@ -28,7 +28,7 @@ FREEDOM = ("damping", "armature", "frictionloss")
 """Attributes of a free ``<joint>`` that MuJoCo's ``<freejoint>`` lacks."""
 
 
-class SkidSteered(composer.Robot):
+class SkidSteerRobot(composer.Robot):
     """A robot with an RGB-D camera and four wheels that cannot steer; attach it with ``arena.add_free_entity``.
 
     Attributes:

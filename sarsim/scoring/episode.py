@@ -25,7 +25,7 @@ from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import shortest_path_length
-from sarsim.scoring.trajectory import TrajectoryScore, distances_driven, driven
+from sarsim.scoring.trajectory import TrajectoryScore, distance_driven, distances_driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
@@ -176,7 +176,7 @@ class EpisodeScore(Sink):
 
     def _exploration(self) -> dict[str, Any]:
         """The figures of the exploration; times of ``EXPLORED_FRACTIONS`` that were not reached are missing."""
-        end = self._robot.time - self._start_time, driven(self._robot.trajectory)
+        end = self._robot.time - self._start_time, distance_driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (
             self._oracle(self._first_frame, seen.get("t99_s")) if self._wants_oracle and self._first_frame else {}
@@ -193,7 +193,7 @@ class EpisodeScore(Sink):
         oracle = Oracle(ground, sight, start, EXPLORED_FRACTIONS["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:
-            way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])
+            way = distance_driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])
             figures |= oracle.ratios(way, t99)
         return figures
 

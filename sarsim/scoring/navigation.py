@@ -16,7 +16,7 @@ from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.oracle import true_traversability
-from sarsim.scoring.trajectory import LIFT, STILL, driven, motion_figures
+from sarsim.scoring.trajectory import LIFT, STILL, distance_driven, motion_figures
 from sarsim.simulated_robot import SimulatedRobot
 
 
@@ -39,7 +39,7 @@ class NavigationScore:
         counts = {"collisions": contacts.collisions, "person_contacts": contacts.with_people}
         figures: dict[str, Any] = {**counts, **motion_figures(self._robot.trajectory)}
         if len(trajectory) > 1:
-            figures["mean_speed"] = driven(trajectory) / (trajectory[-1].time - trajectory[0].time)
+            figures["mean_speed"] = distance_driven(trajectory) / (trajectory[-1].time - trajectory[0].time)
             figures["time_s"] = time_figures(trajectory, self.ground)
         return figures
 
@@ -58,7 +58,7 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
     }
 
 
-class Doing(IntEnum):
+class Activity(IntEnum):
     """The robot's activity in a control period."""
 
     DRIVING = 0
@@ -80,25 +80,25 @@ def time_figures(trajectory: Sequence[TrajectorySample], ground: Traversability)
         of the driving time in narrow places (see :func:`is_narrow`) and on ramps.
     """
     doing, lasted = activities(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
-    is_driving = doing == Doing.DRIVING
+    is_driving = doing == Activity.DRIVING
     places = np.array([[*pose.T_world_base[:2, 3], yaw_of(pose.T_world_base)] for pose in trajectory[1:]])
     places, driving = places[is_driving], lasted[is_driving]
     on_ramp = ground.grid.at(ground.ramp, places)
-    each = {kind.name.lower(): float(lasted[doing == kind].sum()) for kind in Doing}
+    each = {kind.name.lower(): float(lasted[doing == kind].sum()) for kind in Activity}
     return each | {"narrow": float(driving[is_narrow(ground, places)].sum()), "ramp": float(driving[on_ramp].sum())}
 
 
 def activities(trajectory: Sequence[TrajectorySample], robot: RobotModel) -> Values:
-    """(N - 1,) :class:`Doing` between N true poses; ``STILL`` while the robot is carried."""
+    """(N - 1,) :class:`Activity` between N true poses; ``STILL`` while the robot is carried."""
     T = np.array([pose.T_world_base for pose in trajectory])
     steps = np.diff(T[:, :2, 3], axis=0)
     moved = np.linalg.norm(steps, axis=1)
     ahead = np.einsum("ij,ij->i", steps, T[:-1, :2, 0])
     headings = np.arctan2(T[:, 1, 0], T[:, 0, 0])
     swung = np.abs(wrap_angle(np.diff(headings))) * robot.half_width
-    doing = np.where(ahead < 0, Doing.BACKING, Doing.DRIVING)
-    doing[swung > moved] = Doing.TURNING
-    doing[(np.maximum(moved, swung) <= STILL) | (moved >= LIFT)] = Doing.STILL
+    doing = np.where(ahead < 0, Activity.BACKING, Activity.DRIVING)
+    doing[swung > moved] = Activity.TURNING
+    doing[(np.maximum(moved, swung) <= STILL) | (moved >= LIFT)] = Activity.STILL
     return doing
 
 

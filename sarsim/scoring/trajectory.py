@@ -52,7 +52,7 @@ class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         # For a recording, steps of any length are included.
         steps = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
-        distance = float(steps.sum()) if self.is_recorded else driven(self._odometry)
+        distance = float(steps.sum()) if self.is_recorded else distance_driven(self._odometry)
         # The true poses of an earlier episode's keyframes are unknown; those of its map are used instead.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
@@ -72,7 +72,7 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
     return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
-def driven(trajectory: Sequence[TrajectorySample]) -> float:
+def distance_driven(trajectory: Sequence[TrajectorySample]) -> float:
     """Distance in m that a simulated robot drove along its true trajectory."""
     return float(distances_driven(trajectory)[-1])
 
@@ -92,7 +92,7 @@ def motion_figures(trajectory: Sequence[TrajectorySample]) -> dict[str, float]:
     roll, pitch = np.abs([tilt_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
     return {
         "tipped": int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0)),
-        "distance_m": driven(trajectory),
+        "distance_m": distance_driven(trajectory),
         "max_roll_deg": float(np.degrees(roll)),
         "max_pitch_deg": float(np.degrees(pitch)),
     }

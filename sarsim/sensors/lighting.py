@@ -9,7 +9,7 @@ from dm_control import mjcf
 from numpy.typing import NDArray
 
 from pipeline.frame import Intrinsics
-from sarsim.robots.skid_steered import SkidSteered
+from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors.camera import LabelledImage
 
 NEAREST = 0.15
@@ -48,7 +48,7 @@ At 1 m, this is 1.6 times the 500 lux that EN 12464-1 requires at a lit workplac
 """
 
 
-def set_lighting(physics: mjcf.Physics, robot: SkidSteered, lighting: Lighting) -> None:
+def set_lighting(physics: mjcf.Physics, robot: SkidSteerRobot, lighting: Lighting) -> None:
     """Dim the arena's lights and the headlight, and switch the robot's lamp on or off.
 
     In the renderer, the lamp shines evenly and without attenuation, because :func:`radiance` applies the falloff,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MAX_MODEL_BYTES = 100_000_000  # Maximum total size of a model's files: MJCF, meshes, textures and height fields
 MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms for each; esogu_52x15 has 1,600
-MJCF_ENDINGS = ".xml", ".mjcf"
+MJCF_SUFFIXES = ".xml", ".mjcf"
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders."""
 _PARTS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
@@ -138,8 +138,8 @@ def check_files(path: Path) -> None:
             f"{path}: is URDF (<robot>), not MJCF; convert it with xacro and MuJoCo's compile, then name its parts as"
             " docs/robot.md says"
         )
-    if path.suffix.lower() not in MJCF_ENDINGS:
-        raise InputError(f"{path}: the name of an MJCF file must end in {' or '.join(MJCF_ENDINGS)}; rename it")
+    if path.suffix.lower() not in MJCF_SUFFIXES:
+        raise InputError(f"{path}: the name of an MJCF file must end in {' or '.join(MJCF_SUFFIXES)}; rename it")
     elements = [element for root in roots.values() for element in root.iter()]
     compilers = [element for element in elements if element.tag == "compiler"]
     folders = [e.get(name, "") for e in compilers for name in FOLDERS]

@@ -10,7 +10,7 @@ from numba import types
 from numba.core.dispatcher import Dispatcher
 
 from pipeline.elevation_map.pose_kernels import Costs
-from sarsim.compilation import compile_listed, listed, named, type_of
+from sarsim.compilation import compile_listed, listed, resolve_name, type_of
 from scripts.list_kernels import described
 from tests.source_tree import ROOT
 
@@ -37,7 +37,7 @@ def test_most_of_the_list_is_in_the_code() -> None:
     found = []
     for name, _ in listed():
         try:
-            found.append(isinstance(named(name), Dispatcher))
+            found.append(isinstance(resolve_name(name), Dispatcher))
         except (ImportError, AttributeError):
             found.append(False)
     assert len(found) > 50 and np.mean(found) > 0.8, "make the list again: scripts/list_kernels.py"

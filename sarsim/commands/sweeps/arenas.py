@@ -29,11 +29,13 @@ def check_names(methods: Sequence[str], arenas: Sequence[str]) -> None:
 
 def arenas_of(names: Sequence[str]) -> list[str]:
     """The arenas that ``--arenas`` names, without duplicates; a split stands for all its arenas."""
-    return list(dict.fromkeys(arena for name in names for arena in (frozen(name) if name in SPLITS else [name])))
+    return list(
+        dict.fromkeys(arena for name in names for arena in (frozen_checksums(name) if name in SPLITS else [name]))
+    )
 
 
 @cache
-def frozen(split: str) -> Mapping[str, str]:
+def frozen_checksums(split: str) -> Mapping[str, str]:
     """The checksums of a split's arenas, by name."""
     content: Mapping[str, str] = yaml.safe_load(asset("splits", f"{split}.yaml").read_text())
     return content
@@ -47,7 +49,7 @@ def checksum(name: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def checked(name: str) -> str:
+def verified_checksum(name: str) -> str:
     """The checksum of an arena.
 
     Raises:
@@ -55,7 +57,7 @@ def checked(name: str) -> str:
     """
     found = checksum(name)
     for split in SPLITS:
-        if frozen(split).get(name, found) != found:
+        if frozen_checksums(split).get(name, found) != found:
             raise InputError(
                 f"{name}: its checksum differs from that in {split}.yaml, so its results cannot be compared"
             )

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from pipeline.errors import InputError, one_line
 from pipeline.files import atomic_write, read_text
 from pipeline.rescue_report.figures import figures as flat
-from sarsim.commands.sweeps.arenas import checked
+from sarsim.commands.sweeps.arenas import verified_checksum
 from sarsim.scoring.progress import ExploredCurve
 from sarsim.settings import EpisodeConfig
 
@@ -91,8 +91,8 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
     """
     start = time.process_time()
     try:
-        with limited(limit):
-            figures, curve = driven(job, settings)
+        with time_limit(limit):
+            figures, curve = run_and_score(job, settings)
         failure = ""
     except Exception as error:
         failure = str(error) if isinstance(error, InputError) else one_line(error)
@@ -108,7 +108,7 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
 
 
 @contextmanager
-def limited(seconds: float) -> Iterator[None]:
+def time_limit(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer than ``seconds``.
 
     If the block continues nevertheless, the process is ended after ``GRACE`` times as long.
@@ -136,11 +136,11 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
     return {name: values[is_new].tolist() for name, values in rounded.items()}
 
 
-def driven(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
+def run_and_score(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
     """Run an episode with ``--exploration`` set to the method; returns its figures and the explored curve."""
     from sarsim.episode import Episode  # here, because only the workers need it
 
-    found = checked(job.arena)
+    found = verified_checksum(job.arena)
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         config = EpisodeConfig(
             arena=job.arena, seed=job.seed, exploration=job.method, oracle=True, out=Path(out), **settings

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-SHARE = 0.95
+CONFIDENCE_LEVEL = 0.95
 """Fraction of the resampled means in an interval."""
-RESAMPLED = 2000
+BOOTSTRAP_SAMPLES = 2000
 """Number of resamples; the ends of an interval are then the 51st lowest and the 51st highest mean."""
 
 
@@ -48,14 +48,14 @@ def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Es
     the seeds changes nothing.
     """
     means = np.sort(mean(values.ravel()[_drawn(*values.shape)]))
-    out = round(RESAMPLED * (1 - SHARE) / 2)
+    out = round(BOOTSTRAP_SAMPLES * (1 - CONFIDENCE_LEVEL) / 2)
     return Estimate(float(mean(values.ravel())), float(means[out]), float(means[-1 - out]))
 
 
 @cache
 def _drawn(arenas: int, seeds: int) -> NDArray[np.int64]:
-    """(RESAMPLED, arenas × seeds) flat indices: arenas drawn with replacement and, in each, seeds likewise."""
+    """(BOOTSTRAP_SAMPLES, arenas × seeds) flat indices: arenas, and seeds in each, drawn with replacement."""
     rng = np.random.default_rng(0)
-    arena = rng.integers(arenas, size=(RESAMPLED, arenas, 1))
-    seed = rng.integers(seeds, size=(RESAMPLED, arenas, seeds))
-    return (arena * seeds + seed).reshape(RESAMPLED, -1)
+    arena = rng.integers(arenas, size=(BOOTSTRAP_SAMPLES, arenas, 1))
+    seed = rng.integers(seeds, size=(BOOTSTRAP_SAMPLES, arenas, seeds))
+    return (arena * seeds + seed).reshape(BOOTSTRAP_SAMPLES, -1)

@@ -3,7 +3,7 @@
 from contextlib import closing
 
 from pipeline.errors import require_package
-from sarsim.commands.cli import end_by, is_verbose, run_watched
+from sarsim.commands.cli import exit_by_signal, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.tables import show_results
 from sarsim.plugins.ros.settings import RosExplorationConfig
@@ -23,7 +23,7 @@ def ros_explore(config: RosExplorationConfig) -> None:
         save_settings(config, config.out / "config.yaml")
         ended_by = run_watched(drive.run, config.out.name)
     show_results(drive.report, config.out, is_verbose())
-    end_by(ended_by)
+    exit_by_signal(ended_by)
 
 
 def main() -> None:

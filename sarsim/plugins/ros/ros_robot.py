@@ -6,7 +6,7 @@ from rich.console import Console
 
 from pipeline.errors import require_package
 from pipeline.progress import Progress
-from sarsim.commands.cli import end_by, run_watched
+from sarsim.commands.cli import exit_by_signal, run_watched
 from sarsim.commands.settings import run_with_settings
 from sarsim.opengl import check_rendering
 from sarsim.plugins.ros.settings import RosRobotConfig
@@ -29,7 +29,7 @@ def ros_robot(config: RosRobotConfig) -> None:
         )
     if config.out:
         Console().print(f"Ground truth of the drive: {config.out}", soft_wrap=True)
-    end_by(ended_by)
+    exit_by_signal(ended_by)
 
 
 def main() -> None:

@@ -92,7 +92,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 from pipeline.progress import Progress
-from sarsim.commands.cli import end_by, run, run_watched
+from sarsim.commands.cli import exit_by_signal, run, run_watched
 
 def take(interrupted, show):
     print("begun", flush=True)
@@ -103,7 +103,7 @@ def take(interrupted, show):
 def steps(out: Path) -> None:
     ended_by = run_watched(take, "place")
     out.write_text(f"whole {ended_by}")
-    end_by(ended_by)
+    exit_by_signal(ended_by)
 
 run(steps)
 """

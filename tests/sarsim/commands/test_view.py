@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.rerun.recorder import Recorder
-from sarsim.commands.cli import ENDINGS
+from sarsim.commands.cli import TERMINATION_SIGNALS
 from sarsim.commands.view import find_recording, leave
 
 VIEW = Path(__file__).parents[3] / "scripts" / "view.py"
@@ -45,11 +45,11 @@ def test_without_a_display_a_page_is_served_until_the_command_ends(episode):
 
 
 def test_a_second_signal_does_not_interrupt_the_end() -> None:
-    before = {ending: signal.getsignal(ending) for ending in ENDINGS}
+    before = {ending: signal.getsignal(ending) for ending in TERMINATION_SIGNALS}
     try:
         with pytest.raises(SystemExit):
             leave(signal.SIGTERM)
-        assert all(signal.getsignal(ending) == signal.SIG_IGN for ending in ENDINGS)
+        assert all(signal.getsignal(ending) == signal.SIG_IGN for ending in TERMINATION_SIGNALS)
     finally:
         for ending, handler in before.items():
             signal.signal(ending, handler)

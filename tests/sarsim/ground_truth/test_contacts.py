@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
-from sarsim.ground_truth.contacts import CHATTER, CollisionCounter
+from sarsim.ground_truth.contacts import DEBOUNCE_TIME, CollisionCounter
 
 WORLD = """
 <mujoco>
@@ -56,7 +56,7 @@ def test_a_contact_that_chatters_is_one_collision() -> None:
 
 
 def test_coming_back_is_another_collision() -> None:
-    assert collisions([1.01, 0.5, 1.01], pause=CHATTER) == 2
+    assert collisions([1.01, 0.5, 1.01], pause=DEBOUNCE_TIME) == 2
 
 
 @pytest.mark.parametrize(("label", "number"), [(Label.CLUTTER, 1), (Label.VICTIM, 1), (Label.TERRAIN, 0)])
@@ -75,10 +75,10 @@ def test_standing_on_a_wall_is_no_collision(where: dict[str, str], label: Label,
 
 @pytest.mark.parametrize(("label", "number"), [(Label.VICTIM, 2), (Label.CLUTTER, 0), (Label.WALL, 0)])
 def test_contacts_with_people_are_counted_among_all(label: Label, number: int) -> None:
-    counter = counted([1.01, 0.5, 1.01], label, CHATTER)
+    counter = counted([1.01, 0.5, 1.01], label, DEBOUNCE_TIME)
     assert (counter.collisions, counter.with_people) == (2, number)
 
 
 def test_contacts_with_the_living_are_counted_apart() -> None:
-    assert counted([1.01, 0.5, 1.01], Label.VICTIM, CHATTER, is_living=True).with_living == 2
+    assert counted([1.01, 0.5, 1.01], Label.VICTIM, DEBOUNCE_TIME, is_living=True).with_living == 2
     assert counted([1.01, 1.02], Label.VICTIM).with_living == 0

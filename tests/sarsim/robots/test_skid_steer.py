@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from pipeline.robot import Velocity
 from sarsim.robots import skid_steer
-from sarsim.robots.skid_steer import SURPLUS, DriveModel, SkidSteer
+from sarsim.robots.skid_steer import SURPLUS, DriveModel, SkidSteerController
 
 DT = 0.02
 STILL = np.zeros(2)
@@ -23,7 +23,7 @@ class Body:
     """A robot whose wheels reach their speeds at once, and that turns ``obedience`` times as fast as commanded."""
 
     def __init__(self, obedience: float = 1.0) -> None:
-        self.firmware = SkidSteer(PIONEER)
+        self.firmware = SkidSteerController(PIONEER)
         self.obedience = obedience
         self.wheels, self.gyro = STILL, 0.0
 
@@ -101,14 +101,14 @@ def test_gyro_makes_up_for_tyres_that_slip_more_or_less(obedience):
 
 
 def test_heading_error_of_a_blocked_robot_stays_bounded():
-    firmware = SkidSteer(PIONEER)
+    firmware = SkidSteerController(PIONEER)
     for _ in range(500):
         firmware.command(Velocity(omega=1.0), STILL, 0.0, DT)
     assert firmware.heading_error == skid_steer.MAX_HEADING_ERROR
 
 
 def test_wheel_that_lags_is_pushed_and_let_go_again():
-    firmware = SkidSteer(PIONEER)
+    firmware = SkidSteerController(PIONEER)
     for _ in range(500):
         wheels = firmware.command(Velocity(v=0.2), STILL, 0.0, DT)
     push = skid_steer.WHEEL_GAIN * skid_steer.MAX_WHEEL_LAG
@@ -117,14 +117,14 @@ def test_wheel_that_lags_is_pushed_and_let_go_again():
 
 def test_wheels_that_roll_back_on_a_slope_are_held():
     """A servo that gives way in proportion to the load: the firmware must bring the creep to an end."""
-    firmware, give, wheels = SkidSteer(PIONEER), np.full(2, -0.05), STILL
+    firmware, give, wheels = SkidSteerController(PIONEER), np.full(2, -0.05), STILL
     for _ in range(200):
         wheels = firmware.command(Velocity(), wheels, 0.0, DT) + give
     assert_allclose(wheels, 0.0, atol=1e-6)
 
 
 def test_stopped_robot_does_not_follow_a_drifting_gyro():
-    firmware = SkidSteer(PIONEER)
+    firmware = SkidSteerController(PIONEER)
     orders = [firmware.command(Velocity(), STILL, 1e-3, DT) for _ in range(3000)]
     assert np.abs(orders).max() < 0.01
 

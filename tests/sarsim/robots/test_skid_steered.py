@@ -16,8 +16,8 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.model import robot_model
 from sarsim.robots.names import ROBOTS, robot_file
-from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import WHEELS, SkidSteered
+from sarsim.robots.skid_steer import SkidSteerController
+from sarsim.robots.skid_steered import WHEELS, SkidSteerRobot
 from sarsim.sensors.odometry import WheelOdometry
 from tests.pipeline.navigation.follower import Follower
 from tests.sarsim.sensors.no_noise import NoNoise
@@ -101,12 +101,12 @@ class Drive:
     """The robot in an arena, its firmware and odometry, and its true poses along the way."""
 
     def __init__(self, name: str, arena: composer.Arena, x: float = 0.0, z: float = 0.0, pitch: float = 0.0) -> None:
-        self.robot = SkidSteered(name)
+        self.robot = SkidSteerRobot(name)
         arena.add_free_entity(self.robot)
         self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         with self.physics.reset_context():
             self.robot.set_pose(self.physics, (x, 0, z), (np.cos(pitch / 2), 0, np.sin(pitch / 2), 0))
-        self.firmware = SkidSteer(self.robot.drive)
+        self.firmware = SkidSteerController(self.robot.drive)
         self.odometry = WheelOdometry(NoNoise(), self.robot.drive.wheel_radius)
         self.poses: list[NDArray[np.float64]] = []
         self.turned = 0.0
@@ -201,7 +201,7 @@ def test_wheels_stand_where_the_sources_say(name):
 
 def test_the_effective_track_follows_from_the_wheels(name):
     x, y, _ = SHEETS[name].axle
-    assert_allclose(SkidSteered(name).drive.effective_track, 2 * y + (2 * x) ** 2 / (2 * y), atol=1e-3)
+    assert_allclose(SkidSteerRobot(name).drive.effective_track, 2 * y + (2 * x) ** 2 / (2 * y), atol=1e-3)
 
 
 def test_camera_is_an_xtion_on_the_mast(name):
@@ -259,7 +259,7 @@ def test_turns_in_place(name, rate):
 
 
 def test_reaches_its_top_speed(name):
-    speed = SkidSteered(name).drive.top_speed
+    speed = SkidSteerRobot(name).drive.top_speed
     drive = Drive(name, Slope(0)).go(5.0 if speed < 1 else 6.0, speed)
     speed = np.linalg.norm((drive.poses[-1] - drive.poses[-51])[:3, 3])
     print(f"\ntop speed: {speed:.3f} m/s")
@@ -349,7 +349,7 @@ def test_a_file_that_is_no_robot_is_refused(tmp_path, old, new, wrong):
     assert old in text
     bad.write_text(text.replace(old, new))
     with pytest.raises(InputError, match=wrong):
-        SkidSteered(str(bad))
+        SkidSteerRobot(str(bad))
 
 
 def test_a_robot_is_a_name_or_a_file(tmp_path):
@@ -357,7 +357,7 @@ def test_a_robot_is_a_name_or_a_file(tmp_path):
     path.write_text(robot_file(ROBOTS[0]).read_text())
     assert robot_model(str(path)) == robot_model()
     with pytest.raises(InputError, match=r"--robot pioneer: .*pioneer3at, jackal or the path"):
-        SkidSteered("pioneer")
+        SkidSteerRobot("pioneer")
 
 
 def _corners(model, data, geom) -> NDArray[np.float64]:

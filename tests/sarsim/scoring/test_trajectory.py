@@ -9,7 +9,7 @@ from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.robots.pose import TrajectorySample
-from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures
+from sarsim.scoring.trajectory import TrajectoryScore, distance_driven, motion_figures
 
 
 def straight(length, drift=0.0):
@@ -99,13 +99,13 @@ def test_a_loop_is_false_whose_relative_pose_is_off(off, is_false):
 
 
 def test_distance_is_the_length_of_the_way():
-    assert driven(straight(2.0)) == pytest.approx(2.0)
-    assert driven(straight(0.01)) == 0
+    assert distance_driven(straight(2.0)) == pytest.approx(2.0)
+    assert distance_driven(straight(0.01)) == 0
 
 
 def test_a_robot_that_was_lifted_did_not_drive_that_way():
     there = [TrajectorySample(0, from_yaw(9, 9, 0, 0), np.eye(4))]
-    assert driven(straight(2.0) + there + there + straight(1.0)) == pytest.approx(3.0)
+    assert distance_driven(straight(2.0) + there + there + straight(1.0)) == pytest.approx(3.0)
 
 
 def test_tilt_and_tipping():

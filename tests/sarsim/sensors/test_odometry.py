@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
-from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import SkidSteered
+from sarsim.robots.skid_steer import SkidSteerController
+from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors import odometry as module
 from sarsim.sensors.inertial import MTI_300_GYRO, DataSheet
 from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, level
@@ -148,8 +148,8 @@ class Plane(composer.Arena):
 
 def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.float64], ...]]:
     """True values of encoders, gyros and accelerometers, and the true pose, at 5 Hz, of a command in the physics."""
-    plane, robot, ways = Plane(), SkidSteered(), []
-    firmware = SkidSteer(robot.drive)
+    plane, robot, ways = Plane(), SkidSteerRobot(), []
+    firmware = SkidSteerController(robot.drive)
     plane.add_free_entity(robot)
     physics = mjcf.Physics.from_mjcf_model(plane.mjcf_model)
     for k in range(round((seconds + 1.0) / DT)):

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.commands.sweeps import episodes
-from sarsim.commands.sweeps.episodes import SweepJob, limited, result_of, run_episode
+from sarsim.commands.sweeps.episodes import SweepJob, result_of, run_episode, time_limit
 from sarsim.scoring.progress import area_under
 from tests.sarsim.rooms import room
 
@@ -46,20 +46,20 @@ def hangs(job: SweepJob, settings: Mapping[str, Any]) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("driven", "complaint"),
+    ("run_and_score", "complaint"),
     [(throws, "^ValueError: a line and another$"), (hangs, "^TimeoutError: exceeded the time limit of 1 s$")],
 )
 def test_what_is_wrong_with_a_method_is_said_in_one_line(
-    driven: Any, complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_and_score: Any, complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(episodes, "driven", driven)
+    monkeypatch.setattr(episodes, "run_and_score", run_and_score)
     with pytest.raises(InputError, match=complaint):
         run_episode({}, 1.0, SweepJob("m", "nist_6x4", 0), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_block_that_ends_in_time_is_left_alone() -> None:
-    with limited(60.0):
+    with time_limit(60.0):
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 0
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 

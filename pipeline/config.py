@@ -39,16 +39,16 @@ class ExplorerConfig:
     """When the explorer gives up.
 
     Attributes:
-        patience: number of failed drives from the same position after which the robot stays there.
-        got_away: m; a drive that ends farther than this from that position has not failed.
+        max_failed_drives: number of failed drives from the same position after which the robot stays there.
+        min_drive_distance: m; a drive that ends farther than this from that position has not failed.
     """
 
-    patience: int = 5
-    got_away: float = 0.3
+    max_failed_drives: int = 5
+    min_drive_distance: float = 0.3
 
     def __post_init__(self) -> None:
-        require_at_least(1, "explorer", self, "patience")
-        require_at_least(0, "explorer", self, "got_away")
+        require_at_least(1, "explorer", self, "max_failed_drives")
+        require_at_least(0, "explorer", self, "min_drive_distance")
 
 
 @dataclass(frozen=True)

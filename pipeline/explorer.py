@@ -93,9 +93,9 @@ class Explorer:
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
             left = self.mission.left(context) if has_ended and not self.is_held else []
-            ended = self._why_ended(context, left) if has_ended else None
+            end_reason = self._end_reason(context, left) if has_ended else None
         # Connect the ground that can be reached to the topological map (3.3).
-        mapper.connect(keyframe, context.paths)
+        mapper.update_topological_map(keyframe, context.paths)
         # Plan a path to the viewpoint (3.4).
         with mapper.stopwatch("path_plan"):
             plan = back or (self._plan(viewpoint, context) if viewpoint else None)
@@ -108,9 +108,9 @@ class Explorer:
             viewpoint=viewpoint,
             plan=plan,
             frontiers=frontiers,
-            left=left,
+            viewpoints_left=left,
             explores=self.mission.explores,
-            ended=ended,
+            end_reason=end_reason,
             can_drive=back is not None or (context.paths.start is not None and not self.is_held),
             was_carried=self.pilot.was_carried and self.steps > 0,
         )
@@ -119,7 +119,7 @@ class Explorer:
             sink.on_step(mapper, step)
         return step
 
-    def _why_ended(self, context: Context, left: list[Viewpoint]) -> str:
+    def _end_reason(self, context: Context, left: list[Viewpoint]) -> str:
         """Why exploration ends if no viewpoint was chosen."""
         if self.mission.is_out_of_time:
             return "time"
@@ -164,7 +164,7 @@ class Explorer:
 
     def _way_back(self, context: Context) -> PathPlan | None:
         """A plan back along the robot's own track if no path leads to where it came from."""
-        if self.is_held or self.mission.is_out_of_time or self._ways_back >= self._config.explorer.patience:
+        if self.is_held or self.mission.is_out_of_time or self._ways_back >= self._config.explorer.max_failed_drives:
             return None
         return way_back(self._own_poses(context), context.paths)
 
@@ -179,7 +179,7 @@ class Explorer:
     @property
     def is_held(self) -> bool:
         """Whether too many drives in a row have failed to get the robot away from its position."""
-        return self._failed_drives >= self._config.explorer.patience
+        return self._failed_drives >= self._config.explorer.max_failed_drives
 
     def redirect(self, step: Step, viewpoint: Viewpoint) -> Step:
         """A copy of the step with a viewpoint chosen by the caller, and a plan that leads there if there is one."""
@@ -226,7 +226,7 @@ class Explorer:
         reached = outcome is Outcome.REACHED
         if outcome is Outcome.TILTED and not ground.has_ramp(navigator.halts[-1].T_map_base[:2, 3]):
             pilot.pose_check.doubt()
-        if np.linalg.norm(navigator.T_map_base[:2, 3] - here) > config.explorer.got_away:
+        if np.linalg.norm(navigator.T_map_base[:2, 3] - here) > config.explorer.min_drive_distance:
             self._failed_drives = 0
         elif not reached:
             self._failed_drives += 1

@@ -50,7 +50,7 @@ class Intrinsics:
         return np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)])
 
     @property
-    def half_view(self) -> float:
+    def half_fov(self) -> float:
         """Angle from the optical axis to the nearer side of the image, rad."""
         return float(min(np.arctan2(self.cx, self.fx), np.arctan2(self.width - self.cx, self.fx)))
 

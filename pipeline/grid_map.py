@@ -15,7 +15,7 @@ from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place
 from pipeline.errors import InputError
 from pipeline.files import MAX_MEMORY
 
-Box = tuple[slice, slice]  # A rectangle of grid cells
+CellWindow = tuple[slice, slice]  # A rectangle of grid cells
 
 BLOCK = 64
 """Side of the blocks in which maps grow, cells or voxels: 3.2 m with 5 cm cells."""
@@ -117,12 +117,12 @@ class Grid:
         distance = np.linalg.norm(centres - xy, axis=1)
         return centres[distance.argmin()] if len(distance) and distance.min() <= within else None
 
-    def part(self, box: Box) -> "Grid":
+    def part(self, box: CellWindow) -> "Grid":
         """The grid that consists of the cells in a box."""
         i, j = (s.indices(n) for s, n in zip(box, self.shape, strict=True))
         return Grid(self.low + np.array([i[0], j[0]]), self.cell, (i[1] - i[0], j[1] - j[0]))
 
-    def box_of(self, part: "Grid") -> Box:
+    def box_of(self, part: "Grid") -> CellWindow:
         """The box that another grid of the same cells covers; it must lie entirely within this grid."""
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
@@ -204,7 +204,7 @@ class GridMap:
         """Grow until the grid contains another grid of the same cells."""
         self._grow(grid.low, grid.low + grid.shape)
 
-    def write(self, name: str, values: ArrayLike, where: Box | NDArray | tuple | EllipsisType = ...) -> None:
+    def write(self, name: str, values: ArrayLike, where: CellWindow | NDArray | tuple | EllipsisType = ...) -> None:
         """Set a layer (nx, ny), or only the cells that the index ``where`` selects."""
         old = self._layers[name]
         values = np.asarray(values, old.dtype)
@@ -257,7 +257,7 @@ def _bits(values: NDArray) -> NDArray:
     return values.view(f"u{values.itemsize}")
 
 
-def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
+def _grown(values: NDArray, layer: NDArray, box: CellWindow) -> NDArray:
     """The larger ``layer`` with the old ``values`` in its ``box``."""
     layer[box] = values
     return layer
@@ -277,7 +277,7 @@ def best_of_blocks(worth: NDArray, size: int) -> Cells:
     return np.argwhere(wanted) * size + np.stack(np.divmod(best[wanted], size), axis=1)
 
 
-def box_around(mask: MaskLayer, margin: int) -> Box:
+def box_around(mask: MaskLayer, margin: int) -> CellWindow:
     """The bounding box of a non-empty mask, enlarged by ``margin`` cells where the grid allows."""
     slices = []
     for axis in (0, 1):
@@ -286,7 +286,7 @@ def box_around(mask: MaskLayer, margin: int) -> Box:
     return slices[0], slices[1]
 
 
-def inside(inner: Box, outer: Box) -> Box:
+def inside(inner: CellWindow, outer: CellWindow) -> CellWindow:
     """The box ``inner`` in indices relative to the first corner of the box ``outer``, which contains it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j

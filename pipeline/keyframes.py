@@ -42,7 +42,7 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class KeyframeObservation:
     """A keyframe's observations, thinned and relative to its own pose, from which every map can be rebuilt.
 
     Attributes:
@@ -82,7 +82,7 @@ class Seen:
         voxel: float,
         config: ElevationConfig,
         robot: RobotModel,
-    ) -> "Seen":
+    ) -> "KeyframeObservation":
         """The thinned observation of a frame.
 
         Args:
@@ -142,21 +142,21 @@ class Seen:
         """Bounding box of the points and dropouts, m in ``base_link``."""
         return box_of(self.points * UNIT, self.dropouts * UNIT)
 
-    def view(self, reach: float) -> NDArray[np.float64]:
+    def view_frustum(self, reach: float) -> NDArray[np.float64]:
         """(5, 3) corners of the view frustum up to a depth of ``reach`` m, in ``base_link``, m."""
         return transform_places(self.T_base_camera, self.intrinsics.frustum * reach)
 
-    def put_depth(self, metric_map: MetricMap, T_map_base: Pose) -> None:
+    def add_to_metric_map(self, metric_map: MetricMap, T_map_base: Pose) -> None:
         """Add the returns, and the space seen to be free, to the metric map for a given pose of the robot."""
         T_map_camera = T_map_base @ self.T_base_camera
         metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
 
-    def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
+    def add_to_semantic_map(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
         """Add any labelled points to the semantic map for a pose of the robot; ``number``: index of the keyframe."""
         if self.shares is not None:
             semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
 
-    def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
+    def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the returns, dropouts, rays and robot's footprint to the elevation map for a pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera, height = (T_map_base @ self.T_base_camera)[:3, 3], float(T_map_base[2, 3])
@@ -237,7 +237,7 @@ class Keyframes:
             cell: cell size of the elevation map, m.
             noticeable: threshold in m; see :class:`pipeline.config.KeyframesConfig`.
         """
-        self.seen: list[Seen] = []
+        self.seen: list[KeyframeObservation] = []
         self.ground: list[tuple[int, GroundEvidence]] = []
         self.poses = np.zeros((0, 4, 4))
         self.loaded = 0
@@ -247,11 +247,11 @@ class Keyframes:
     def __len__(self) -> int:
         return len(self.seen)
 
-    def add(self, seen: Seen, T_map_base: Pose) -> None:
+    def add(self, seen: KeyframeObservation, T_map_base: Pose) -> None:
         """Add a keyframe with its pose."""
         self.seen.append(seen)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
-        self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view(self._reach))[None]])
+        self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view_frustum(self._reach))[None]])
 
     def add_ground(self, keyframe: int, evidence: GroundEvidence) -> None:
         """Add evidence about the ground near a keyframe."""
@@ -304,7 +304,7 @@ class Keyframes:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class AnchoredPlaces:
     """Places on the map, each anchored to a keyframe.
 
     Attributes:
@@ -316,7 +316,7 @@ class Places:
     position: NDArray[np.float64]
 
     @classmethod
-    def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "Places":
+    def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "AnchoredPlaces":
         """Anchor places (N, 2 or 3) in ``map``, m, to a given keyframe, or each to the nearest one.
 
         ``poses``: the poses of all keyframes, at least one. Places without a height get the height of their keyframe.
@@ -334,7 +334,7 @@ class Places:
         return np.asarray(np.einsum("nij,nj->ni", T[:, :3, :3], self.position) + T[:, :3, 3])
 
     @classmethod
-    def joined(cls, parts: Iterable["Places"]) -> "Places":
+    def joined(cls, parts: Iterable["AnchoredPlaces"]) -> "AnchoredPlaces":
         """Concatenate several sets of places."""
         parts = [cls(np.zeros(0, np.int64), np.zeros((0, 3))), *parts]
         return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))

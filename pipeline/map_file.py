@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.files import atomic_write, load_results, run_all
 from pipeline.frame import Intrinsics
 from pipeline.geometry.planes import Moments
-from pipeline.keyframes import Keyframes, Places, Seen
+from pipeline.keyframes import AnchoredPlaces, KeyframeObservation, Keyframes
 from pipeline.labels import Label
 from pipeline.localisation.localisation import OdometryErrors, SavedKeyframes
 from pipeline.mapper import Mapper
@@ -200,7 +200,7 @@ def load_elevation_map(
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
     with elevation_map.rebuilding(keyframes.boxes()):
         for k, evidence in keyframes.ground:
-            evidence.put(elevation_map, keyframes.poses[k])
+            evidence.add_to_elevation_map(elevation_map, keyframes.poses[k])
     return elevation_map, keyframes.poses
 
 
@@ -309,8 +309,10 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
             raise ValueError("a keyframe has different numbers of points and classes")
         height, width = row["depth"].shape
         shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
-        seen = Seen(
-            **_fields_of(Seen, row), intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares
+        seen = KeyframeObservation(
+            **_fields_of(KeyframeObservation, row),
+            intrinsics=Intrinsics(width, height, *row["camera"].tolist()),
+            shares=shares,
         )
         keyframes.add(seen, row["T_map_base"])
         found.append((row["order"], k, seen))
@@ -331,7 +333,7 @@ def _data_of(text: str) -> NDArray[np.uint8]:
 
 
 def _track_row(track: Track) -> Row:
-    tried = Places.joined(track.tried)
+    tried = AnchoredPlaces.joined(track.tried)
     return {
         "kind": _data_of(track.policy.kind),
         "missed": sorted(track.missed),
@@ -352,7 +354,7 @@ def _tracks(rows: dict[str, list[Row]], mapper: Mapper) -> Iterator[Track]:
     for row in rows["track"]:
         kind = _text_of(row["kind"])
         seen = [_observation_of(kind, one) for one in islice(left, row["observations"])]
-        tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
+        tried = [AnchoredPlaces(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
         policy = mapper.victims.policy if kind == VICTIM else mapper.finds.policy_of(kind)
         yield Track(policy, seen, list(seen), missed=set(row["missed"].tolist()), tried=tried)
 

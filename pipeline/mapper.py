@@ -15,7 +15,7 @@ from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEviden
 from pipeline.elevation_map.traversability import Traversability, TraversabilityLayer
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
-from pipeline.keyframes import Keyframes, Moves, Seen, nearest
+from pipeline.keyframes import KeyframeObservation, Keyframes, Moves, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, LocalisedFrame
 from pipeline.localisation.pose_check import ConfirmedPose
@@ -235,12 +235,14 @@ class Mapper:
             stride = self.metric_map.stride(frame.intrinsics)
             voxel = self.semantic_map.config.voxel
             robot = self.elevation_map.robot
-            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config, robot)
+            seen = KeyframeObservation.of(
+                frame, points, probabilities, stride, voxel, self.elevation_map.config, robot
+            )
             self.keyframes.add(seen, T_map_base)
 
         # Occupied and free space, and the height of the ground.
         with self.stopwatch("metric_map"):
-            seen.put_depth(self.metric_map, T_map_base)
+            seen.add_to_metric_map(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
             self._add_ground(frame, points)
 
@@ -250,7 +252,7 @@ class Mapper:
         detections: list[Detection] = []
         if probabilities is not None:
             with self.stopwatch("semantic_map"):
-                seen.put_classes(self.semantic_map, T_map_base, index)
+                seen.add_to_semantic_map(self.semantic_map, T_map_base, index)
             labels = probabilities.argmax(axis=1).astype(np.uint8)
             with self.stopwatch("segments"):
                 patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
@@ -330,7 +332,7 @@ class Mapper:
         """Rebuild the maps where keyframes move, as if all had had their new (K, 4, 4) poses from the start.
 
         Keyframes whose move is not noticeable stay. Everything anchored to a keyframe moves with it. The next
-        :meth:`connect` fits the nodes of the topological map to the ground.
+        :meth:`update_topological_map` fits the nodes of the topological map to the ground.
 
         Raises:
             InputError: the argument is not one rigid pose for each keyframe. The maps are unchanged.
@@ -367,7 +369,7 @@ class Mapper:
         keyframes = self.keyframes
         with self.stopwatch("correction_metric_map"), self.metric_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
-                keyframes.seen[k].put_depth(self.metric_map, keyframes.poses[k])
+                keyframes.seen[k].add_to_metric_map(self.metric_map, keyframes.poses[k])
 
     def _rebuild_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
@@ -375,7 +377,7 @@ class Mapper:
             return
         with self.stopwatch("correction_semantic_map"), self.semantic_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
-                keyframes.seen[k].put_classes(self.semantic_map, keyframes.poses[k], int(k))
+                keyframes.seen[k].add_to_semantic_map(self.semantic_map, keyframes.poses[k], int(k))
 
     def _rebuild_elevation_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
@@ -383,7 +385,7 @@ class Mapper:
             is_met = meets(keyframes.boxes())
             for k, evidence in keyframes.ground:
                 if is_met[k]:
-                    evidence.put(self.elevation_map, keyframes.poses[k])
+                    evidence.add_to_elevation_map(self.elevation_map, keyframes.poses[k])
 
     def _add_ground(self, frame: Frame, points: NDArray[np.float32]) -> None:
         """Add the ground that a new keyframe shows to the elevation map; ``points``: its returns in ``base_link``, m.
@@ -402,10 +404,11 @@ class Mapper:
         self._put(k, keyframes.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # First, because it may raise
+        # This comes first, because it may raise.
+        evidence.add_to_elevation_map(self.elevation_map, self.keyframes.poses[keyframe])
         self.keyframes.add_ground(keyframe, evidence)
 
-    def connect(self, keyframe: Keyframe, paths: PosePaths | None = None) -> None:
+    def update_topological_map(self, keyframe: Keyframe, paths: PosePaths | None = None) -> None:
         """Update the topological map with the planes of a keyframe and the ground that ``paths`` reach.
 
         ``paths``: the cheapest paths from the robot's position; by default they are computed.
@@ -448,7 +451,7 @@ Check = Callable[[LocalisedFrame], ConfirmedPose | None]
 """Checks a pose: returns the newest frame, whose pose is then certain, or None if the pose remains in doubt."""
 
 
-def map_frame(
+def sense_and_map(
     mapper: Mapper,
     sense: Callable[[], Frame],
     check: Check | None = None,

@@ -15,7 +15,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.pose_check import ConfirmedPose, PoseCheck
-from pipeline.mapper import Keyframe, Mapper, map_frame
+from pipeline.mapper import Keyframe, Mapper, sense_and_map
 from pipeline.navigation.commands import STOP, Approach, Outcome, Verdict
 from pipeline.navigation.course import Course
 from pipeline.navigation.faults import Faults
@@ -63,7 +63,7 @@ class Pilot:
         Raises:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
-        keyframe = required(map_frame(self._mapper, self.sense, self.confirm, labelled=True, may_repeat=True))
+        keyframe = required(sense_and_map(self._mapper, self.sense, self.confirm, labelled=True, may_repeat=True))
         self.correct()
         return keyframe
 
@@ -161,7 +161,7 @@ class Pilot:
             self.faults.check_motion(belief, localised.frame.time)
             return ConfirmedPose(localised, None) if belief.knows_place else None
 
-        map_frame(self._mapper, self.sense, check)
+        sense_and_map(self._mapper, self.sense, check)
         if not belief.knows_place:
             return Verdict.UNSURE
         self.correct()
@@ -175,7 +175,7 @@ class Pilot:
         def check(localised: LocalisedFrame) -> ConfirmedPose:
             return ConfirmedPose(self._note(localised), None)
 
-        keyframe = required(map_frame(self._mapper, self.sense, check, labelled=False, may_repeat=True))
+        keyframe = required(sense_and_map(self._mapper, self.sense, check, labelled=False, may_repeat=True))
         self.correct()
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
 

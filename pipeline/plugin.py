@@ -67,7 +67,7 @@ class Plugin:
         """Check the settings before anything else is created; InputError if they are invalid."""
         self.settings, self.command = settings, command
 
-    def dress(self, arena: Any) -> None:
+    def add_to_arena(self, arena: Any) -> None:
         """Add to a simulated arena, a :class:`sarsim.arenas.arena.RescueArena`, before the robot is put into it."""
 
     def readers(self) -> Sequence[FindReader]:

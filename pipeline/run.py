@@ -167,8 +167,8 @@ class ExplorerRun(Run, ABC):
 
     Attributes:
         explorer: drives the robot.
-        lost: why localisation failed; None if it has not failed.
-        ended: why exploration ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
+        lost_reason: why localisation failed; None if it has not failed.
+        end_reason: why exploration ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
             ``interrupted``, ``time`` or ``steps``.
     """
 
@@ -196,23 +196,23 @@ class ExplorerRun(Run, ABC):
         self.explorer, self._faults = explorer, explorer.pilot.faults
         self._trajectory, self._steps, self._goals, self._home = trajectory, steps, goals, home
         explorer.watch(*parts.sinks)
-        self.lost: str | None = None
+        self.lost_reason: str | None = None
         self._logged_faults = 0
-        self.ended = "interrupted"
-        self._left: list[Viewpoint] = []
+        self.end_reason = "interrupted"
+        self._viewpoints_left: list[Viewpoint] = []
         self._relocalised = explorer.pilot.pose_check.relocalised
 
     @property
-    def mapped(self) -> str:
+    def mapped_text(self) -> str:
         """The mapped area, as text."""
         elevation_map = self.mapper.elevation_map
         area = np.isfinite(elevation_map.measured).sum() * elevation_map.grid.cell**2
         return f"{area:.0f} m² mapped"
 
     @property
-    def explored(self) -> str:
+    def explored_text(self) -> str:
         """How much has been explored so far, as text for the progress; it may lag behind the robot."""
-        return self.mapped
+        return self.mapped_text
 
     def run(
         self, interrupted: Callable[[], bool] = lambda: False, on_progress: Callable[[Progress], object] = _ignore
@@ -238,14 +238,14 @@ class ExplorerRun(Run, ABC):
                     may_step=lambda: self._may_step() and not interrupted(),
                     on_done=partial(self._show_progress, str(task)),
                 )
-                if mission.explores and self.ended == "interrupted" and not interrupted():
-                    self.ended = "steps"
+                if mission.explores and self.end_reason == "interrupted" and not interrupted():
+                    self.end_reason = "steps"
             self._log_outcomes()
         except TimeIsUpError:
-            self.ended = "time" if mission.explores else self.ended
+            self.end_reason = "time" if mission.explores else self.end_reason
         except LostError as error:
-            self.lost = str(error)
-            self.ended = "lost" if mission.explores else self.ended
+            self.lost_reason = str(error)
+            self.end_reason = "lost" if mission.explores else self.end_reason
             self._notice("lost", f"the robot is lost and has stopped: {error}")
         finally:
             self._finish(self._time() - begin)
@@ -261,7 +261,7 @@ class ExplorerRun(Run, ABC):
     def _progress_of(self, task: str) -> Progress:
         """Progress after a step of a task: fraction of the mission's time or, without one, of the ground explored."""
         doing = DRIVING.get(task, task)
-        text, deadline = f"{self.parts.place}: {doing}, {self.explored}", self.explorer.mission.deadline
+        text, deadline = f"{self.parts.place}: {doing}, {self.explored_text}", self.explorer.mission.deadline
         if deadline is None:
             return Progress(f"{text}, step {self.explorer.steps}", self._explored_fraction())
         past, all_of_it = self._time() - deadline.begin, deadline.end - deadline.begin
@@ -289,8 +289,8 @@ class ExplorerRun(Run, ABC):
         self._relocalised = pilot.pose_check.relocalised
         self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
         if step.explores:
-            self.ended = step.ended or "interrupted"
-            self._left = step.left
+            self.end_reason = step.end_reason or "interrupted"
+            self._viewpoints_left = step.viewpoints_left
 
     def _log_drive(self, reached: bool) -> None:
         if reached:
@@ -323,17 +323,17 @@ class ExplorerRun(Run, ABC):
     def _outcome_of(self, step: Step) -> str:
         """The outcome of a step, as a line for the log."""
         if not step.can_drive:
-            return f"{self.mapped}; the robot cannot leave its current position"
+            return f"{self.mapped_text}; the robot cannot leave its current position"
         if step.viewpoint is None or step.plan is None:
             finished = "exploration finished: no remaining viewpoint is worth the drive"
-            return f"{self.mapped}; {finished if step.explores else 'there is no goal left to drive to'}"
+            return f"{self.mapped_text}; {finished if step.explores else 'there is no goal left to drive to'}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
         way = f"path of {step.plan.length:.1f} m via nodes {nodes}" if nodes else f"path of {step.plan.length:.1f} m"
         if not step.viewpoint.gain:
-            return f"{self.mapped}; next viewpoint {place}; {way}"
+            return f"{self.mapped_text}; next viewpoint {place}; {way}"
         heading = np.degrees(step.viewpoint.heading)
         gain = f"{step.viewpoint.gain:.2f} m² of new ground"
-        return f"{self.mapped}; next viewpoint {place}, heading {heading:.0f}°; {way}; expected to show {gain}"
+        return f"{self.mapped_text}; next viewpoint {place}, heading {heading:.0f}°; {way}; expected to show {gain}"
 
     def _finish(self, sim_time: float) -> None:
         """Write the results of a run that took ``sim_time`` s by the robot's clock."""
@@ -341,12 +341,12 @@ class ExplorerRun(Run, ABC):
 
     def _figures(self) -> dict[str, Any]:
         """Figures of exploration, tasks and faults for report.json."""
-        left = [_given_up(view) for view in self._left]
-        exploration = {"exploration": {"ended": self.ended, **({"left": left} if left else {})}}
+        left = [_given_up(view) for view in self._viewpoints_left]
+        exploration = {"exploration": {"ended": self.end_reason, **({"left": left} if left else {})}}
         return {
             **(exploration if self._steps else {}),
             **self.explorer.mission.report(),
-            **({"lost": self.lost} if self.lost else {}),
+            **({"lost": self.lost_reason} if self.lost_reason else {}),
             "faults": [asdict(fault) for fault in self._faults.all],
         }
 

@@ -28,9 +28,9 @@ class Step:
         viewpoint: the next viewpoint; None if no viewpoint is left.
         plan: the path to the viewpoint.
         frontiers: (N, 3) m, centres of the remaining frontiers in ``map``.
-        left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
+        viewpoints_left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
         explores: whether the task is to explore rather than to reach goals.
-        ended: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
+        end_reason: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
             ``time``; None if it continues, or is not the task.
         can_drive: whether the robot can drive away from its position and is not held.
         was_carried: whether the robot has been carried elsewhere since the last step.
@@ -42,9 +42,9 @@ class Step:
     viewpoint: Viewpoint | None
     plan: PathPlan | None
     frontiers: Places
-    left: list[Viewpoint]
+    viewpoints_left: list[Viewpoint]
     explores: bool
-    ended: str | None
+    end_reason: str | None
     can_drive: bool
     was_carried: bool
 

@@ -75,12 +75,12 @@ def angle_of(T: Pose) -> float:
     return float(np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)))
 
 
-def tilt_of(T: Pose) -> tuple[float, float]:
+def roll_pitch_of(T: Pose) -> tuple[float, float]:
     """Roll and pitch of a pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
 
 
-def level(up: Direction, forward: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Rotation3:
+def rotation_from_up(up: Direction, forward: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Rotation3:
     """Rotation of a body with zero yaw, from the direction ``up`` measured in its frame and its ``forward`` axis."""
     left = np.cross(up, forward)
     left /= np.linalg.norm(left)

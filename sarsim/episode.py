@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-from pipeline.datasets.recorded_robot import RecordedRobot
+from pipeline.datasets.recorded_robot import ReportingRobot
 from pipeline.errors import InputError, required
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder, run_all
@@ -62,7 +62,7 @@ class Episode(ExplorerRun):
         config = replace(config, plugins={plugin.name: plugin.settings for plugin in plugins})
         arena = make_arena(config.arena, config.start, config.random, config.seed, config.world_victims)
         for plugin in plugins:
-            plugin.dress(arena)
+            plugin.add_to_arena(arena)
         simulation = SimulationConfig(
             config.odometry,
             config.sensor,
@@ -125,7 +125,7 @@ class Episode(ExplorerRun):
             from sarsim.dataset.exports.tum import TumDrive  # imports HDF5, which episodes do not need otherwise
 
             tum = refused.enter_context(TumDrive(config.tum, config.seed))
-            recorded = RecordedRobot(recorded, tum, T_world_base=lambda: robot.trajectory[-1].T_world_base)
+            recorded = ReportingRobot(recorded, tum, T_world_base=lambda: robot.trajectory[-1].T_world_base)
             recordings.append(tum)
         return recorded, recordings
 
@@ -135,9 +135,9 @@ class Episode(ExplorerRun):
         return required(self._score)
 
     @property
-    def explored(self) -> str:
+    def explored_text(self) -> str:
         """The true explored fraction so far, or the mapped area if there are no scores, as text."""
-        return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped
+        return f"{self._score.explored_so_far:.0%} of the drivable ground seen" if self._score else self.mapped_text
 
     def _explored_fraction(self) -> float | None:
         return self._score.explored_so_far if self._score else None

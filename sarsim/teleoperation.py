@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.errors import InputError, required
 from pipeline.files import run_all
-from pipeline.mapper import Keyframe, map_frame
+from pipeline.mapper import Keyframe, sense_and_map
 from pipeline.robot import Robot, Velocity
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink
@@ -248,9 +248,9 @@ class MappedDrive(MappingRun):
     def _take(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
         self.mapper.apply_corrections(waits=True)
-        keyframe = map_frame(self.mapper, self._driven.sense, labelled=True)
+        keyframe = sense_and_map(self.mapper, self._driven.sense, labelled=True)
         if keyframe is not None:
-            self.mapper.connect(keyframe)
+            self.mapper.update_topological_map(keyframe)
             self.show(keyframe)
 
     def save(self) -> None:

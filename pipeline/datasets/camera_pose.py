@@ -47,7 +47,7 @@ class _Surfaces(NamedTuple):
     normals: Directions
 
 
-def T_above_floor(
+def find_pose_above_floor(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
 ) -> Mounted | None:
     """The pose of the first frame's camera above the floor; None if no frame shows the vertical.

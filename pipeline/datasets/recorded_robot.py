@@ -57,7 +57,7 @@ class Listener(Protocol):
         """Receive the robot's pose and velocity."""
 
 
-class RecordedRobot:
+class ReportingRobot:
     """A :class:`pipeline.robot.Robot` that wraps another robot, and reports that robot's sensor data and motions."""
 
     def __init__(

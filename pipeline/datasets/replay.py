@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Direction, Pose
-from pipeline.datasets.camera_pose import T_above_floor
+from pipeline.datasets.camera_pose import find_pose_above_floor
 from pipeline.datasets.depth_cameras import measured_by
 from pipeline.datasets.images import clip_of
 from pipeline.datasets.recording import Recording
@@ -22,8 +22,8 @@ from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.localisation.vertical import T_lowest_camera, vertical
-from pipeline.mapper import Keyframe, Mapper, map_frame
-from pipeline.transforms import from_rotation, inverse, level
+from pipeline.mapper import Keyframe, Mapper, sense_and_map
+from pipeline.transforms import from_rotation, inverse, rotation_from_up
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
@@ -150,7 +150,7 @@ class Replay:
             self.recording.note(_measured(self._T_base_camera))
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
-        T_map_base = from_rotation(level(up / np.linalg.norm(up)), np.zeros(3))
+        T_map_base = from_rotation(rotation_from_up(up / np.linalg.norm(up)), np.zeros(3))
         if self._given is None:
             self._odometry = DepthOdometry(T_map_base, config=self._numbers)
         else:
@@ -200,7 +200,7 @@ class Replay:
             return T_lowest_camera(first, self.recording.up)
         left_out = dict(self.recording.left_out)
         frames = (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames()))
-        mounted = T_above_floor(frames, self._camera_poses(), self._numbers)
+        mounted = find_pose_above_floor(frames, self._camera_poses(), self._numbers)
         self.recording.left_out = left_out  # The frames are yet to be counted
         if mounted is not None:
             if mounted.other is not None:
@@ -248,9 +248,9 @@ class Replay:
         if at_stop:
             self._add_track()
             self.mapper.apply_corrections(waits=True)
-        keyframe = map_frame(self.mapper, lambda: frame, labelled=labelled, may_repeat=recorded)
+        keyframe = sense_and_map(self.mapper, lambda: frame, labelled=labelled, may_repeat=recorded)
         if keyframe is not None and at_stop:
-            self.mapper.connect(keyframe)
+            self.mapper.update_topological_map(keyframe)
         return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:

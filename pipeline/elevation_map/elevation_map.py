@@ -16,7 +16,7 @@ from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.overhangs_kernels import OPEN, ROOFED
-from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, check_memory, ensure_capacity, inside
+from pipeline.grid_map import CellWindow, Grid, GridMap, Layer, box_around, check_memory, ensure_capacity, inside
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
@@ -270,7 +270,7 @@ class ElevationMap:
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", filled[inside(here, around)], here)
 
-    def _is_under_something(self, box: Box) -> MaskLayer:
+    def _is_under_something(self, box: CellWindow) -> MaskLayer:
         """The cells of a box where a surface hides part of the headroom, and no keyframe has seen all of it.
 
         Cells where the robot has been are excluded, because it had headroom there.

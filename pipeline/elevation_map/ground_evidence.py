@@ -67,7 +67,7 @@ class GroundEvidence(Protocol):
         """The bounding box of everything that the evidence changes, m in ``base_link``."""
         ...
 
-    def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
+    def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the evidence to a map for a given pose of the keyframe."""
         ...
 
@@ -119,7 +119,7 @@ class Assumed:
         """The bounding box of the points, m in ``base_link``."""
         return box_of(self.points)
 
-    def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
+    def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Assume the ground in a map for a given pose of the keyframe."""
         elevation_map.assume_ground(moved(T_map_base, self.points))
 
@@ -152,7 +152,7 @@ class Driven:
         """The bounding box of the points, m in ``base_link``."""
         return box_of(self.track, self.obstacles, self.touched)
 
-    def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
+    def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the track, obstacles and contacts to a map for a given pose of the keyframe.
 
         The robot can stand where it has been until an obstacle is found there.

@@ -15,7 +15,7 @@ from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.errors import InputError
-from pipeline.grid_map import Box, Grid, box_around, inside
+from pipeline.grid_map import CellWindow, Grid, box_around, inside
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
@@ -188,7 +188,7 @@ class Traversability:
         known["free"] = pose_kernels.free_poses(clearance, least, SWEEP)
         return replace(self, grid=grid, **known)
 
-    def part(self, box: Box) -> "Traversability":
+    def part(self, box: CellWindow) -> "Traversability":
         """The part in a box of cells, with contiguous arrays."""
         layers: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
         return replace(self, grid=self.grid.part(box), **layers)
@@ -297,7 +297,7 @@ def assess(
     driven: NDArray[np.uint16],
     robot: RobotModel,
     config: TraversabilityConfig,
-    within: Box = (slice(None), slice(None)),
+    within: CellWindow = (slice(None), slice(None)),
 ) -> Traversability:
     """Assess every cell of a grid, beyond which everything is unknown.
 
@@ -354,7 +354,7 @@ def assess(
     )
 
 
-def _spread(layer: NDArray[Any], grid: Grid, box: Box, fill: float) -> NDArray[Any]:
+def _spread(layer: NDArray[Any], grid: Grid, box: CellWindow, fill: float) -> NDArray[Any]:
     """A layer placed in a box of a larger grid, with ``fill`` elsewhere."""
     spread = np.full((*grid.shape, *layer.shape[2:]), fill, layer.dtype)
     spread[box] = layer
@@ -375,7 +375,7 @@ def _clearances(
     robot: RobotModel,
     cell: float,
     config: TraversabilityConfig,
-    within: Box,
+    within: CellWindow,
 ) -> NDArray[np.int8]:
     """Clearances as on level ground, in a box of cells and as far outside it as a robot in the box may slide."""
     farthest = ceil(_farthest_downhill(robot) / cell)

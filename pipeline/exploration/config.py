@@ -91,7 +91,7 @@ class ExplorationConfig:
         min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal is considered reached, m.
-        patience: number of drives without progress towards a goal after which it is given up.
+        max_drives_without_progress: number of drives without progress towards a goal after which it is given up.
         widest_bar: maximum width of unseen ground that is looked at because it may block a path, m.
         looks: number of looks at a cell that may block the path to seen ground after which the cell is treated as
             blocked.
@@ -109,7 +109,7 @@ class ExplorationConfig:
     min_piece_area: float = 0.25
     horizon: float = 1.5
     arrived: float = 0.15
-    patience: int = 5
+    max_drives_without_progress: int = 5
     widest_bar: float = 0.5
     looks: int = 3
     progress: float = 1.5
@@ -122,4 +122,4 @@ class ExplorationConfig:
         require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "widest_bar")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
-        require_at_least(1, "exploration", self, "patience", "looks")
+        require_at_least(1, "exploration", self, "max_drives_without_progress", "looks")

@@ -258,7 +258,7 @@ class Goals(Strategy):
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.arrived:
                 self._end(goal, None)
             elif goal is self._goal and self._is_hopeless(goal, context.paths.cost_to(place)):
-                drives = self._config.patience
+                drives = self._config.max_drives_without_progress
                 self._end(goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer")
         self._goal = self._view = None
         if any(obstacle_to(context.paths, self._place(goal, context.paths)) for goal in self.left):
@@ -333,11 +333,11 @@ class Goals(Strategy):
         return goal if place is None else place
 
     def _is_hopeless(self, goal: Place, seconds_left: float) -> bool:
-        """Whether the ``patience`` latest drives to a goal brought the robot no nearer to it."""
+        """Whether the ``max_drives_without_progress`` latest drives to a goal brought the robot no nearer to it."""
         shortest, drives = self._tries[id(goal)]
         is_nearer = seconds_left < shortest - self._config.progress
         self._tries[id(goal)] = (seconds_left, 0) if is_nearer else (shortest, drives + 1)
-        return self._tries[id(goal)][1] >= self._config.patience
+        return self._tries[id(goal)][1] >= self._config.max_drives_without_progress
 
     def _end(self, goal: Place, obstacle: str | None) -> None:
         self.left = [other for other in self.left if other is not goal]

@@ -11,13 +11,13 @@ from pipeline.exploration.frontiers import unseen
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, Layer
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
 MAX_MISSES = np.iinfo(np.uint8).max
 """Number of misses of a cell after which further misses are not counted."""
-NOWHERE = Places.joined([])
+NOWHERE = AnchoredPlaces.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
 
 
@@ -41,7 +41,7 @@ class Sightings:
         self._expected = NOWHERE
         self._drive = NOWHERE
         # Cells that viewpoints should have shown but did not, except those counted as misses of their keyframes.
-        self._disappointing: list[Places] = []
+        self._disappointing: list[AnchoredPlaces] = []
         # Poses of the keyframes when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
 
@@ -86,8 +86,8 @@ class Sightings:
     def expect(self, cells: Cells, drive: NDArray[np.float64], poses: Poses) -> None:
         """Remember the cells that the next keyframe should show, and the ends (2, 2) of the drive to it, m."""
         newest = len(poses) - 1
-        self._expected = Places.anchored(self._layers.grid.centre_of(cells), poses, newest)
-        self._drive = Places.anchored(drive, poses, newest)
+        self._expected = AnchoredPlaces.anchored(self._layers.grid.centre_of(cells), poses, newest)
+        self._drive = AnchoredPlaces.anchored(drive, poses, newest)
 
     def _count_shown(self, context: Context, camera: CameraView) -> int:
         """Count the targets that were shown; return the index of the first keyframe with misses not counted yet."""
@@ -137,7 +137,7 @@ class Sightings:
         expected &= (missed_from != here.astype(np.float32)).any(axis=2)
         if (drive < self._config.arrived).any() and expected.any():
             centres = self._layers.grid.centre_of(np.argwhere(expected))
-            self._disappointing.append(Places.anchored(centres, poses, len(poses) - 1))
+            self._disappointing.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
         self._expected = self._drive = NOWHERE
 
 

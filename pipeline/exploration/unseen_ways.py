@@ -19,7 +19,7 @@ from pipeline.exploration.sightings import Sightings
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.planning.path_plan import goal_name
 from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
 from pipeline.robot import RobotModel
@@ -100,7 +100,7 @@ class UnseenWays:
         self._terrain: SearchedTerrain
         self._camera: CameraView
         self._promised = NONE  # centres of the cells that the last view should show, m
-        self._aimed: list[Places] = []  # the same for each view so far, anchored
+        self._aimed: list[AnchoredPlaces] = []  # the same for each view so far, anchored
 
     def observe(self, context: Context) -> None:
         """Record the cells that keyframes showed and missed."""
@@ -177,7 +177,7 @@ class UnseenWays:
     def commit(self, view: PathView, context: Context) -> None:
         """Remember the ground that a view returned by :meth:`view_towards` should show."""
         self._promised = view.shows
-        self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
+        self._aimed.append(AnchoredPlaces.anchored(view.shows, context.poses, len(context.poses) - 1))
         ends = np.stack([context.T_map_base[:2, 3], view.position])
         self._sightings.expect(context.traversability.grid.cell_of(view.shows), ends, context.poses)
 

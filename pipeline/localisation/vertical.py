@@ -12,7 +12,7 @@ from pipeline.geometry.planes import ransac_plane
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.registration import front_normals
-from pipeline.transforms import from_rotation, inverse, level
+from pipeline.transforms import from_rotation, inverse, rotation_from_up
 
 FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)
 """Maximum angle between a surface and the horizontal or vertical for it to be used, rad, in the first and in the last
@@ -109,4 +109,4 @@ def T_level_camera(up: Direction, floor: float) -> Pose:
         up: the vertical in ``camera_optical``.
         floor: coordinate of the floor along ``up`` from the camera, m; negative.
     """
-    return inverse(from_rotation(level(up, forward=(0.0, 0.0, 1.0)).T, floor * up))
+    return inverse(from_rotation(rotation_from_up(up, forward=(0.0, 0.0, 1.0)).T, floor * up))

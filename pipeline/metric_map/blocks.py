@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 SIDE = 64  # Side of a block, voxels: a multiple of the number that the kernels read and test together
 
 Key = tuple[int, int, int]
-Box = tuple[slice, slice, slice]
+VoxelWindow = tuple[slice, slice, slice]
 
 
 class BlockArray:
@@ -95,7 +95,7 @@ class BlockArray:
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, Box, Box]]:
+def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, VoxelWindow, VoxelWindow]]:
     """Cut a box, given by its first index (3,) and its shape, into one part per block.
 
     Yields:

@@ -22,7 +22,7 @@ from pipeline.rerun.viewer import Viewer, start_rerun
 from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
 from pipeline.tracks.finds import Finds
-from pipeline.transforms import tilt_of
+from pipeline.transforms import roll_pitch_of
 from pipeline.victims.victim_map import Victims
 
 APPLICATION = "sarsim"  # Rerun keeps one layout for each application
@@ -204,7 +204,7 @@ class Recorder(Sink):
     def _log_robot_pose(self) -> None:
         T_map_base = self.T_map_base
         self.stream.log("world/robot", drawings.transform(T_map_base))
-        roll, pitch = np.rad2deg(tilt_of(T_map_base))
+        roll, pitch = np.rad2deg(roll_pitch_of(T_map_base))
         self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
 
     def _log_camera(self, keyframe: Keyframe) -> None:
@@ -238,7 +238,7 @@ class Recorder(Sink):
     def _log_victims(self, victims: Victims) -> None:
         log = self.stream.log
         log("world/victims", victim_drawings.boxes(victims))
-        log("world/victims/certainty", victim_drawings.certainty(victims))
+        log("world/victims/certainty", victim_drawings.confidence_ellipsoids(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims, PHOTO))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)

@@ -48,7 +48,7 @@ def boxes(victims: Tracks) -> rr.Boxes3D:
     )
 
 
-def certainty(victims: Tracks) -> rr.Ellipsoids3D:
+def confidence_ellipsoids(victims: Tracks) -> rr.Ellipsoids3D:
     """The ellipsoid that contains each victim with a probability of 95%."""
     everyone = _displayed(victims)
     half_axes, vectors = ellipsoids(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))

@@ -29,14 +29,14 @@ def people_data(situation: Situation) -> Row:
 
 def _person(person: Person, confirmed: bool) -> Row:
     victim = person.victim
-    posture = person.posture
+    size = person.body_size
     return {
         "id": person.display_id,
         "confirmed": confirmed,
         "position": _plain(victim.position),
         "covariance": _plain(victim.covariance),
-        "size": _plain([posture.length, posture.width, posture.height]),
-        "posture": posture.name or None,
+        "size": _plain([size.length, size.width, size.height]),
+        "posture": size.posture or None,
         "confidence": round(victim.confidence, 4),
         "keyframes": len(victim.cameras),
         "missed": len(victim.missed),

@@ -20,7 +20,7 @@ class RescueReport(Sink):
     """Writes the people and all finds as data, and shows the paths to the people in the recording.
 
     Attributes:
-        ended: why exploration ended, see :attr:`Situation.ended`.
+        end_reason: why exploration ended, see :attr:`Situation.end_reason`.
         situation: the robot's knowledge at the end of the run; None before the end.
     """
 
@@ -29,12 +29,12 @@ class RescueReport(Sink):
     def __init__(
         self, recorder: Recorder | None = None, *, config: RescueReportConfig = RescueReportConfig()
     ) -> None:
-        self.ended: str | None = None
+        self.end_reason: str | None = None
         self.situation: Situation | None = None
         self._recorder = recorder
         self._config = config
         self._camera_height = 0.0
-        self._left: list[Viewpoint] = []
+        self._viewpoints_left: list[Viewpoint] = []
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Store the camera's height above the ground."""
@@ -43,12 +43,12 @@ class RescueReport(Sink):
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Store why exploration ended and which viewpoints are left."""
         if step.explores:
-            self.ended = step.ended or "interrupted"
-            self._left = step.left
+            self.end_reason = step.end_reason or "interrupted"
+            self._viewpoints_left = step.viewpoints_left
 
     def situation_in(self, mapper: Mapper) -> Situation:
         """The current situation according to maps with at least one keyframe of this run."""
-        return situation_of(mapper, self._camera_height, self.ended, self._left, self._config)
+        return situation_of(mapper, self._camera_height, self.end_reason, self._viewpoints_left, self._config)
 
     def finish(self, result: Result) -> None:
         """Write the data; InputError if a file cannot be written."""

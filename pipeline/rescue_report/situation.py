@@ -28,7 +28,7 @@ OUTLIERS = 0.01
 
 
 @dataclass(frozen=True)
-class Posture:
+class BodySize:
     """A person's size.
 
     Attributes:
@@ -41,7 +41,7 @@ class Posture:
     height: float
 
     @property
-    def name(self) -> str:
+    def posture(self) -> str:
         """The posture in words; empty if the size does not determine it."""
         if self.length >= max(1.0, 2 * self.height):
             return "lying"
@@ -50,14 +50,14 @@ class Posture:
         return ""
 
 
-def posture_of(points: Points) -> Posture:
+def body_size_of(points: Points) -> BodySize:
     """The size of a person, from the person's points."""
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
     low, high = np.quantile(sides, [OUTLIERS, 1 - OUTLIERS], axis=0)
     one, other, height = (high - low).tolist()
-    return Posture(max(one, other), min(one, other), height)
+    return BodySize(max(one, other), min(one, other), height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +67,14 @@ class Person:
     Attributes:
         display_id: a number if the person is confirmed, letters otherwise.
         victim: the person's track.
-        posture: the person's size.
+        body_size: the person's size.
         route: the path to the person; None if the robot cannot leave the entrance.
         is_warm: whether the person's heat was seen.
     """
 
     display_id: str
     victim: Track
-    posture: Posture
+    body_size: BodySize
     route: Route | None
     is_warm: bool = False
 
@@ -153,12 +153,13 @@ class Situation:
         hazards: hazards on the ground that the robot can reach.
         unseen: ground that was not seen.
         people: confirmed people.
-        sightings: people who are not confirmed.
+        unconfirmed_people: people who are not confirmed.
         finds: signs, codes, objects and heat; people's heat comes last.
         searched: whether a detector looked for people.
-        ended: why exploration ended, as in report.json, or ``interrupted``; None without exploration, because
+        end_reason: why exploration ended, as in report.json, or ``interrupted``; None without exploration, because
             somebody else moved the camera or the robot had goals.
-        left: viewpoints that were given up: those not worth the drive, and seen ground to which no path leads.
+        viewpoints_left: viewpoints that were given up: those not worth the drive, and seen ground to which no path
+            leads.
         trust: evidence against the map.
         can_leave: whether the robot's map has a path out of the entrance.
         knows_camera: whether the camera's pose on the robot was known, not merely measured from a floor in view.
@@ -173,11 +174,11 @@ class Situation:
     hazards: Hazards
     unseen: Unseen
     people: list[Person]
-    sightings: list[Person]
+    unconfirmed_people: list[Person]
     finds: list[Find]
     searched: bool
-    ended: str | None
-    left: Sequence[Viewpoint]
+    end_reason: str | None
+    viewpoints_left: Sequence[Viewpoint]
     trust: Trust
     can_leave: bool
     knows_camera: bool
@@ -191,7 +192,7 @@ class Situation:
     @property
     def finished(self) -> bool:
         """Whether the robot ended exploration by itself, because no viewpoint worth the drive was left."""
-        return self.ended in ("nothing_left", "not_worth_it")
+        return self.end_reason in ("nothing_left", "not_worth_it")
 
     @property
     def is_explored(self) -> bool:
@@ -207,7 +208,7 @@ class Situation:
     @property
     def everyone(self) -> list[Person]:
         """All people, confirmed or not."""
-        return [*self.people, *self.sightings]
+        return [*self.people, *self.unconfirmed_people]
 
     @property
     def entrance(self) -> Place:
@@ -226,15 +227,20 @@ class Situation:
 
 
 def situation_of(
-    mapper: Mapper, camera_height: float, ended: str | None, left: Sequence[Viewpoint], config: RescueReportConfig
+    mapper: Mapper,
+    camera_height: float,
+    end_reason: str | None,
+    viewpoints_left: Sequence[Viewpoint],
+    config: RescueReportConfig,
 ) -> Situation:
     """The situation according to a mapper's maps, with at least one keyframe of this run, the first at the entrance.
 
     Args:
         mapper: holds the maps and the victims; without a detector, people were not searched for.
         camera_height: height of the camera above the ground under the robot, m.
-        ended: why exploration ended, see :attr:`Situation.ended`.
-        left: viewpoints that were given up: those not worth the drive, and seen ground to which no path leads.
+        end_reason: why exploration ended, see :attr:`Situation.end_reason`.
+        viewpoints_left: viewpoints that were given up: those not worth the drive, and seen ground to which no path
+            leads.
         config: parameters of the report.
     """
     traversability = mapper.traversability
@@ -252,7 +258,7 @@ def situation_of(
 
     def person(display_id: str, victim: Track) -> Person:
         is_warm = any(np.array_equal(position, victim.position) for position in heat)
-        return Person(display_id, victim, posture_of(victim.points), router.to(victim.points), is_warm)
+        return Person(display_id, victim, body_size_of(victim.points), router.to(victim.points), is_warm)
 
     return Situation(
         poses=poses,
@@ -263,11 +269,11 @@ def situation_of(
         hazards=hazards,
         unseen=find_unseen(traversability, measured, reachable, config),
         people=[person(*found) for found in confirmed_ids(mapper.victims)],
-        sightings=[person(*found) for found in unconfirmed_ids(mapper.victims)],
+        unconfirmed_people=[person(*found) for found in unconfirmed_ids(mapper.victims)],
         finds=finds if mapper.readers is not None else [],
         searched=mapper.detector is not None,
-        ended=ended,
-        left=left,
+        end_reason=end_reason,
+        viewpoints_left=viewpoints_left,
         trust=trust_in(mapper, config),
         can_leave=bool(paths.reachable.any()),
         knows_camera=mapper.knows_camera,

@@ -16,7 +16,7 @@ DIRECTIONS = np.array([(np.cos(azimuth), np.sin(azimuth)) for azimuth in np.deg2
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class OrientedBox:
     """An oriented bounding box of a piece of a plane.
 
     Attributes:
@@ -33,7 +33,7 @@ class Box:
         return float(self.extent[0] * self.extent[1])
 
 
-def corners(box: Box) -> Places:
+def corners(box: OrientedBox) -> Places:
     """The eight corners: four of the far face, then four of the face that was seen; x varies fastest."""
     signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     return transform_places(box.T_map_box, signs * (box.extent / 2))
@@ -69,7 +69,7 @@ class Hull:
         return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
 
 
-def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell: float) -> Box:
+def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell: float) -> OrientedBox:
     """The box around a hull in a plane.
 
     Args:
@@ -88,7 +88,7 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell
     y = np.array([n[1] * x[2] - n[2] * x[1], n[2] * x[0] - n[0] * x[2], n[0] * x[1] - n[1] * x[0]])
     (left, right), (low, high) = _span(hull, x, centre), _span(hull, y, centre)
     middle = centre + x * (left + right) / 2 + y * (low + high) / 2
-    return Box(from_rotation(np.array([x, y, n]).T, middle), np.array([right - left, high - low, thickness]))
+    return OrientedBox(from_rotation(np.array([x, y, n]).T, middle), np.array([right - left, high - low, thickness]))
 
 
 def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:

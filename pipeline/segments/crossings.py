@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Mask, Places, Values
-from pipeline.segments.boxes import Box
+from pipeline.segments.boxes import OrientedBox
 from pipeline.segments.segment import Segment
 
 Clips: TypeAlias = NDArray[np.float64]
@@ -39,7 +39,9 @@ def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float =
     return result
 
 
-def _near_boxes(a: Places, b: Places, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
+def _near_boxes(
+    a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float, height: float
+) -> NDArray[np.bool_]:
     """(N, S) whether the axis-aligned box around a line and its moving body meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -64,7 +66,7 @@ def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, hei
     return result
 
 
-def clip(a: Places, b: Places, boxes: Sequence[Box], margin: float = 0.0) -> tuple[Clips, Clips]:
+def clip(a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float = 0.0) -> tuple[Clips, Clips]:
     """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:

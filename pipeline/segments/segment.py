@@ -15,7 +15,7 @@ from pipeline.geometry.moving_kernels import moved
 from pipeline.geometry.planes import Moments, Plane
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.labels import Label
-from pipeline.segments.boxes import Box, Hull, bounding_box, corners
+from pipeline.segments.boxes import Hull, OrientedBox, bounding_box, corners
 from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import PlanePatch
 from pipeline.transforms import inverse, transform_points
@@ -80,7 +80,7 @@ class Segment:
 
     label: Label
     plane: Plane
-    box: Box
+    box: OrientedBox
     cells: SurfaceCells
     moments: Moments
     hull: Hull

@@ -64,7 +64,7 @@ class Gap:
         return False
 
 
-class Gaps:
+class GapCloser:
     """Joins segments across gaps that the metric map fills.
 
     During a drive, few keyframes are labelled, but all are in the metric map. Pieces therefore form one surface if
@@ -133,7 +133,7 @@ class Segments:
         """Start without segments. Without ``is_surface``, every gap separates two segments."""
         self.config = config
         self.members: list[Member] = []
-        self._gaps = Gaps(is_surface)
+        self._gaps = GapCloser(is_surface)
         self._touching: list[Segment] = []
         self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []

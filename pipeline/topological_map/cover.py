@@ -11,7 +11,7 @@ from scipy import ndimage
 from pipeline.arrays import Cells, Indices, Mask, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.geometry.sight import visible_cells
-from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
+from pipeline.grid_map import CellWindow, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
 from pipeline.topological_map import cover_kernels as kernels
 from pipeline.topological_map.config import TopologicalMapConfig
@@ -189,7 +189,7 @@ class NodeCover:
         i, j = (slice(w.start - c, w.stop - c) for w, c in zip(window, corner, strict=True))
         self.count[window] += by * visible.seen[0][i, j]
 
-    def _window(self, visible: VisibleCells) -> Box:
+    def _window(self, visible: VisibleCells) -> CellWindow:
         """The part of the first position's window that lies on the grid."""
         corner = visible.corners[0] - self.grid.low
         low = np.maximum(corner, 0)

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import shortest_path
 
-from pipeline.arrays import Mask, MaskLayer, Place, Poses
-from pipeline.arrays import Places as Points
+from pipeline.arrays import Mask, MaskLayer, Place, Places, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.files import atomic_write
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
@@ -43,8 +42,8 @@ class TopologicalMap:
         self.tree = self.graph = nx.Graph()
         self._set = NodeSet(config)
         self._passages = Passages(config.sight)
-        self._places = Places.joined([])
-        self._bends = dict[tuple[int, int], Places]()
+        self._places = AnchoredPlaces.joined([])
+        self._bends = dict[tuple[int, int], AnchoredPlaces]()
 
     @property
     def nodes(self) -> Mapping[int, Node]:
@@ -83,9 +82,9 @@ class TopologicalMap:
     def anchor(self, poses: Poses) -> None:
         """Anchor the nodes and the bends of edges to the keyframes nearest to them."""
         positions = np.array([node.position for node in self.nodes.values()]).reshape(-1, 3)
-        self._places = Places.anchored(positions, poses)
+        self._places = AnchoredPlaces.anchored(positions, poses)
         self._bends = {
-            (a, b): Places.anchored(edge["bends"], poses)
+            (a, b): AnchoredPlaces.anchored(edge["bends"], poses)
             for a, b, edge in self.graph.edges(data=True)
             if "bends" in edge
         }
@@ -96,7 +95,7 @@ class TopologicalMap:
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 
-    def edge_path(self, a: int, b: int) -> Points:
+    def edge_path(self, a: int, b: int) -> Places:
         """(N, 3) points in ``map``, m, of the path along an edge from node ``a`` to node ``b``."""
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])

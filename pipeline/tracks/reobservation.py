@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from pipeline.arrays import Place, Values
 from pipeline.errors import required
 from pipeline.frame import Frame
-from pipeline.keyframes import Keyframes, Places
+from pipeline.keyframes import AnchoredPlaces, Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.tracks.config import ReobservationConfig
 from pipeline.tracks.track import Track
@@ -48,7 +48,7 @@ class Reobservation:
         """Reward viewpoints towards unconfirmed ``tracks``, with lines of sight free in ``metric_map``."""
         self.camera: Frame | None = None
         self._tracks, self._map, self._keyframes, self._config = tracks, metric_map, keyframes, config
-        self._aimed: list[tuple[Track, Places]] = []
+        self._aimed: list[tuple[Track, AnchoredPlaces]] = []
 
     @property
     def wanted(self) -> list[Track]:
@@ -68,7 +68,7 @@ class Reobservation:
         bearing = np.array([heading])
         aimed = [track for track in self.wanted if self._gains(track, place[None], bearing).any()]
         poses = self._keyframes.poses
-        anchored = Places.anchored(place[None], poses, len(poses) - 1)
+        anchored = AnchoredPlaces.anchored(place[None], poses, len(poses) - 1)
         self._aimed = [(track, anchored) for track in aimed]
 
     def count(self, frame: Frame) -> None:
@@ -101,7 +101,7 @@ class Reobservation:
 def half_view(frame: Frame, track: Track) -> float:
     """Maximum angle from the image's middle, rad, at which an object at its maximum distance is wholly visible."""
     _, most = track.policy.distances(track, frame.sensor)
-    return float(frame.intrinsics.half_view - np.arctan2(track.policy.across / 2, most))
+    return float(frame.intrinsics.half_fov - np.arctan2(track.policy.across / 2, most))
 
 
 def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values:

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Covariance, Information, Place, Points, Pose, Poses, Rgb
 from pipeline.frame import Frame
 from pipeline.geometry.cells_kernels import moved
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.localisation.gates import chi2_gate
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import Confirmation, Extents
@@ -151,7 +151,7 @@ class Track:
     placed: list[Observation]
     ground: float = 0.0
     missed: set[int] = field(default_factory=set)
-    tried: list[Places] = field(default_factory=list)
+    tried: list[AnchoredPlaces] = field(default_factory=list)
     tried_at: list[Place] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -161,7 +161,7 @@ class Track:
         """Locate the object again, with the keyframes at these ``poses`` in ``map``."""
         self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
-        self.tried_at = list(Places.joined(self.tried).at(poses))
+        self.tried_at = list(AnchoredPlaces.joined(self.tried).at(poses))
         self.where = self.policy.locate(self.placed)
 
     def take(self, other: "Track") -> None:

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Boxes = tuple[NDArray[np.float32], NDArray[np.float32]]
+ScoredBoxes = tuple[NDArray[np.float32], NDArray[np.float32]]
 """(N, 4) boxes and their (N, classes) confidences."""
 
 
-def joined(parts: Iterable[Boxes]) -> Boxes:
+def joined(parts: Iterable[ScoredBoxes]) -> ScoredBoxes:
     """All boxes of one or more parts."""
     boxes, scores = zip(*parts, strict=True)
     return np.concatenate(boxes), np.concatenate(scores)

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import check_hash, read_bytes, read_text
-from pipeline.victims.boxes import Boxes
+from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
 
 WHOLE = re.compile(
@@ -92,7 +92,7 @@ class DarknetNetwork(OpenCvNetwork):
                 f"but it needs {needed}"
             )
 
-    def decode(self, outputs: Sequence[Any]) -> Boxes:
+    def decode(self, outputs: Sequence[Any]) -> ScoredBoxes:
         """See :meth:`OpenCvNetwork.decode`: rows hold fractions of the input, objectness and confidences."""
         rows = np.concatenate([head.reshape(-1, head.shape[-1]) for head in outputs])
         middle = rows[:, :2] * self.size

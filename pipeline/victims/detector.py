@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.victims.boxes import Boxes, best_boxes
+from pipeline.victims.boxes import ScoredBoxes, best_boxes
 from pipeline.victims.config import DetectorConfig
 from pipeline.victims.darknet import DarknetNetwork
 from pipeline.victims.detection import Detection
@@ -26,7 +26,7 @@ class BoxNetwork(Protocol):
         """Indices of its classes, by kind of object; other classes are ignored."""
         ...
 
-    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+    def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
         """Boxes, pixels, several per object, including all with a confidence of at least ``min_confidence``."""
         ...
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import check_hash, read_bytes
-from pipeline.victims.boxes import Boxes
+from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
 
 GRIDS = (8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32)
@@ -72,7 +72,7 @@ class OnnxNetwork(OpenCvNetwork):
             f"where N is the number of cells in all grids{REMEDY}"
         )
 
-    def decode(self, outputs: Sequence[Any]) -> Boxes:
+    def decode(self, outputs: Sequence[Any]) -> ScoredBoxes:
         """See :meth:`OpenCvNetwork.decode`."""
         (rows,) = outputs[0]
         if self._is_v8 is None:

@@ -17,7 +17,7 @@ from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.files import GOOD, run_isolated
 from pipeline.tracks.find import KINDS, VICTIM
-from pipeline.victims.boxes import Boxes
+from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.input_image import Letterbox
 
 PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
@@ -49,17 +49,17 @@ class OpenCvNetwork(ABC):
         """Raise InputError if the network cannot be valid; called before OpenCV first runs it."""
 
     @abstractmethod
-    def decode(self, outputs: Sequence[Any]) -> Boxes:
+    def decode(self, outputs: Sequence[Any]) -> ScoredBoxes:
         """Boxes in the input, pixels, several per object, and (N, classes) confidences, from the ``outputs``."""
 
-    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+    def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
         """Boxes, pixels, that reach ``min_confidence``, several per object, and (N, classes) confidences."""
         letterbox, canvas = Letterbox.fit(image, *self.size)
         boxes, scores = self.run(canvas)
         good = scores.max(axis=1, initial=0) >= min_confidence
         return letterbox.to_image(boxes[good]), scores[good]
 
-    def run(self, canvas: Rgb) -> Boxes:
+    def run(self, canvas: Rgb) -> ScoredBoxes:
         """Boxes in an image of the input's size; see :meth:`decode`."""
         self.net.setInput(cv2.dnn.blobFromImage(canvas, 1 / 255))
         return self.decode(self.net.forward(self.outputs))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Mask, Rgb
 from pipeline.tracks.find import VICTIM
-from pipeline.victims.boxes import Boxes, best_boxes, joined, overlaps
+from pipeline.victims.boxes import ScoredBoxes, best_boxes, joined, overlaps
 from pipeline.victims.config import DetectorConfig
 from pipeline.victims.yolo import Yolo, load_shipped
 
@@ -32,7 +32,7 @@ CONTEXT = 1.25
 """Side of the square that this input shows, relative to the suspect's longer side."""
 LYING = 0.8
 """Minimum width of a suspect, relative to its height, for its square to be rotated; few photos show people lying."""
-NOTHING: Boxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
+NOTHING: ScoredBoxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
 class TwoStages:
@@ -51,14 +51,14 @@ class TwoStages:
         """A detector with the weights of a file; InputError as for :func:`load_shipped`."""
         return cls(*load_shipped(weights), config)
 
-    def find(self, image: Rgb, min_confidence: float) -> Boxes:
+    def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
         """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``min_confidence``."""
         (boxes, scores), hints = self._suspects(image, min_confidence)
         look = self._look_closer if hints <= self._config.max_hints else self._look_everywhere
         witnessed, seen = look(image, boxes)
         return joined([(boxes[witnessed], scores[witnessed]), seen])
 
-    def _suspects(self, image: Rgb, min_confidence: float) -> tuple[Boxes, int]:
+    def _suspects(self, image: Rgb, min_confidence: float) -> tuple[ScoredBoxes, int]:
         """The suspects that the arena network finds, the most confident first, and the number of hints of people."""
         config = self._config
         far = self._arena.boxes(image, config.size, min(HINT, min_confidence))
@@ -66,14 +66,14 @@ class TwoStages:
         parts = [far, self._near(self._arena, image, min_confidence)] if hints else [NOTHING]
         return self._best(joined(parts), min_confidence), hints
 
-    def _near(self, network: Yolo, image: Rgb, min_confidence: float) -> Boxes:
+    def _near(self, network: Yolo, image: Rgb, min_confidence: float) -> ScoredBoxes:
         """Boxes of people so near that they are too large for a network at the usual size of the input."""
         boxes, scores = network.boxes(image, NEAR_SIZE, min_confidence)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
         is_near = extent >= LARGE_BOX * max(image.shape)
         return boxes[is_near], scores[is_near]
 
-    def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
+    def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
         """Which (N, 4) suspects are corroborated in a square around them, and all boxes seen in the squares."""
         seen, witnessed = NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
@@ -88,13 +88,13 @@ class TwoStages:
                 )
         return witnessed, seen
 
-    def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
+    def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
         """Which (N, 4) suspects are corroborated in the whole image, and all boxes seen in it."""
         least = self._config.witness
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
 
-    def _lying(self, image: Rgb) -> Boxes:
+    def _lying(self, image: Rgb) -> ScoredBoxes:
         """Boxes that the COCO network sees in an image rotated by 90° either way, as few photos show people lying."""
         sides = ((turns, np.rot90(image, turns)) for turns in (1, -1))
         return joined(
@@ -103,12 +103,12 @@ class TwoStages:
             for boxes, scores in [self._coco.boxes(side, VIEW, self._config.witness, heads=1)]
         )
 
-    def _are_witnessed(self, suspects: NDArray[np.float32], seen: Boxes) -> Mask:
+    def _are_witnessed(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
         """(N,) whether each of (N, 4) suspects overlaps a box that was seen."""
         boxes, _ = self._best(seen, self._config.witness)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
 
-    def _best(self, found: Boxes, min_confidence: float) -> Boxes:
+    def _best(self, found: ScoredBoxes, min_confidence: float) -> ScoredBoxes:
         """One box per object, the most confident first."""
         boxes, scores = best_boxes(found[0], found[1][:, 0], min_confidence, self._config.suppressing_iou)
         return boxes, scores[:, None]
@@ -123,7 +123,7 @@ def surroundings(image: Rgb, box: NDArray[np.float32]) -> tuple[NDArray[np.float
     return np.array([x0, y0], np.float32), image[y0:y1, x0:x1]
 
 
-def moved(found: Boxes, corner: NDArray[np.float32]) -> Boxes:
+def moved(found: ScoredBoxes, corner: NDArray[np.float32]) -> ScoredBoxes:
     """Boxes in an image, from boxes in a part of it whose upper left corner is ``corner`` (2,), pixels."""
     return found[0] + np.tile(corner, 2), found[1]
 

@@ -24,7 +24,7 @@ from torch.nn import functional
 from pipeline.arrays import Rgb
 from pipeline.files import check_hash
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
-from pipeline.victims.boxes import Boxes, joined
+from pipeline.victims.boxes import ScoredBoxes, joined
 from pipeline.victims.input_image import Letterbox
 
 BATCH_NORM_EPSILON = 1e-6  # as in Darknet's batchnorm_layer.c on a CPU, and in OpenCV's reader
@@ -95,7 +95,9 @@ class Yolo(ABC):
         ``images`` are (N, 3, H, W), 0 to 1.
         """
 
-    def boxes(self, image: Rgb, size: tuple[int, int], min_objectness: float, heads: int | None = None) -> Boxes:
+    def boxes(
+        self, image: Rgb, size: tuple[int, int], min_objectness: float, heads: int | None = None
+    ) -> ScoredBoxes:
         """Boxes of people in an image, pixels, several per person, and their (N, 1) confidences.
 
         Args:
@@ -197,7 +199,7 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
     return YoloSmall(wanted), YoloTiny(wanted)
 
 
-def decode(head: NDArray[np.float32], anchors: Anchors, width: int, height: int, threshold: float) -> Boxes:
+def decode(head: NDArray[np.float32], anchors: Anchors, width: int, height: int, threshold: float) -> ScoredBoxes:
     """Decode the boxes of one grid with the equations of section 2.1 of YOLOv3.
 
     Args:

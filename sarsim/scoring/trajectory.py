@@ -12,7 +12,7 @@ from pipeline.arrays import Values
 from pipeline.files import run_all
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
-from pipeline.transforms import tilt_of, wrap_angle, yaw_of
+from pipeline.transforms import roll_pitch_of, wrap_angle, yaw_of
 from sarsim.robots.pose import TrajectorySample
 
 TIPPED = np.deg2rad(45)
@@ -89,7 +89,7 @@ def distances_driven(trajectory: Sequence[TrajectorySample]) -> Values:
 def motion_figures(trajectory: Sequence[TrajectorySample]) -> dict[str, float]:
     """Number of times a robot fell over, distance driven, and maximum roll and pitch, for report.json."""
     tipped = np.array([is_tipped(pose.T_world_base) for pose in trajectory])
-    roll, pitch = np.abs([tilt_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
+    roll, pitch = np.abs([roll_pitch_of(pose.T_world_base) for pose in trajectory]).max(axis=0)
     return {
         "tipped": int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0)),
         "distance_m": distance_driven(trajectory),

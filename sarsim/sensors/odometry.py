@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Pose, Rotation3
 from pipeline.errors import InputError
-from pipeline.transforms import from_rotation, level
+from pipeline.transforms import from_rotation, rotation_from_up
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
 TICKS = 34_000
@@ -83,7 +83,7 @@ class WheelOdometry:
         accelerometer = self._accelerometers.measure(accelerometer, dt)
         ticks = np.floor(wheel_angle * TICKS / (2 * np.pi))
         if self._R is None:
-            self._R = level(accelerometer / np.linalg.norm(accelerometer))
+            self._R = rotation_from_up(accelerometer / np.linalg.norm(accelerometer))
         else:
             rolled = (ticks - self._ticks) * (2 * np.pi / TICKS) * self._radius
             speed = float(rolled.mean()) / dt

@@ -263,7 +263,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._seen: Step = step
         offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
         self._offered = sorted(offered, key=lambda viewpoint: viewpoint.seconds)
-        self._ended = step.ended or ""
+        self._ended = step.end_reason or ""
         self._maps = local_maps(explorer.mapper, step.keyframe.T_map_base)
 
     def _chosen(self, action: Action) -> Viewpoint | None:

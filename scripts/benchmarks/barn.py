@@ -156,7 +156,7 @@ class Crossing(Sink):
     def result(self) -> Run:
         """The result of the run; a run that the robot ended itself is ``lost`` or ``given_up``."""
         judge, episode = self.judge, self.episode
-        ended = judge.ended or ("lost" if episode.lost else "given_up")
+        ended = judge.ended or ("lost" if episode.lost_reason else "given_up")
         navigation = episode.report["navigation"]
         return {"ended": ended, "seconds": judge.seconds} | {
             key: navigation[key] for key in ("distance_m", "collisions", "mean_speed", "time_s") if key in navigation

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Poses
 from pipeline.exploration.baselines import RandomWalk
 from pipeline.explorer import Explorer
-from pipeline.keyframes import Keyframes, Seen
+from pipeline.keyframes import KeyframeObservation, Keyframes
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.run import explore
@@ -141,5 +141,5 @@ def _bytes(mapper: Mapper) -> int:
 
 def kept_bytes(keyframes: Keyframes) -> int:
     """Bytes of the keyframes' observations."""
-    drives = [evidence for _, evidence in keyframes.ground if not isinstance(evidence, Seen)]
+    drives = [evidence for _, evidence in keyframes.ground if not isinstance(evidence, KeyframeObservation)]
     return sum(seen.nbytes for seen in keyframes.seen) + sum(a.nbytes for d in drives for a in vars(d).values())

@@ -122,7 +122,7 @@ def run_jobs(
     with locked(folder) as lock, progress() as bars:
         waiting = [job for job in jobs if job.result(folder) is None]
         bar = bars.add_task("episodes", total=len(waiting))
-        with closing(make_engine(workers=settings.workers)(partial(leave, run), waiting, lock)) as outcomes:
+        with closing(make_engine(workers=settings.workers)(partial(write_result, run), waiting, lock)) as outcomes:
             for _ in outcomes:
                 bars.advance(bar)
     return [job.result(folder) for job in jobs]
@@ -143,7 +143,7 @@ def failures(jobs: Sequence[Job], results: Results) -> list[str]:
     return [job.name for job, result in zip(jobs, results, strict=True) if result is None]
 
 
-def leave(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -> None:
+def write_result(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -> None:
     """Write the result of a job to its JSON file, unless it is None or the job fails; stderr goes to a log."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:

@@ -15,7 +15,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.files import read_numbers
-from pipeline.keyframes import Seen
+from pipeline.keyframes import KeyframeObservation
 from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.lettering import write
 from pipeline.map_file import read_keyframes
@@ -63,7 +63,7 @@ class Drive:
     times: NDArray[np.float64]
     places: NDArray[np.float64]
     turns: Slerp
-    keyframes: list[tuple[float, Seen]]
+    keyframes: list[tuple[float, KeyframeObservation]]
     poses: NDArray[np.float64]
     people: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]
 
@@ -135,7 +135,7 @@ def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
         yield beside(picture, robot.sense().rgb, time - drive.times[0], coverage.fraction)
 
 
-def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def labelled(seen: KeyframeObservation, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """(N, 3) points of a keyframe in ``map``, m, except the ceiling, and their labels (N,); empty without labels."""
     if seen.shares is None:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)

@@ -33,7 +33,7 @@ def draw(folder: Path) -> None:
     points, labels = semantic_map.points(), semantic_map.labels()
     due, panels = [round(share * len(keyframes)) for share in SHARES], []
     for count, (seen, T_map_base) in enumerate(zip(keyframes.seen, keyframes.poses, strict=True), 1):
-        seen.put_depth(metric_map, T_map_base)
+        seen.add_to_metric_map(metric_map, T_map_base)
         if count in due:
             picture = voxels(metric_map, voxel_labels(metric_map, points, labels))
             write(picture, (20, SIZE[1] - 20), f"{count} keyframes", 30, INK)

@@ -48,7 +48,7 @@ def ends_in(explorer, outcome, *halts):
 
 @pytest.fixture
 def explorer():
-    config = PipelineConfig(explorer=ExplorerConfig(patience=3))
+    config = PipelineConfig(explorer=ExplorerConfig(max_failed_drives=3))
     return Explorer(
         PlacedRobot(), Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), config=config)
     )

@@ -10,7 +10,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.ground_evidence import Driven
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import Keyframes, Moves, Places, Seen, nearest
+from pipeline.keyframes import AnchoredPlaces, KeyframeObservation, Keyframes, Moves, nearest
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
@@ -27,11 +27,11 @@ def frame(depth: np.ndarray) -> Frame:
     return Frame(0.0, np.zeros((48, 64, 3), np.uint8), depth, CAMERA, T_BASE_CAMERA, np.eye(4))
 
 
-def seen(depth: np.ndarray, labelled: bool = False) -> Seen:
+def seen(depth: np.ndarray, labelled: bool = False) -> KeyframeObservation:
     shown = frame(depth.astype(np.float32))
     points = shown.points(T_BASE_CAMERA)
     probabilities = np.full((len(points), 8), 1 / 8, np.float32) if labelled else None
-    return Seen.of(shown, points, probabilities, 5, 0.02, ElevationConfig(), PIONEER)
+    return KeyframeObservation.of(shown, points, probabilities, 5, 0.02, ElevationConfig(), PIONEER)
 
 
 def test_points_are_kept_to_the_unit_wherever_the_robot_is():
@@ -57,7 +57,7 @@ def test_what_is_no_return_or_too_far_away_is_left_out():
 
 def test_a_frame_without_returns_is_kept():
     nothing, metric_map = seen(np.zeros((48, 64)), labelled=True), MetricMap()
-    nothing.put_depth(metric_map, np.eye(4))
+    nothing.add_to_metric_map(metric_map, np.eye(4))
     assert not len(nothing.points) and not len(metric_map.occupied_centres())
 
 
@@ -85,7 +85,7 @@ def matrices(rows: list[tuple[float, float, float]]) -> np.ndarray:
 @given(poses_2d, st.lists(st.tuples(*[st.floats(-5, 5)] * 3), max_size=5), st.tuples(*[st.floats(-5, 5)] * 3))
 def test_places_stay_where_they_are_and_move_as_one_with_all_keyframes(rows, places, motion):
     poses, there, T = matrices(rows), np.reshape(places, (-1, 3)), from_yaw(*motion[:2], 0, motion[2])
-    anchored = Places.anchored(there, poses)
+    anchored = AnchoredPlaces.anchored(there, poses)
     np.testing.assert_allclose(anchored.at(poses), there, atol=1e-12)
     np.testing.assert_allclose(anchored.at(T @ poses), there @ T[:3, :3].T + T[:3, 3], atol=1e-9)
 
@@ -95,12 +95,12 @@ def test_a_place_follows_the_keyframe_that_stood_nearest_or_the_one_that_is_name
     after = matrices([(0, 0, 0), (4, 1, np.pi / 2)])
     places = np.array([(1.0, 0.0), (3.0, 0.0)])
     np.testing.assert_array_equal(nearest(places, before), [0, 1])
-    np.testing.assert_allclose(Places.anchored(places, before).at(after), [(1, 0, 0), (4, 0, 0)], atol=1e-12)
-    of_newest = Places.anchored(places, before, keyframe=1)
+    np.testing.assert_allclose(AnchoredPlaces.anchored(places, before).at(after), [(1, 0, 0), (4, 0, 0)], atol=1e-12)
+    of_newest = AnchoredPlaces.anchored(places, before, keyframe=1)
     np.testing.assert_allclose(of_newest.at(after), [(4, -2, 0), (4, 0, 0)], atol=1e-12)
-    both = Places.joined([of_newest, Places.anchored(places, before)])
+    both = AnchoredPlaces.joined([of_newest, AnchoredPlaces.anchored(places, before)])
     assert both.keyframe.tolist() == [1, 1, 0, 1]
-    assert not len(Places.joined([]).at(before))
+    assert not len(AnchoredPlaces.joined([]).at(before))
 
 
 def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():

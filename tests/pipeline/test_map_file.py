@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import Label
 from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -61,7 +61,7 @@ def mapper() -> Mapper:
         )
         for k, sure in ((0, 0.7), (2, 0.8))
     ]
-    tried = [Places.anchored(np.ones((1, 3)), poses)]
+    tried = [AnchoredPlaces.anchored(np.ones((1, 3)), poses)]
     mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed={1, 3}, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)

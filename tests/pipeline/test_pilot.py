@@ -11,7 +11,7 @@ from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, Pos
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.pose_check import ConfirmedPose
 from pipeline.localisation.pose_graph import ConstraintKind
-from pipeline.mapper import Keyframe, Mapper, map_frame
+from pipeline.mapper import Keyframe, Mapper, sense_and_map
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
@@ -78,7 +78,7 @@ class Outlook:
         """Make keyframes of a full turn."""
         for yaw in np.arange(6) * np.pi / 3:
             self.robot.T = place @ from_yaw(0, 0, 0, yaw)
-            map_frame(self.mapper, self.pilot.sense, self.pilot.confirm, labelled=False, may_repeat=True)
+            sense_and_map(self.mapper, self.pilot.sense, self.pilot.confirm, labelled=False, may_repeat=True)
         self.robot.T = place
         return self
 

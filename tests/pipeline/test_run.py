@@ -135,7 +135,7 @@ def test_a_faulty_robot_is_reported_and_costs_no_map(fault, kinds: list[str], tm
     run.run()
     noticed = dict.fromkeys(fault["kind"] for fault in run.report["faults"])
     assert [kind for kind in noticed if kind != "stuck"] == kinds
-    assert bool(run.lost) == ("lost" in kinds)
+    assert bool(run.lost_reason) == ("lost" in kinds)
     assert {file.name for file in tmp_path.iterdir()} >= (MAPS if run.explorer.steps else {"report.json"})
 
 
@@ -233,7 +233,7 @@ def test_it_is_handed_in_whatever_happens(ended, tmp_path, monkeypatch):
     def end():
         if ended == "lost":
             raise LostError("dark")
-        return replace(step, viewpoint=None, plan=None, ended=ended) if ended == "held" else step
+        return replace(step, viewpoint=None, plan=None, end_reason=ended) if ended == "held" else step
 
     monkeypatch.setattr(mission.explorer, "step", end)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))

@@ -11,7 +11,7 @@ from pipeline.transforms import (
     from_yaw,
     inverse,
     orthonormal,
-    tilt_of,
+    roll_pitch_of,
     transform_points,
     wrap_angle,
     yaw_of,
@@ -23,7 +23,7 @@ angles = st.floats(-3, 3)
 @given(angles, st.floats(-1.4, 1.4), angles)
 def test_roll_pitch_and_yaw_are_those_of_rep_103(roll, pitch, yaw):
     T = from_rotation(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), [1, 2, 3])
-    np.testing.assert_allclose([*tilt_of(T), yaw_of(T)], [roll, pitch, yaw], atol=1e-9)
+    np.testing.assert_allclose([*roll_pitch_of(T), yaw_of(T)], [roll, pitch, yaw], atol=1e-9)
 
 
 @given(angles, angles)

@@ -5,7 +5,7 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.robot import Velocity
 from pipeline.sensor import XTION
-from pipeline.transforms import tilt_of
+from pipeline.transforms import roll_pitch_of
 from sarsim.arenas.load import load_arena
 from sarsim.methods.arena import make_arena
 from sarsim.robots.model import robot_sensor
@@ -90,8 +90,8 @@ def test_odometry_knows_how_a_slope_tilts_the_robot_at_the_start():
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
     pose = robot.trajectory[-1]
     robot.close()
-    assert np.degrees(tilt_of(pose.T_world_base)) == pytest.approx([15, 0], abs=0.2)
-    assert np.degrees(tilt_of(pose.T_odom_base)) == pytest.approx([15, 0], abs=0.5)
+    assert np.degrees(roll_pitch_of(pose.T_world_base)) == pytest.approx([15, 0], abs=0.2)
+    assert np.degrees(roll_pitch_of(pose.T_odom_base)) == pytest.approx([15, 0], abs=0.5)
 
 
 def test_vibration_in_turns_does_not_turn_the_wheel_odometry(make_robot):

@@ -16,8 +16,8 @@ class SquaresConfig:
         small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
             compared with, pixels.
         contrast: offset of the thresholds below and above the mean, in levels from 0 to 255.
-        more_coloured: difference from the mean saturation above which a pixel is coloured, in levels from 0 to 255.
-        hues: step from one colour mask to the next, 256ths of the circle of hues.
+        saturation_offset: offset above the mean saturation beyond which a pixel is coloured, in levels from 0 to 255.
+        hue_step: step from one colour mask to the next, 256ths of the circle of hues.
         hue_width: range of hues in a colour mask, 256ths of the circle.
         coloured: saturation, out of 255, above which a pixel has a hue.
         faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
@@ -37,8 +37,8 @@ class SquaresConfig:
     small_window: int = 17
     window: int = 51
     contrast: int = 3
-    more_coloured: int = 16
-    hues: int = 16
+    saturation_offset: int = 16
+    hue_step: int = 16
     hue_width: int = 32
     coloured: int = 64
     faint_edge: int = 32
@@ -58,14 +58,14 @@ class HazmatConfig:
 
     Attributes:
         confidence: minimum confidence of a sign, exclusive.
-        rarer: odds of a sign among the training patches, divided by those among the squares of a camera's image;
-            chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
+        prior_odds_ratio: odds of a sign among the training patches, divided by those among the squares of a camera's
+            image; chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
         alike: minimum intersection over union of squares that vote on a sign's class.
         sizes: scales of a square's outline over which probabilities are averaged, because outlines are inexact.
     """
 
     confidence: float = 0.5
-    rarer: float = 9.0
+    prior_odds_ratio: float = 9.0
     alike: float = 0.5
     sizes: tuple[float, ...] = (0.97, 1.0, 1.03)
 

@@ -66,4 +66,4 @@ class HazmatReader:
 
     def _sign_probability(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
         """Probability of a sign by Bayes' rule, given the network's probability that there is none."""
-        return np.asarray((1 - no_sign) / (1 - no_sign + self._config.rarer * no_sign), np.float32)
+        return np.asarray((1 - no_sign) / (1 - no_sign + self._config.prior_odds_ratio * no_sign), np.float32)

@@ -43,10 +43,10 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     yield most - _above(value, config.contrast, config.small_window)
     for above in (-config.contrast, config.contrast):
         yield most - _above(value, above, config.window)
-    yield _above(saturation, config.more_coloured, config.window)
+    yield _above(saturation, config.saturation_offset, config.window)
     # On grey walls, saturation is noise, which has few outlines once its specks are removed.
     yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)
-    for first in range(0, most + 1, config.hues):
+    for first in range(0, most + 1, config.hue_step):
         # Hues wrap around, and so do differences of unsigned bytes.
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
         if np.count_nonzero(is_one) >= config.min_side**2:

@@ -17,7 +17,7 @@ from pipeline.plugins.league.brief import HANDED_IN, MissionBrief
 from pipeline.plugins.league.cloud import write_cloud
 from pipeline.plugins.league.codes import codes_among, write_codes
 from pipeline.plugins.league.config import LeagueConfig
-from pipeline.plugins.league.plan import searched_ground, write_plan
+from pipeline.plugins.league.plan import searched_ground, write_league_map
 from pipeline.plugins.league.pois import points_of_interest, write_pois
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.sink import Result, Sink
@@ -25,7 +25,7 @@ from pipeline.tracks.find import Find
 from pipeline.transforms import from_yaw
 
 
-class HandIn(Sink):
+class LeagueFiles(Sink):
     """Writes the files that a league requires."""
 
     finishing = "writing the league's files"
@@ -86,7 +86,7 @@ def hand_in(
     run_all(
         lambda: write_pois(listed, brief, pois),
         lambda: write_cloud(cloud, brief, *_surface(semantic_map, metric_map), cameras, metric_map, T, neighbours),
-        lambda: write_plan(plan, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),
+        lambda: write_league_map(plan, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),
         *(partial(write_codes, path, codes) for path in files[3:]),
     )
     return files

@@ -12,7 +12,7 @@ from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
-from pipeline.keyframes import UNIT, Keyframes, Places, Seen
+from pipeline.keyframes import UNIT, AnchoredPlaces, KeyframeObservation, Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import bits
 from pipeline.plugins.league.config import InspectionConfig
@@ -35,7 +35,7 @@ class WallPieces(NamedTuple):
     config: InspectionConfig
 
     @classmethod
-    def of(cls, seen: Seen, frame: Frame, config: InspectionConfig) -> "WallPieces":
+    def of(cls, seen: KeyframeObservation, frame: Frame, config: InspectionConfig) -> "WallPieces":
         """The pieces that a keyframe shows, in its ``base_link``: image squares that are flat, upright and low.
 
         ``frame``: any frame of the same camera.
@@ -82,7 +82,7 @@ class Inspection(Strategy):
         self._config = config
         self._walls = walls
         self._shown: list[WallPieces] = []
-        self._aimed: list[Places] = []
+        self._aimed: list[AnchoredPlaces] = []
 
     def observe(self, context: Context) -> None:
         """Do nothing, because the keyframes store their own observations."""
@@ -114,11 +114,11 @@ class Inspection(Strategy):
         left = self._left(context)
         place = context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
-        is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_view)
+        is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_fov)
         camera = place[0] + _height(context.frame)
         is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
         before = left.where(is_aimed).before
-        self._aimed.append(Places.anchored(before, context.poses, len(context.poses) - 1))
+        self._aimed.append(AnchoredPlaces.anchored(before, context.poses, len(context.poses) - 1))
 
     def _is_free(self, camera: Place, point: Place) -> bool:
         """Whether nothing is between a camera and a point on a wall."""
@@ -131,7 +131,7 @@ class Inspection(Strategy):
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)
         is_read = walls.sides >= self._walls.readable
-        done = np.concatenate([walls.before[is_read], Places.joined(self._aimed).at(context.poses)])[:, :2]
+        done = np.concatenate([walls.before[is_read], AnchoredPlaces.joined(self._aimed).at(context.poses)])[:, :2]
         left = walls.where(~is_read)
         if len(done) and len(left.points):
             left = left.where(cKDTree(done).query(left.before[:, :2])[0] > self._walls.spacing)

@@ -66,7 +66,7 @@ class Plan:
         return np.floor((points[..., :2] - self.corner) * [1, -1] / LENGTHS["pixel"]).astype(np.int64)
 
 
-def draw_plan(
+def draw_league_map(
     title: str, ground: SearchedGround, T_map_league: Pose, path: Places, pois: Sequence[PointOfInterest]
 ) -> Plan:
     """Draw the 2D map.
@@ -97,15 +97,15 @@ def draw_plan(
     return plan
 
 
-def write_plan(
+def write_league_map(
     path: Path, ground: SearchedGround, T_map_league: Pose, driven: Places, pois: Sequence[PointOfInterest]
 ) -> None:
-    """Draw the 2D map with :func:`draw_plan`, and write it as a GeoTIFF in the league's frame.
+    """Draw the 2D map with :func:`draw_league_map`, and write it as a GeoTIFF in the league's frame.
 
     Raises:
         InputError: the file cannot be written, or the image would take too much memory.
     """
-    plan = draw_plan(path.name, ground, T_map_league, driven, pois)
+    plan = draw_league_map(path.name, ground, T_map_league, driven, pois)
     write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
 
 

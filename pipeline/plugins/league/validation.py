@@ -52,10 +52,10 @@ def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> 
     for path, read in lists.items():
         errors += _of(path, [*_wrong_list_name(path, read), *read.errors])
     for path in files[".ply"]:
-        errors += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers, config)])
+        errors += _of(path, [*_wrong_name(path, headers), *cloud_errors(read_cloud(path), headers, config)])
     types = {poi.type for read in lists.values() for poi in read.pois}
     for path in files[".tiff"]:
-        errors += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types, config)])
+        errors += _of(path, [*_wrong_name(path, headers), *map_errors(path, types, config)])
     return errors
 
 
@@ -90,7 +90,7 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
         yield "the file name must match the year, team and mission in the header of the list of finds"
 
 
-def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
+def cloud_errors(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
     """The errors in a 3D map, whose comments must name the team, time and mission in the lists' ``headers``."""
     errors = list(read.errors)
     comments = " ".join(read.comments)
@@ -136,7 +136,7 @@ def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
         yield "confidences must be between 0 and 1"
 
 
-def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
+def map_errors(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
     """The errors in a 2D map, on which finds of all ``types`` must be drawn."""
     try:
         with Image.open(path, formats=["TIFF"]) as picture:

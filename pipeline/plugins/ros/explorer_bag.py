@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pipeline.arrays import Pose
-from pipeline.datasets.recorded_robot import CurrentPose, Joints, RecordedRobot
+from pipeline.datasets.recorded_robot import CurrentPose, Joints, ReportingRobot
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.plugin import Plugin
 from pipeline.plugins.ros.bag import Bag
@@ -37,7 +37,7 @@ class ExplorerBag(Bag, Sink):
     ):
         """Start a bag of a robot that navigates with the maps of ``mapper``; InputError if it cannot be written.
 
-        The other arguments are those of :class:`RecordedRobot`.
+        The other arguments are those of :class:`ReportingRobot`.
         """
         super().__init__(path)
         topics = RobotTopics(self.write, images)
@@ -45,7 +45,7 @@ class ExplorerBag(Bag, Sink):
         def T_map_odom() -> Pose | None:
             return None if mapper.T_map_start is None else mapper.T_map_odom
 
-        self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
+        self.robot = ReportingRobot(robot, topics, T_map_odom, T_world_base, joints)
         self._maps = MapTopics(self.write, config=config)
         self.plugins: Sequence[Plugin] = ()
 

@@ -95,11 +95,11 @@ class Dgcnn(PointNetwork):
         """The number of neighbours, which does not follow from the shape of any tensor."""
         return {"k": str(self.k)}
 
-    def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    def without_duplicates(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
         """The tensors without the batch norms that the published code registers twice, as bn1 and as conv1.1."""
         return {name: t for name, t in tensors.items() if not re.match(r"conv\d\.1\.", name)}
 
-    def published(self) -> dict[str, Tensor]:
+    def file_tensors(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch).
 
         In those files, the layers are convolutions with kernels of size one, two-dimensional for edges.

@@ -40,7 +40,7 @@ def farthest(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
     return _by_block(cloud, choose), counts
 
 
-def in_ball(cloud: PointFeatures, centres: PointFeatures, radius: float, k: int) -> Tensor:
+def ball_query(cloud: PointFeatures, centres: PointFeatures, radius: float, k: int) -> Tensor:
     """Ball query: (Q, k) int64 indices of points of the same block within ``radius``, m, of every centre.
 
     If there are more than k, the k nearest are taken; if fewer, points are repeated, as in the code of PointNet++'s

@@ -55,12 +55,12 @@ class PointNetwork(nn.Module, ABC):
         """The metadata that :meth:`for_weights` needs in addition to the weights."""
         return {"channels": str(self.channels), "classes": str(self.classes)}
 
-    def published(self) -> dict[str, Tensor]:
+    def file_tensors(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in files."""
         state = self.state_dict()
         return {name: tensor for name, tensor in state.items() if not name.endswith("num_batches_tracked")}
 
-    def file_names(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    def without_duplicates(self, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
         """A file's ``tensors`` without duplicates."""
         return tensors
 

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, in_ball, interpolated
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, ball_query, farthest, interpolated
 from pipeline.semantic_map.networks.network import PointNetwork
 
 T = TypeVar("T", int, float)
@@ -50,7 +50,7 @@ def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1
     """
     index, sizes = farthest(cloud, SHARE)
     centres = PointFeatures(cloud.positions[index], cloud.features[index], sizes)
-    near = in_ball(cloud, centres, radius, BALL_POINTS)
+    near = ball_query(cloud, centres, radius, BALL_POINTS)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))
     of_centres = linear(centres.positions / unit, layer.weight[:, :3])
     return centres, of_points[near] - of_centres[:, None]

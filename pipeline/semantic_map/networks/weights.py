@@ -38,13 +38,13 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
         result = NETWORKS[name].for_weights(tensors, metadata)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
-    copy_tensors(result.file_names(tensors), result.published(), path)
+    copy_tensors(result.without_duplicates(tensors), result.file_tensors(), path)
     return result.eval(), metadata
 
 
 def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
     """Write weights in half precision, with ``metadata``; InputError if a weight is too large or writing fails."""
-    tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
+    tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.file_tensors().items()}
     for name, tensor in tensors.items():
         if not tensor.isfinite().all():
             raise InputError(

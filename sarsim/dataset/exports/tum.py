@@ -105,7 +105,7 @@ class TumDrive(ExitStack, Sink):
     """
 
     def __init__(self, path: Path, seed: int):
-        """Record what :class:`pipeline.datasets.recorded_robot.RecordedRobot` reports, until closed.
+        """Record what :class:`pipeline.datasets.recorded_robot.ReportingRobot` reports, until closed.
 
         Raises:
             InputError: ``path``, which appears on closing, exists and is not an empty folder, or cannot be created.

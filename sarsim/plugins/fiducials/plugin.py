@@ -34,7 +34,7 @@ class Fiducials(Plugin):
         super().__init__(settings, command)
         self._T_world_tag: Poses = np.zeros((0, 4, 4))
 
-    def dress(self, arena: Any) -> None:
+    def add_to_arena(self, arena: Any) -> None:
         """Hang the tags; InputError if there is no room."""
         self._T_world_tag = hang_fiducials(arena, self.settings.number, self.command.seed)
 

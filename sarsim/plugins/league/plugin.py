@@ -11,7 +11,7 @@ from pipeline.explorer import Explorer
 from pipeline.plugin import Plugin, RunContext
 from pipeline.plugins.league.brief import MissionBrief, Task
 from pipeline.plugins.league.config import LeagueConfig
-from pipeline.plugins.league.hand_in import HandIn
+from pipeline.plugins.league.hand_in import LeagueFiles
 from pipeline.plugins.league.inspection import Inspection
 from pipeline.plugins.league.validation import handed_in_files
 from pipeline.robot import Motion
@@ -68,7 +68,7 @@ class League(Plugin):
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
         """The sinks that submit the files and, in a simulation, score them."""
-        hands_in = HandIn(self.brief, config=self.settings)
+        hands_in = LeagueFiles(self.brief, config=self.settings)
         return [hands_in] if context.world is None else [hands_in, MissionScore(context.world, self.brief)]
 
 

@@ -53,10 +53,10 @@ class SimulatedNode:
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         self.config, self._node = config, node
-        self._plugins = make_plugins(config, ("dress", "measurements"))
+        self._plugins = make_plugins(config, ("add_to_arena", "measurements"))
         arena = make_arena(config.arena, config.start, seed=config.seed)
         for plugin in self._plugins:
-            plugin.dress(arena)
+            plugin.add_to_arena(arena)
         simulation = SimulationConfig(lighting=config.lighting, robot=config.robot, camera_size=config.camera_size)
         self.robot = SimulatedRobot(arena, simulation, config.seed)
         with ExitStack() as refused:

@@ -7,7 +7,7 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.overhangs_kernels import Limits, _has_sill
 from pipeline.elevation_map.traversability import Traversability, assess_map
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import Seen
+from pipeline.keyframes import KeyframeObservation
 from pipeline.metric_map.io.ros_map import LETHAL, costs
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
@@ -82,9 +82,9 @@ def mapped(boxes: list, poses: np.ndarray) -> tuple[MetricMap, Traversability]:
         depth = depth_of(ROOM + boxes, T @ T_BASE_CAMERA, rng)
         frame = Frame(0.0, np.zeros((0, 0, 3), np.uint8), depth, CAMERA, T_BASE_CAMERA, T)
         config = elevation_map.config
-        seen = Seen.of(frame, frame.points(T_BASE_CAMERA), None, 2, 0.05, config, PIONEER)
-        seen.put_depth(metric_map, T)
-        seen.put(elevation_map, T)
+        seen = KeyframeObservation.of(frame, frame.points(T_BASE_CAMERA), None, 2, 0.05, config, PIONEER)
+        seen.add_to_metric_map(metric_map, T)
+        seen.add_to_elevation_map(elevation_map, T)
     return metric_map, assess_map(elevation_map)
 
 

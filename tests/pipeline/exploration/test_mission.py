@@ -20,7 +20,7 @@ from tests.pipeline.topological_map.grounds import U_TURN, room
 
 START = (-2.4, -1.5)
 PATIENCE = 6
-PATIENT = ExplorationConfig(patience=PATIENCE)
+PATIENT = ExplorationConfig(max_drives_without_progress=PATIENCE)
 
 
 @pytest.fixture(scope="module")

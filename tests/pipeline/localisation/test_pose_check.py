@@ -8,7 +8,7 @@ import pytest
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.pose_check import PoseCheck
-from pipeline.mapper import Mapper, map_frame
+from pipeline.mapper import Mapper, sense_and_map
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
@@ -18,7 +18,7 @@ from tests.pipeline.still_robot import StillRobot
 @pytest.fixture(scope="module")
 def mapper() -> Mapper:
     mapper = Mapper(PIONEER, TruthClassifier())
-    map_frame(mapper, StillRobot().sense, labelled=False)
+    sense_and_map(mapper, StillRobot().sense, labelled=False)
     return mapper
 
 

@@ -14,7 +14,7 @@ from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.localisation.pose_graph import ConstraintKind, PoseGraph
-from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
+from pipeline.transforms import from_rotation, from_yaw, inverse, roll_pitch_of, yaw_of
 
 CONFIG = LocalisationConfig()
 SURE, VAGUE = 1e4 * np.eye(6), 10 * np.eye(6)
@@ -83,8 +83,8 @@ def test_a_true_loop_counts_although_it_may_be_an_outlier() -> None:
 def test_gravity_levels_what_registration_has_tilted() -> None:
     graph = chain([tilted(2, 0), tilted(-4, 0), tilted(2, 3), tilted(0, -6)], VAGUE)
     graph.optimise()
-    assert max(abs(angle) for T in graph.poses for angle in tilt_of(T)) < np.deg2rad(0.75)
-    spread = np.ptp([tilt_of(T) for T in graph.poses], axis=0)
+    assert max(abs(angle) for T in graph.poses for angle in roll_pitch_of(T)) < np.deg2rad(0.75)
+    spread = np.ptp([roll_pitch_of(T) for T in graph.poses], axis=0)
     assert spread.max() < np.deg2rad(0.1)
 
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.labels import RAMP_TILT
 from pipeline.navigation.navigator import Attitude
-from pipeline.transforms import from_rotation, tilt_of
+from pipeline.transforms import from_rotation, roll_pitch_of
 
 angles = st.floats(-0.6, 0.6)
 DT = 0.04
@@ -22,7 +22,7 @@ def test_at_rest_it_gives_the_tilt_of_the_pose(roll, pitch, yaw):
     R, attitude = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix(), Attitude()
     for _ in range(150):
         attitude.update(np.zeros(3), gravity(R), DT)
-    np.testing.assert_allclose(attitude.tilt, tilt_of(from_rotation(R, np.zeros(3))), atol=1e-3)
+    np.testing.assert_allclose(attitude.tilt, roll_pitch_of(from_rotation(R, np.zeros(3))), atol=1e-3)
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (-1, 0, 0)])

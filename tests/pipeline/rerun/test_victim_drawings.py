@@ -74,7 +74,7 @@ def test_ellipsoids_turn_as_their_covariance_does():
     person = victim(block((1, 0, 0), (0.3, 0.3, 0.3)))
     axis = np.array([1, 1, 0]) / np.sqrt(2)
     person.where = replace(person.where, covariance=0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
-    drawn = victim_drawings.certainty(victims(person))
+    drawn = victim_drawings.confidence_ellipsoids(victims(person))
     longest = np.array(drawn.half_sizes.as_arrow_array().to_pylist())[0]
     x, y, z, w = drawn.quaternions.as_arrow_array().to_pylist()[0]
     third = [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]  # of the rotation's columns
@@ -98,7 +98,7 @@ def test_ways_are_drawn_over_the_ground(rows):
 
 def test_no_victims_can_be_drawn():
     assert len(victim_drawings.boxes(victims()).centers) == 0
-    assert len(victim_drawings.certainty(victims()).centers) == 0
+    assert len(victim_drawings.confidence_ellipsoids(victims()).centers) == 0
     (blob,) = victim_drawings.photo_sheet(victims(), 240).blob.as_arrow_array().to_pylist()
     empty = cv2.imdecode(np.array(blob, np.uint8), cv2.IMREAD_COLOR)
     assert empty.shape == WHOLE  # as with victims

@@ -55,16 +55,16 @@ def victims(*everyone: Track) -> Victims:
     return result
 
 
-def before_a_wall(found: Victims | None, *, ended: str | None = "nothing_left") -> Situation:
+def before_a_wall(found: Victims | None, *, end_reason: str | None = "nothing_left") -> Situation:
     """The robot has taken one keyframe, from the origin along x, of a floor and a wall 2.5 m away.
 
     Args:
         found: the people it knows; None if it has no detector.
-        ended: why exploring ended.
+        end_reason: why exploring ended.
     """
     mapper = mapped(has_detector=found is not None)
     mapper.victims = found or Victims()
-    return situation_of(mapper, HEIGHT, ended, (), RescueReportConfig())
+    return situation_of(mapper, HEIGHT, end_reason, (), RescueReportConfig())
 
 
 @cache

@@ -30,7 +30,7 @@ REPORT = {
 
 @pytest.fixture(scope="module")
 def html() -> str:
-    return page(before_a_wall(victims(ALICE, BOB), ended="interrupted"), REPORT)
+    return page(before_a_wall(victims(ALICE, BOB), end_reason="interrupted"), REPORT)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_a_card_counts_the_keyframes_that_missed_the_person() -> None:
 
 def test_the_page_holds_the_people_as_data(root: Tag) -> None:
     (data,) = root.all("script")
-    assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), ended="interrupted"))
+    assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), end_reason="interrupted"))
 
 
 def test_the_photo_is_the_robots(root: Tag) -> None:
@@ -135,7 +135,7 @@ ADRIFT = replace(WHOLE, is_reachable=False)
 
 
 @pytest.mark.parametrize(
-    ("ended", "unseen", "signs", "said"),
+    ("end_reason", "unseen", "signs", "said"),
     [
         ("nothing_left", WHOLE, "+++", "and everything connected to it"),
         ("not_worth_it", WHOLE, "+++", "and everything connected to it"),
@@ -146,8 +146,8 @@ ADRIFT = replace(WHOLE, is_reachable=False)
         ("nothing_left", ADRIFT, "!!!", "Unknown"),
     ],
 )
-def test_no_tick_is_given_that_the_robot_did_not_earn(ended, unseen, signs, said) -> None:
-    situation = replace(before_a_wall(victims()), ended=ended, unseen=unseen)
+def test_no_tick_is_given_that_the_robot_did_not_earn(end_reason, unseen, signs, said) -> None:
+    situation = replace(before_a_wall(victims()), end_reason=end_reason, unseen=unseen)
     root = read(page(situation, {"arena": "a"}))
     tiles = list(root.all("div", "tile"))  # people, explored, ground
     assert "".join("+" if "good" in tile.attributes["class"] else "!" for tile in tiles) == signs
@@ -192,7 +192,7 @@ def test_unseen_ground_takes_every_tick_but_the_grounds() -> None:
 def test_the_page_lists_what_was_not_worth_the_drive() -> None:
     view = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=87.0)
     said = "0.03 m² from (1.0, 2.0) m, 1 min 27 s"
-    assert said in page(replace(before_a_wall(None), left=[view]), {"arena": "a"})
+    assert said in page(replace(before_a_wall(None), viewpoints_left=[view]), {"arena": "a"})
 
 
 def test_a_robot_without_a_detector_does_not_say_that_there_are_no_people() -> None:
@@ -202,7 +202,7 @@ def test_a_robot_without_a_detector_does_not_say_that_there_are_no_people() -> N
 
 
 def test_the_same_episode_gives_the_same_page(html: str) -> None:
-    assert page(before_a_wall(victims(ALICE, BOB), ended="interrupted"), REPORT) == html
+    assert page(before_a_wall(victims(ALICE, BOB), end_reason="interrupted"), REPORT) == html
 
 
 def test_the_worst_places_are_listed_and_the_others_counted() -> None:

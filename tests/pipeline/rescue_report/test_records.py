@@ -55,7 +55,7 @@ def test_a_person_was_found_when_this_run_first_saw_the_person() -> None:
 
 
 def test_the_heat_of_a_person_is_told_on_the_persons_card_alone(situation: Situation) -> None:
-    alice, bob = situation.people[0], situation.sightings[0]
+    alice, bob = situation.people[0], situation.unconfirmed_people[0]
     lamp, warmth = find("heat", "lamp"), replace(find("heat", ""), position=alice.victim.position, of_person=True)
     warm = replace(situation, people=[replace(alice, is_warm=True)], finds=[lamp, warmth])
     root = read(page(warm, {"arena": "nist_6x4"}))

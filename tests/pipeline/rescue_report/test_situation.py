@@ -15,7 +15,7 @@ from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.report import RescueReport, write_page
-from pipeline.rescue_report.situation import Posture, posture_of, trust_in
+from pipeline.rescue_report.situation import BodySize, body_size_of, trust_in
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import HALF, floor, look, pose, wall
@@ -67,28 +67,28 @@ def test_a_pose_graph_says_how_sure_it_is() -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.floats(-20, 20))
 def test_the_size_does_not_depend_on_where_a_person_lies(yaw: float, x: float) -> None:
-    posture = posture_of(block((x, 3, 0.5), (1.7, 0.5, 0.3), yaw))
-    assert (posture.length, posture.width, posture.height) == pytest.approx((1.7, 0.5, 0.3), abs=0.05)
-    assert posture.name == "lying"
+    size = body_size_of(block((x, 3, 0.5), (1.7, 0.5, 0.3), yaw))
+    assert (size.length, size.width, size.height) == pytest.approx((1.7, 0.5, 0.3), abs=0.05)
+    assert size.posture == "lying"
 
 
 @pytest.mark.parametrize(
-    ("size", "name"),
+    ("size", "posture"),
     [((0.7, 0.6, 0.8), "sitting, kneeling or leaning"), ((0.3, 0.2, 0.2), ""), ((1.6, 0.7, 0.9), "")],
 )
-def test_a_size_determines_a_posture_or_does_not(size: tuple[float, float, float], name: str) -> None:
-    assert Posture(*size).name == name
+def test_a_size_determines_a_posture_or_does_not(size: tuple[float, float, float], posture: str) -> None:
+    assert BodySize(*size).posture == posture
 
 
 def test_a_single_point_has_no_size() -> None:
-    assert posture_of(np.zeros((1, 3), np.float32)) == Posture(0, 0, 0)
+    assert body_size_of(np.zeros((1, 3), np.float32)) == BodySize(0, 0, 0)
 
 
 def test_a_drive_to_goals_explores_nothing() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
     report = RescueReport()
-    report.on_step(explorer.mapper, replace(explorer.step(), viewpoint=None, explores=False, ended=None))
-    assert report.situation_in(explorer.mapper).ended is None
+    report.on_step(explorer.mapper, replace(explorer.step(), viewpoint=None, explores=False, end_reason=None))
+    assert report.situation_in(explorer.mapper).end_reason is None
 
 
 def test_the_last_step_says_whether_a_viewpoint_is_left() -> None:
@@ -97,9 +97,9 @@ def test_the_last_step_says_whether_a_viewpoint_is_left() -> None:
     report.on_step(explorer.mapper, step)
     assert step.viewpoint is not None
     assert not report.situation_in(explorer.mapper).finished
-    report.on_step(explorer.mapper, replace(step, viewpoint=None, ended="held"))
+    report.on_step(explorer.mapper, replace(step, viewpoint=None, end_reason="held"))
     assert not report.situation_in(explorer.mapper).finished
-    report.on_step(explorer.mapper, replace(step, viewpoint=None, ended="nothing_left"))
+    report.on_step(explorer.mapper, replace(step, viewpoint=None, end_reason="nothing_left"))
     situation = report.situation_in(explorer.mapper)
     assert situation.finished
     np.testing.assert_array_equal(situation.poses[0], np.eye(4))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.geometry.planes import Plane
-from pipeline.segments.boxes import Box, Hull, bounding_box, corners
+from pipeline.segments.boxes import Hull, OrientedBox, bounding_box, corners
 
 
 def rectangle(centre, x, y, length, width, n=400, seed=0):
@@ -30,7 +30,7 @@ def test_corners_of_a_turned_box() -> None:
     T = np.eye(4)
     T[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     T[:3, 3] = 1, 2, 3
-    found = corners(Box(T, np.array([4.0, 2, 0.2])))
+    found = corners(OrientedBox(T, np.array([4.0, 2, 0.2])))
     assert found[0] == pytest.approx([2, 0, 2.9])
     assert found[-1] == pytest.approx([0, 4, 3.1])
     assert found.shape == (8, 3)

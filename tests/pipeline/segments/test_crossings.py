@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from pipeline.segments.boxes import Box
+from pipeline.segments.boxes import OrientedBox
 from pipeline.segments.crossings import clip, crossings
 from tests.pipeline.segments.patches import deck, segments_of, wall_patch
 
@@ -106,7 +106,7 @@ def test_clip_agrees_with_points_along_the_line(seed: int) -> None:
     T = np.eye(4)
     T[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     T[:3, 3] = rng.normal(size=3)
-    box = Box(T, rng.uniform(0.2, 2, 3))
+    box = OrientedBox(T, rng.uniform(0.2, 2, 3))
     a, b = rng.normal(0, 2, (2, 20, 3))
     enter, leave = clip(a, b, [box], 0.1)
     t = np.linspace(0, 1, 2001)

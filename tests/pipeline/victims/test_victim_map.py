@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.keyframes import Places
+from pipeline.keyframes import AnchoredPlaces
 from pipeline.tracks.config import Confirmation, PeopleConfig
 from pipeline.tracks.track import Observation
 from pipeline.transforms import from_rotation
@@ -267,7 +267,7 @@ def test_victims_follow_the_keyframes_that_showed_them() -> None:
         for keyframe, place in enumerate(places):
             T = camera_at(*place)
             each.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, keyframe)
-        each.all[0].tried.append(Places.anchored([(1.0, 0.0, 0.0)], poses))
+        each.all[0].tried.append(AnchoredPlaces.anchored([(1.0, 0.0, 0.0)], poses))
     moved.place(shift @ poses)
     (old,), (new,) = victims.all, moved.all
     np.testing.assert_allclose(new.position - old.position, (2, -1, 0.1), atol=5e-3)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.transforms import from_yaw, inverse, tilt_of
+from pipeline.transforms import from_yaw, inverse, roll_pitch_of
 from sarsim.arenas.load import load_arena
 from sarsim.dataset import drive
 from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive, WheelContact
@@ -67,13 +67,13 @@ def test_every_place_is_drivable(nist: Nist, keyframes: list[TrajectorySample]) 
 
 def test_it_climbs_ramps_and_decks_and_leans_on_them_alone(keyframes: list[TrajectorySample]) -> None:
     T = poses(keyframes)
-    height, pitch = T[:, 2, 3], np.degrees([tilt_of(pose)[1] for pose in T])
+    height, pitch = T[:, 2, 3], np.degrees([roll_pitch_of(pose)[1] for pose in T])
     assert height.max() > 0.16  # on a deck
     assert pitch.min() < -14 and pitch.max() > 14  # up and down
     assert np.abs(pitch).max() < 18
     # Climbing front wheels lift the centre by 0.135 m times the slope; a keyframe vibrates by 1 mm and 0.2°.
     assert np.abs(pitch[np.abs(height) < 0.003]).max() < np.degrees(np.arctan(0.005 / 0.135)) + 0.4
-    rolls = np.degrees([tilt_of(pose)[0] for pose in T])
+    rolls = np.degrees([roll_pitch_of(pose)[0] for pose in T])
     assert np.abs(rolls).max() < 10  # nearly head-on; at the foot, the wheels of one side may climb first
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.grid_map import Grid
 from pipeline.robot import Velocity
-from pipeline.transforms import from_rotation, tilt_of, yaw_of
+from pipeline.transforms import from_rotation, roll_pitch_of, yaw_of
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.dataset import drive
@@ -52,7 +52,7 @@ def test_on_the_floor_it_stands_level() -> None:
     assert T is not None
     np.testing.assert_allclose(T[:3, 3], [0.3, -0.2, -SINK], atol=1e-6)
     assert yaw_of(T) == pytest.approx(0.7)
-    np.testing.assert_allclose(tilt_of(T), 0, atol=1e-6)
+    np.testing.assert_allclose(roll_pitch_of(T), 0, atol=1e-6)
 
 
 @given(climb=st.floats(-0.35, 0.35), rise=st.floats(-0.25, 0.25), yaw=st.floats(-3.1, 3.1))
@@ -104,8 +104,8 @@ def test_over_the_ridge_it_leans_as_the_driven_robot_does() -> None:
                 at_rest = ground.stand(T[0, 3], T[1, 3], yaw_of(T), T[2, 3])
                 assert at_rest is not None
                 heights.append(at_rest[2, 3] - T[2, 3])
-                angles.append(np.subtract(tilt_of(at_rest), tilt_of(T)))
-                steepest = max(steepest, abs(tilt_of(T)[1]))
+                angles.append(np.subtract(roll_pitch_of(at_rest), roll_pitch_of(T)))
+                steepest = max(steepest, abs(roll_pitch_of(T)[1]))
     finally:
         robot.close()
     assert np.degrees(steepest) > 15

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
-from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
+from pipeline.transforms import from_rotation, inverse, roll_pitch_of, wrap_angle, yaw_of
 from sarsim.robots.model import robot_model
 from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.skid_steer import SkidSteerController
@@ -126,7 +126,7 @@ class Drive:
     @property
     def tilt(self) -> float:
         """The largest roll or pitch so far, degrees."""
-        return float(np.degrees(np.abs([tilt_of(T) for T in self.poses]).max()))
+        return float(np.degrees(np.abs([roll_pitch_of(T) for T in self.poses]).max()))
 
     @property
     def strayed(self) -> float:
@@ -289,7 +289,7 @@ def test_climbs_and_descends_a_ridge_and_its_odometry_without_errors_agrees_with
 
 def test_stops_on_a_ramp_and_stays(name):
     drive = on_track(name).go(1.3 / 0.15, 0.15).go(1.5)
-    assert_allclose(np.degrees(tilt_of(drive.pose)[1]), -16.1, atol=0.3)
+    assert_allclose(np.degrees(roll_pitch_of(drive.pose)[1]), -16.1, atol=0.3)
     stopped = drive.pose
     drive.go(10.0)
     assert np.linalg.norm((drive.pose - stopped)[:3, 3]) < 0.01

@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
-from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
+from pipeline.transforms import inverse, roll_pitch_of, wrap_angle, yaw_of
 from sarsim.robots.skid_steer import SkidSteerController
 from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors import odometry as module
 from sarsim.sensors.inertial import MTI_300_GYRO, DataSheet
-from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, level
+from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, rotation_from_up
 from tests.sarsim.sensors.no_noise import NoNoise
 
 DT = 0.02
@@ -47,7 +47,7 @@ def drive(odometry: WheelOdometry, v: float, omega: float, seconds: float) -> np
 @given(roll=st.floats(-0.6, 0.6), pitch=st.floats(-0.6, 0.6))
 def test_level_finds_roll_and_pitch(roll, pitch):
     true = Rotation.from_euler("ZYX", [0, pitch, roll]).as_matrix()
-    assert_allclose(level(true.T @ UP / np.linalg.norm(UP)), true, atol=1e-12)
+    assert_allclose(rotation_from_up(true.T @ UP / np.linalg.norm(UP)), true, atol=1e-12)
 
 
 def test_quarter_circle():
@@ -76,7 +76,7 @@ def test_accelerometer_levels_a_tilted_belief():
     odometry = ideal()
     wrong = Rotation.from_euler("ZYX", [0, 0.05, -0.1]).as_matrix()
     odometry.update(np.zeros(2), NO_TURN, wrong.T @ UP, DT)
-    tilts = [np.hypot(*tilt_of(odometry.update(np.zeros(2), NO_TURN, UP, DT))) for _ in range(1500)]
+    tilts = [np.hypot(*roll_pitch_of(odometry.update(np.zeros(2), NO_TURN, UP, DT))) for _ in range(1500)]
     assert_allclose(tilts[round(LEVELLING_TIME / DT) - 1] / np.hypot(0.05, 0.1), np.exp(-1), rtol=0.02)
     assert np.all(np.diff(tilts) < 0)
 
@@ -89,7 +89,7 @@ def test_setting_off_is_not_a_tilt(forward):
         v, angle = forward * k * DT, forward * (k * DT) ** 2 / 2 / RADIUS
         felt = UP + np.array([forward, v * yaw_rate, 0.0])
         T = odometry.update(np.full(2, angle), np.array([0.0, 0.0, yaw_rate]), felt if k else UP, DT)
-    assert np.hypot(*tilt_of(T)) < np.radians(0.02)
+    assert np.hypot(*roll_pitch_of(T)) < np.radians(0.02)
 
 
 def test_shaken_accelerometer_is_not_believed():

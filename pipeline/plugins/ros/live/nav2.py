@@ -75,7 +75,7 @@ class Nav2Robot(RosRobot):
 
     def _served(self) -> str:
         """The name of the action; empty if no node serves it."""
-        return next((name for name in self._names() if self._node.senders(name + STATUS)), "")
+        return next((name for name in self._names() if self._node.publishers(name + STATUS)), "")
 
     def _names(self) -> list[str]:
         """The names that the action may have: in the namespace of the odometry, or one that contains it."""

@@ -81,11 +81,11 @@ class RosNode:
     def send(self, topic: str, time: float, message: Message) -> None:
         """Send a message, unless its type is not installed; ``time`` is not used."""
         if topic not in self._publishers:
-            self.offer(topic, type_of(message))
+            self.advertise(topic, type_of(message))
         if self._publishers[topic] is not None:
             self._publishers[topic].publish(encode(message))
 
-    def offer(self, topic: str, name: str) -> None:
+    def advertise(self, topic: str, name: str) -> None:
         """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
 
         Messages are sent reliably, which suits every listener, because with best effort, parts of images get lost
@@ -112,7 +112,7 @@ class RosNode:
         if kind is None:
             package = name.partition("/")[0]
             raise InputError(f"{topic}: message type {name} is not installed; install the ROS package {package}")
-        is_offered = bool(self.senders(topic))
+        is_offered = bool(self.publishers(topic))
         profile = qos.QoSProfile(
             depth=self._config.odometry_queue,
             reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if is_offered else qos.ReliabilityPolicy.BEST_EFFORT,
@@ -151,7 +151,7 @@ class RosNode:
         """Types of the messages that are sent or listened to, by topic."""
         return dict(self._node.get_topic_names_and_types())
 
-    def senders(self, topic: str) -> list[str]:
+    def publishers(self, topic: str) -> list[str]:
         """Names of the nodes that send on a topic."""
         return [info.node_name for info in self._node.get_publishers_info_by_topic(topic)]
 

@@ -14,7 +14,7 @@ from pipeline.frame import SAME_TIME, Frame
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.config import LiveConfig
 from pipeline.plugins.ros.live.node import RosNode
-from pipeline.plugins.ros.live.senses import Senses
+from pipeline.plugins.ros.live.senses import SensorReceiver
 from pipeline.plugins.ros.live.topic_names import TopicNames
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import angle_of, inverse
@@ -65,7 +65,7 @@ class RosRobot:
         self.model, self.topics = model, topics
         self._on_motion, self._config = on_motion, config
         self._node, self._patience = node, patience
-        self._senses = Senses(model.half_width, config)
+        self._senses = SensorReceiver(model.half_width, config)
         self._heard: dict[str, float] = {}
         self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
         self._frame_time = -np.inf
@@ -87,17 +87,17 @@ class RosRobot:
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 
         def missing() -> list[str]:
-            silent = [f"nothing publishes {topic}" for topic in needed if not node.senders(topic)]
+            silent = [f"nothing publishes {topic}" for topic in needed if not node.publishers(topic)]
             return silent + self._missing_receivers()
 
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("waiting for the robot: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
-                others = "" if all(map(node.senders, needed)) else self._others(needed)
+                others = "" if all(map(node.publishers, needed)) else self._others(needed)
                 raise InputError(f"no robot found within {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
-            if len(senders := node.senders(topic)) > 1:
-                raise InputError(f"{topic}: several nodes publish it ({', '.join(senders)}); stop all but one")
+            if len(publishers := node.publishers(topic)) > 1:
+                raise InputError(f"{topic}: several nodes publish it ({', '.join(publishers)}); stop all but one")
         self._prepare_commands()
         types = node.types()
         self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
@@ -114,28 +114,28 @@ class RosRobot:
     def _prepare_commands(self) -> None:
         kinds = self._node.types()[self.topics.cmd_vel]
         self._kind = STAMPED if STAMPED in kinds else "geometry_msgs/msg/Twist"
-        self._node.offer(self.topics.cmd_vel, self._kind)
+        self._node.advertise(self.topics.cmd_vel, self._kind)
 
     def _listen_to_others(self) -> None:
         """Listen to topics that not every robot has: inertial data, transforms, camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
         def places() -> list[str]:
-            sent = {topic: names[0] for topic, names in node.types().items() if node.senders(topic)}
+            sent = {topic: names[0] for topic, names in node.types().items() if node.publishers(topic)}
             return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (TRANSFORM in sent)
 
         # These topics may not be discovered yet.
-        node.wait(lambda: bool(node.senders(topics.imu)) and bool(places()), self._config.discovery)
+        node.wait(lambda: bool(node.publishers(topics.imu)) and bool(places()), self._config.discovery)
         takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
         of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
         if of_colour not in (None, topics.camera_info):
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
-        if not node.senders(topics.imu) and (imus := self._sent(IMU)):
+        if not node.publishers(topics.imu) and (imus := self._sent(IMU)):
             _log.warning("nothing publishes %s; to use %s instead, set --topics.imu", topics.imu, " or ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
-                if node.senders(topic):
+                if node.publishers(topic):
                     self._listen(topic, take)
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
 
@@ -147,7 +147,7 @@ class RosRobot:
     def _sent(self, *kinds: str) -> list[str]:
         """The topics on which messages of given types are sent."""
         return sorted(
-            topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.senders(topic)
+            topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.publishers(topic)
         )
 
     def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:

@@ -25,7 +25,7 @@ from pipeline.sensor import SensorModel
 SETTINGS = "ros.live.depth_range", "ros.live.depth_noise"  # In a settings file
 
 
-class Senses:
+class SensorReceiver:
     """Receives messages, and returns the newest frame and motion.
 
     Attributes:

@@ -9,7 +9,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.plugins.league.brief import MissionBrief
 from pipeline.plugins.league.cloud import write_cloud
 from pipeline.plugins.league.hand_in import league_frame
-from pipeline.plugins.league.plan import SearchedGround, write_plan
+from pipeline.plugins.league.plan import SearchedGround, write_league_map
 from pipeline.plugins.league.pois import points_of_interest, write_pois
 from pipeline.tracks.find import Find
 
@@ -67,7 +67,7 @@ def hand_in_room(folder, points=None, brief=BRIEF):
     """Write the three files into a folder; returns their paths."""
     points = room_points() if points is None else points
     plan, cloud, pois = (folder / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name))
-    write_plan(plan, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
+    write_league_map(plan, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
     colours = np.full(points.shape, 200, np.uint8)
     write_cloud(cloud, brief, points, colours, np.array([[0, 0, 0.6]]), room_map(), T_MAP_LEAGUE, 20)
     write_pois(pois, brief, room_pois())

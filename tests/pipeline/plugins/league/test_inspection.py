@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.viewpoint import Context
-from pipeline.keyframes import Seen
+from pipeline.keyframes import KeyframeObservation
 from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -33,7 +33,7 @@ def frame_at(T):
 def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
     frame = frame_at(from_yaw(0.5, 0, 0, 0))  # the camera is 1.4 m before a wall
     points, config = frame.points(frame.T_base_camera), ElevationConfig()
-    seen = Seen.of(frame, points, None, 4, 0.05, config, PIONEER)
+    seen = KeyframeObservation.of(frame, points, None, 4, 0.05, config, PIONEER)
     found = WallPieces.of(seen, frame, InspectionConfig())
     ahead = found.where(np.abs(found.points[:, 1]) < 0.1)
     assert len(ahead.points) >= 10

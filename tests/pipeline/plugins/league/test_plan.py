@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 import rasterio
 
-from pipeline.plugins.league.plan import draw_plan
+from pipeline.plugins.league.plan import draw_league_map
 from pipeline.plugins.league.rules import MAP_COLOURS
 from tests.pipeline.plugins.league.handed_in_room import PATH, T_MAP_LEAGUE, hand_in_room, room_ground, room_pois
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return draw_plan("RoboCup2026-T-lab.tiff", room_ground(), T_MAP_LEAGUE, PATH, room_pois())
+    return draw_league_map("RoboCup2026-T-lab.tiff", room_ground(), T_MAP_LEAGUE, PATH, room_pois())
 
 
 def colour(plan, x, y):

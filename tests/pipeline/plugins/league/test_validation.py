@@ -7,7 +7,7 @@ from PIL import Image, TiffImagePlugin, TiffTags
 
 from pipeline.errors import InputError
 from pipeline.plugins.league.config import ValidationConfig
-from pipeline.plugins.league.validation import validate, wrong_plan
+from pipeline.plugins.league.validation import map_errors, validate
 from tests.pipeline.plugins.league.handed_in_room import BRIEF, hand_in_room, room_points
 
 
@@ -121,13 +121,13 @@ def saved(path, image, pixel=(0.01, 0.01, 0.0)):
 
 def test_a_picture_without_a_size_of_its_pixels_is_reported(picture, tmp_path):
     path = saved(tmp_path / "a.tiff", picture, ())
-    (fault,) = wrong_plan(path, set(), ValidationConfig())
+    (fault,) = map_errors(path, set(), ValidationConfig())
     assert "ModelPixelScale" in fault
 
 
 def test_a_wrong_size_of_pixels_is_reported(picture, tmp_path):
     path = saved(tmp_path / "a.tiff", picture, (0.02, 0.02, 0.0))
-    (fault,) = wrong_plan(path, set(), ValidationConfig())
+    (fault,) = map_errors(path, set(), ValidationConfig())
     assert "100 pixels of 0.02 m" in fault
 
 
@@ -144,12 +144,12 @@ def test_a_wrong_size_of_pixels_is_reported(picture, tmp_path):
 )
 def test_missing_elements_are_reported(picture, tmp_path, colour, fault):
     picture[(picture == np.array(colour)).all(axis=-1)] = (237, 237, 238)
-    (line,) = wrong_plan(saved(tmp_path / "a.tiff", picture), {"ar_code"}, ValidationConfig())
+    (line,) = map_errors(saved(tmp_path / "a.tiff", picture), {"ar_code"}, ValidationConfig())
     assert line.startswith(fault)
 
 
 def test_another_kind_of_picture_is_reported(tmp_path):
     (tmp_path / "a.tiff").write_text("no picture")
-    assert wrong_plan(tmp_path / "a.tiff", set(), ValidationConfig())[0].count("TIFF")
+    assert map_errors(tmp_path / "a.tiff", set(), ValidationConfig())[0].count("TIFF")
     Image.fromarray(np.zeros((9, 9), np.uint8)).save(tmp_path / "b.tiff")
-    assert len(wrong_plan(tmp_path / "b.tiff", set(), ValidationConfig())) == 1
+    assert len(map_errors(tmp_path / "b.tiff", set(), ValidationConfig())) == 1

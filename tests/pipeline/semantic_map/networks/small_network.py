@@ -27,7 +27,7 @@ def with_random_norms(result):
 
 def in_half_precision(result):
     """The network with its weights rounded as files round them."""
-    for tensor in result.published().values():
+    for tensor in result.file_tensors().values():
         tensor.copy_(tensor.half())
     return result
 

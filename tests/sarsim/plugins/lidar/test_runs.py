@@ -113,4 +113,4 @@ def test_a_drive_by_hand_leaves_scans_and_a_bag(tmp_path: Path) -> None:
 
 def test_a_robot_on_a_network_takes_no_plugin_that_needs_maps() -> None:
     with pytest.raises(ValueError, match="--bag: this command has no use for it"):
-        make_plugins(RosRobotConfig(plugins={"bag": BagConfig(Path("bag"))}), ("dress", "measurements"))
+        make_plugins(RosRobotConfig(plugins={"bag": BagConfig(Path("bag"))}), ("add_to_arena", "measurements"))

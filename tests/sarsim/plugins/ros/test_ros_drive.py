@@ -129,7 +129,7 @@ def test_its_nav2_drives_it_where_it_is_to_explore(tmp_path: Path) -> None:
     assert report["goals"]["reached"] == 1
     assert report["localisation"]["keyframes"] > 3
     assert pair.nav2 and set(pair.nav2.ends) == {GoalEnd.SUCCEEDED}
-    assert pair.wire.senders["/cmd_vel"] == ["nav2"]
+    assert pair.wire.publishers["/cmd_vel"] == ["nav2"]
     assert pair.simulated.report()["navigation"]["distance_m"] > 1.0
     assert {"/map", "/tf", "/keyframe"} <= set(pair.wire.heard)
 

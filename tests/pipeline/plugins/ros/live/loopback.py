@@ -63,7 +63,7 @@ class Wire:
         self.change: Change = unchanged
         self.heard: dict[str, list[Any]] = {}
         self.kinds: dict[str, str] = {}
-        self.senders: dict[str, list[str]] = {}
+        self.publishers: dict[str, list[str]] = {}
         self.takers: dict[str, list[tuple[str, Callable[[bytes], None]]]] = {}
         self.served: dict[str, Callable[[Goal], None]] = {}
 
@@ -85,14 +85,14 @@ class End:
     def now(self) -> float:
         return self.wire.time
 
-    def offer(self, topic: str, name: str) -> None:
+    def advertise(self, topic: str, name: str) -> None:
         self.wire.kinds[topic] = name
-        self.wire.senders.setdefault(topic, []).append(self.name)
+        self.wire.publishers.setdefault(topic, []).append(self.name)
 
     def send(self, topic: str, time: float, message: Any) -> None:
         for name, _, changed in self.wire.change(topic, time, message):
-            if self.name not in self.wire.senders.get(name, []):
-                self.offer(name, type_of(changed))
+            if self.name not in self.wire.publishers.get(name, []):
+                self.advertise(name, type_of(changed))
             self.wire.carry(name, changed)
 
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
@@ -102,7 +102,7 @@ class End:
             take(encode(message))
 
     def serve(self, name: str, take: Callable[[Goal], None]) -> None:
-        self.offer(f"{name}/_action/status", "action_msgs/msg/GoalStatusArray")
+        self.advertise(f"{name}/_action/status", "action_msgs/msg/GoalStatusArray")
         self.wire.served[name] = take
 
     def action(self, name: str, kind: str) -> ServedAction:
@@ -111,8 +111,8 @@ class End:
     def types(self) -> dict[str, list[str]]:
         return {topic: [name] for topic, name in self.wire.kinds.items()}
 
-    def senders(self, topic: str) -> list[str]:
-        return self.wire.senders.get(topic, [])
+    def publishers(self, topic: str) -> list[str]:
+        return self.wire.publishers.get(topic, [])
 
     def listeners(self, topic: str) -> list[str]:
         return [name for name, _ in self.wire.takers.get(topic, [])]

@@ -12,7 +12,7 @@ from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig
 from pipeline.localisation.localisation import LostError
-from pipeline.mapper import Mapper, map_frame
+from pipeline.mapper import Mapper, sense_and_map
 from pipeline.navigation.commands import Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
@@ -106,7 +106,7 @@ def test_a_viewpoint_where_it_stands_is_a_turn(drive: Drive) -> None:
 def test_it_sends_no_velocities(drive: Drive) -> None:
     drive.to((1.8, 1.0), 0.0)
     drive.robot.stop()
-    assert drive.wire.senders["/cmd_vel"] == ["nav2"]
+    assert drive.wire.publishers["/cmd_vel"] == ["nav2"]
 
 
 def test_a_goal_follows_the_corrections_of_the_map(drive: Drive) -> None:
@@ -141,7 +141,7 @@ def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> No
     policy = KeyframePolicy(distance=0.2, labelled_every=100)
     mapper = Mapper(PIONEER, TruthClassifier(), config=PipelineConfig(LocalisationConfig(keyframes=policy)))
     pilot = Pilot(drive.robot, mapper, [], drive.navigator)
-    map_frame(mapper, drive.robot.sense, pilot.confirm, labelled=False)
+    sense_and_map(mapper, drive.robot.sense, pilot.confirm, labelled=False)
     asked: list[int] = []
 
     def is_done() -> bool:

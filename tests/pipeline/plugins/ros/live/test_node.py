@@ -56,14 +56,14 @@ def test_messages_arrive_as_they_were_sent(pair: tuple[RosNode, RosNode]) -> Non
         if explorer.wait(lambda: all(got[topic] for topic in there), LONG / 100):
             break
     for topic in there:
-        assert explorer.senders(topic) == ["test_robot"]
+        assert explorer.publishers(topic) == ["test_robot"]
         assert messages.encode(decode(got[topic][0], type_of(sent[topic]))) == messages.encode(sent[topic])
 
 
 def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
     robot, explorer = pair
     robot.send("/camera/transform", 0.0, messages.transform(0.0, "base_link", "camera", np.eye(4)))
-    assert explorer.wait(lambda: explorer.senders("/camera/transform") == ["test_robot"], LONG)
+    assert explorer.wait(lambda: explorer.publishers("/camera/transform") == ["test_robot"], LONG)
     got: list[bytes] = []
     explorer.listen("/camera/transform", got.append)
     assert explorer.wait(lambda: bool(got), LONG)
@@ -114,7 +114,7 @@ def number_of(goal: Any) -> int:
 def test_goals_are_pursued_until_they_end_or_are_cancelled(pair: tuple[RosNode, RosNode]) -> None:
     kind, (_, explorer) = pytest.importorskip("test_msgs.action", reason="make ros adds it").NestedMessage, pair
     with closing(Sleeper(kind, "/nested")):
-        assert explorer.wait(lambda: bool(explorer.senders("/nested/_action/status")), LONG)
+        assert explorer.wait(lambda: bool(explorer.publishers("/nested/_action/status")), LONG)
         action = explorer.action("/nested", "test_msgs/action/NestedMessage")
 
         def sent(number: int) -> ActionGoal:

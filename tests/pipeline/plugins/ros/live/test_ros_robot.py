@@ -331,7 +331,7 @@ def test_a_robot_that_starts_later_is_waited_for(caplog: pytest.LogCaptureFixtur
 def test_two_robots_or_none_that_listens_are_refused() -> None:
     wire = Wire()
     _, end = met_on(wire)
-    wire.senders[ODOM] = ["another"]
+    wire.publishers[ODOM] = ["another"]
     with pytest.raises(InputError, match=r"/odom: .*another, robot"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
     with pytest.raises(InputError, match="/drive"):

@@ -21,7 +21,7 @@ from pipeline.errors import required
 from pipeline.tracks.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
-from sarsim.arenas.things.thing import DEAD, data_of, declare
+from sarsim.arenas.things.thing import DEAD, annotate_body, data_of
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX
@@ -149,7 +149,7 @@ class ArenaBuilder:
             paint = {} if colour is None else {"material": self._material(colour)}
             named = {"name": f"{name}_part_{n}", "class": "victim"}
             body.append(Element("geom", named | _written(geom) | paint))
-        declare(self.root, name, VICTIM, state=state)
+        annotate_body(self.root, name, VICTIM, state=state)
 
     def settle_states(self, state: str) -> int:
         """Set the state of the victims that have none; returns their number."""
@@ -188,7 +188,7 @@ class ArenaBuilder:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
-        declare(self.root, name, VICTIM, state=DEAD)  # the library has only a picture, which is as cold as the wall
+        annotate_body(self.root, name, VICTIM, state=DEAD)  # the library has only a picture, as cold as the wall
 
     def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
         """Add a geom that belongs to no element.

@@ -117,7 +117,7 @@ class Layout:
         """Whether the tile is floor and not reserved."""
         return self.ground(tile) == FLOOR and tile not in self.reserved
 
-    def passable(self, tile: Tile, side: Side) -> bool:
+    def is_passable(self, tile: Tile, side: Side) -> bool:
         """Whether the robot can drive over this side to the next tile."""
         other = self.neighbour(tile, side)
         if other is None or self.has_wall(tile, side):
@@ -127,12 +127,12 @@ class Layout:
 
     def exits(self, tile: Tile) -> list[Side]:
         """Sides over which the robot can leave a tile."""
-        return [side for side in SIDES if self.passable(tile, side)]
+        return [side for side in SIDES if self.is_passable(tile, side)]
 
     def is_connected(self) -> bool:
         """Whether the robot can drive between any two tiles that are not blocked."""
         open_tiles = {t for t in self.tiles() if self.ground(t) != BLOCKED}
-        return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
+        return not open_tiles or self._reach(min(open_tiles), self.is_passable) == open_tiles
 
     def is_explorable(self) -> bool:
         """Whether a robot that drives only over seen ground reaches all tiles except ridges and blocked tiles."""
@@ -146,12 +146,12 @@ class Layout:
         floor tile, from which the robot can see the ramp. From one ridge to the next, the result is False, because
         the far slope of the last of several ridges is hidden.
         """
-        if not self.passable(tile, side):
+        if not self.is_passable(tile, side):
             return False
         here, there = self.ground(tile).kind, self.ground(self.next(tile, side)).kind
         if here == "floor" and there in ("ramp", "ridge"):
             back = opposite(side)
-            return self.passable(tile, back) and self.ground(self.next(tile, back)) == FLOOR
+            return self.is_passable(tile, back) and self.ground(self.next(tile, back)) == FLOOR
         return here != "ridge" or there != "ridge"
 
     def _reach(self, start: Tile, may_pass: Callable[[Tile, Side], bool]) -> set[Tile]:
@@ -168,14 +168,14 @@ class Layout:
         """The neighbouring tile on a side, which may be outside the arena."""
         return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
-    def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
+    def tiles_towards(self, tile: Tile, side: Side, length: int) -> list[Tile]:
         """``length`` tiles in a row, starting with ``tile``, towards ``side``; fewer at the arena's border."""
         tiles = [tile]
         while len(tiles) < length and (after := self.neighbour(tiles[-1], side)) is not None:
             tiles.append(after)
         return tiles
 
-    def lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
+    def try_lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
         """Change ground and remove walls if the robot can still explore all tiles; returns whether this was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
@@ -185,17 +185,17 @@ class Layout:
         self._ground, self.walls = before
         return False
 
-    def block(self, tiles: list[Tile]) -> bool:
+    def try_block(self, tiles: list[Tile]) -> bool:
         """Block free tiles if they can be seen from open floor and the robot can still explore all others.
 
         Walls between the blocked tiles are removed. Returns whether the tiles were blocked.
         """
-        if not all(self.is_free(t) for t in tiles) or not self.views(tiles):
+        if not all(self.is_free(t) for t in tiles) or not self.viewing_sides(tiles):
             return False
         between = [self.edge(t, s) for t in tiles for s in SIDES if self.next(t, s) in tiles]
-        return self.lay([(t, BLOCKED) for t in tiles], between)
+        return self.try_lay([(t, BLOCKED) for t in tiles], between)
 
-    def views(self, tiles: list[Tile]) -> list[Edge]:
+    def viewing_sides(self, tiles: list[Tile]) -> list[Edge]:
         """Sides of the given tiles, as (tile, side), through which they can be seen from open floor."""
         return [
             (tile, side)

@@ -20,7 +20,7 @@ from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
-from sarsim.arenas.start import find_start, on_ground, start_at
+from sarsim.arenas.start import find_start, moved_to_ground, start_at
 from sarsim.assets import asset
 from sarsim.sensors.camera import geom_labels
 from sarsim.vetting.resolved import resolved_root
@@ -145,7 +145,7 @@ def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, requested: StartPo
         T_world_start = from_yaw(*start.position, start.yaw)
     elif site is not None:
         marked = world[1].site("start")
-        T_world_start, changed = on_ground(*world, from_rotation(marked.xmat.reshape(3, 3), marked.xpos))
+        T_world_start, changed = moved_to_ground(*world, from_rotation(marked.xmat.reshape(3, 3), marked.xpos))
         if changed:
             _log.warning("%s: %s", name, changed)
     else:

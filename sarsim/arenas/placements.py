@@ -19,7 +19,7 @@ from pipeline.tracks.find import VICTIM
 from pipeline.transforms import FARTHEST
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.settings import StartPose
-from sarsim.arenas.things.thing import ALIVE, DEAD, declare
+from sarsim.arenas.things.thing import ALIVE, DEAD, annotate_body
 from sarsim.victims.victims import PREFIX, Posture, make_victim
 
 VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
@@ -142,4 +142,4 @@ def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)
     person.add_to(builder.root, middle, pose.yaw)
-    declare(builder.root, name, VICTIM, state=state_of(pose.name))
+    annotate_body(builder.root, name, VICTIM, state=state_of(pose.name))

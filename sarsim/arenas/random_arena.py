@@ -28,7 +28,7 @@ from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_things import hang_things
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
-from sarsim.arenas.things.thing import ALIVE, declare
+from sarsim.arenas.things.thing import ALIVE, annotate_body
 from sarsim.victims.victims import PREFIX
 
 CEILING = 2.4  # m, height of the ceiling and of all walls under it
@@ -123,6 +123,6 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
         builder.add_ceiling(low, high, CEILING)
     for victim in victims:
         victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
-        declare(builder.root, PREFIX + victim.model.id, VICTIM, state=ALIVE)
+        annotate_body(builder.root, PREFIX + victim.model.id, VICTIM, state=ALIVE)
     builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE_SIZE), 0.0], side * np.pi / 2)
     return builder

@@ -48,14 +48,14 @@ def place_obstacles(layout: Layout, draws: RandomDraws, fraction: float, difficu
     for tile in draws.shuffled(layout.tiles()):
         side = draws.pick(SIDES)
         fitting = [k for k in draws.shuffled(OBSTACLES[difficulty]) if _leaves_no_pocket(layout, tile, k, side)]
-        if len(items) < wanted and fitting and layout.block([tile]):
+        if len(items) < wanted and fitting and layout.try_block([tile]):
             items.append(Item(tile, fitting[0], YAW[side]))
     return items
 
 
 def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool:
     """Whether a diagonal wall cuts no floor of its tile off from all neighbouring tiles."""
-    open_sides = {s for _, s in layout.views([tile])}
+    open_sides = {s for _, s in layout.viewing_sides([tile])}
     if kind == "wall_diag_120":
         halves = ({1, 2}, {0, 3}) if side % 2 else ({0, 1}, {2, 3})
         return all(open_sides & half for half in halves)
@@ -80,8 +80,8 @@ def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list
     items: list[Item] = []
     blocked = 0
     for tile in draws.shuffled(layout.tiles()):
-        views = layout.views([tile])
-        if blocked < wanted and layout.is_free(tile) and views and layout.block([tile]):
+        views = layout.viewing_sides([tile])
+        if blocked < wanted and layout.is_free(tile) and views and layout.try_block([tile]):
             items += _furnish(draws, tile, draws.pick(views)[1])
             blocked += 1
     return items
@@ -97,7 +97,7 @@ def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Ite
             continue
         if kind == BULKY[0]:
             items |= {under: Item(under, kind) for under in _under_a_floor(layout, draws, tile)}
-        elif (views := layout.views([tile])) and layout.block([tile]):
+        elif (views := layout.viewing_sides([tile])) and layout.try_block([tile]):
             back = opposite(draws.pick(views)[1])
             turn = draws.number(0, 3) if kind == "simple_elev_ramp" else 0
             items[tile] = Item(tile, kind, YAW[(back + turn) % 4])

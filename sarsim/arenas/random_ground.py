@@ -54,13 +54,13 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, max_tiles: int) -> i
     """Try to lay one run from a random tile in a random direction; returns the number of tiles that it occupies."""
     first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
     grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
-    tiles = layout.run(first, side, 1 + len(grounds) + beyond)
+    tiles = layout.tiles_towards(first, side, 1 + len(grounds) + beyond)
     inner, ends = tiles[1 : 1 + len(grounds)], [first, *tiles[1 + len(grounds) :]]
     fits = len(inner) == len(grounds) <= max_tiles and len(ends) == 1 + beyond
     if not fits or not all(map(layout.is_free, inner)) or any(layout.ground(t) != FLOOR for t in ends):
         return 0
     opened = [layout.edge(tile, side) for tile in tiles[:-1]]
-    if not layout.lay(zip(inner, grounds, strict=True), opened):
+    if not layout.try_lay(zip(inner, grounds, strict=True), opened):
         return 0
     layout.reserved.update(tiles)
     _fence(layout, draws, inner)
@@ -80,7 +80,7 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
     """Put walls on all sides with a drop to a ramp or deck, and on the fraction ``FENCED`` of those to the floor."""
     for tile in tiles:
         for side in SIDES:
-            falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
+            falls = not layout.has_wall(tile, side) and not layout.is_passable(tile, side)
             if falls and (layout.ground(layout.next(tile, side)) != FLOOR or draws.chance(FENCED)):
                 layout.walls.add(layout.edge(tile, side))
 
@@ -97,7 +97,7 @@ def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
 def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
     """The row of at most ``MAX_WAY`` open floor tiles that starts at a tile and leads towards a side."""
     corridor = [tile]
-    while len(corridor) < MAX_WAY and layout.passable(corridor[-1], side):
+    while len(corridor) < MAX_WAY and layout.is_passable(corridor[-1], side):
         after = layout.next(corridor[-1], side)
         if layout.ground(after) != FLOOR:
             break

@@ -48,7 +48,7 @@ def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
     wanted = round(fraction * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
-        fronts = [side for _, side in layout.views([tile])]
+        fronts = [side for _, side in layout.viewing_sides([tile])]
         against_wall = [side for side in fronts if layout.has_wall(tile, opposite(side))]
         if len(pieces) >= wanted or not layout.is_free(tile) or not fronts:
             continue
@@ -56,7 +56,7 @@ def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
         boxes = tuple(draws.pick(FURNITURE if against_wall else FREESTANDING)(draws))
         colours = tuple(random_colour(draws) for _ in range(draws.number(1, 3)))
         for place in _row(layout, draws, tile, back)[: wanted - len(pieces)]:
-            if layout.block([place]):
+            if layout.try_block([place]):
                 pieces.append(Piece(place, YAW[back], boxes, colours))
     return pieces
 

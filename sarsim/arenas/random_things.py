@@ -11,7 +11,7 @@ from pipeline.arrays import Rotation3
 from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.things.codes import FAMILY, MAX_TAGS, TAG_SIDE
+from sarsim.arenas.things.codes import MAX_TAGS, TAG_DICTIONARY, TAG_SIDE
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import (
@@ -24,7 +24,7 @@ from sarsim.arenas.things.models import (
     qr_code,
 )
 from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
-from sarsim.arenas.walls import STAND, Walls, facing
+from sarsim.arenas.walls import VIEWING_DISTANCE, Walls, wall_axes
 from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall on all sides: half a doll's box, and more than half of the largest sign's diagonal
@@ -58,10 +58,11 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     hung = 0
 
     def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
-        is_beside_start = np.linalg.norm((point - start)[:2]) < STAND  # where a box would obstruct the robot
+        # A box beside the start would obstruct the robot.
+        is_beside_start = np.linalg.norm((point - start)[:2]) < VIEWING_DISTANCE
         return not is_beside_start and walls.has_room(point, normal, WALL_ROOM, rises[hung])
 
-    for point, normal in islice(walls.spread(rng, THING_SPACING, fits), number):
+    for point, normal in islice(walls.spread_places(rng, THING_SPACING, fits), number):
         _hang(builder, draws, hung, point + np.array([0.0, 0.0, rises[hung]]), normal)
         hung += 1
 
@@ -77,7 +78,7 @@ def _hang(
     builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> None:
     """Hang object number ``turn``, counted from 0, at ``point`` (3,) m of a wall with ``normal`` (3,)."""
-    kind, R = TURNS[turn % len(TURNS)], facing(normal)
+    kind, R = TURNS[turn % len(TURNS)], wall_axes(normal)
     if kind == "doll":
         _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
         return
@@ -108,7 +109,7 @@ def _code(name: str, draws: RandomDraws) -> ThingModel:
 
 def _tag(name: str, draws: RandomDraws) -> ThingModel:
     # Lower numbers are reserved for the tags by which maps are scored.
-    return april_tag(name, draws.number(MAX_TAGS, len(FAMILY.bytesList) - 1), TAG_SIDE)
+    return april_tag(name, draws.number(MAX_TAGS, len(TAG_DICTIONARY.bytesList) - 1), TAG_SIDE)
 
 
 def _extinguisher(name: str, draws: RandomDraws) -> ThingModel:

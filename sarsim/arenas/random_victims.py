@@ -56,8 +56,8 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
         posture = draws.pick(OPEN if placement == "open" else SUITABLE[placement])
         model = make_victim(name, draws.rng, posture, placement)
         for spot in draws.shuffled(spots):
-            if _fits(layout, model, spot) and layout.block(spot.tiles):
-                layout.reserved.update(layout.next(*view) for view in layout.views(spot.tiles))
+            if _fits(layout, model, spot) and layout.try_block(spot.tiles):
+                layout.reserved.update(layout.next(*view) for view in layout.viewing_sides(spot.tiles))
                 return PlacedVictim(model, _position(model, spot), spot.facing * np.pi / 2)
     return None
 
@@ -77,7 +77,7 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
     margin = 0.0 if victim.placement == "hole" else ROOM
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
         return False
-    views = layout.views(spot.tiles)
+    views = layout.viewing_sides(spot.tiles)
     looks_out = any((tile, spot.facing) in views for tile in spot.tiles)
     leans = spot.room[1] == TILE_SIZE and layout.has_wall(spot.back, opposite(spot.facing))
     return (looks_out or victim.placement not in ("box", "hole")) and (leans or not victim.needs_wall)

@@ -26,7 +26,7 @@ OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground
 MAX_PLACES = 2000  # Maximum number of positions that are compared
 MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
 ABOVE = 0.3  # m, height above a start from which the ground below is searched for
-ON_GROUND = 0.005  # m; a start at most this far from the ground is considered to be on it
+MAX_GROUND_GAP = 0.005  # m; a start at most this far from the ground is considered to be on it
 SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
 UPRIGHT = np.radians(0.5)  # Maximum tilt of a start that is considered upright, rad
 START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
@@ -49,14 +49,14 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
         raise InputError(f"--start {x:g} {y:g} {yaw_deg:g}: all three numbers must be finite")
     survey = Survey(model, data)
     low = np.array([x, y, survey.bodies.low[:, 2].min()])
-    height = survey.place(low, reach=np.inf)
+    height = survey.ground_height_near(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
     if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:
         raise InputError(f"the robot cannot stand at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
     return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
 
 
-def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -> tuple[Pose, str]:
+def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -> tuple[Pose, str]:
     """A marked start, moved upright onto the nearest ground, and a description of the change, empty if there is none.
 
     Raises:
@@ -73,16 +73,16 @@ def on_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -
     up = np.array([ahead - over, beside - over, SLOPE])
     on_slope = float(np.arccos(np.clip(T_world_start[:3, 2] @ up / np.linalg.norm(up), -1, 1)))
     tilt = min(float(np.arccos(np.clip(T_world_start[2, 2], -1, 1))), on_slope)
-    if abs(over) > ON_GROUND:
-        height = Survey(model, data).place(T_world_start[:3, 3], reach=np.inf)
+    if abs(over) > MAX_GROUND_GAP:
+        height = Survey(model, data).ground_height_near(T_world_start[:3, 3], reach=np.inf)
         if height is None:
             raise InputError(
                 f"there is no free ground at ({x:g}, {y:g}) m; choose another start with --start X Y YAW"
             )
         over = float(z - height)
-    if abs(over) <= ON_GROUND and tilt <= UPRIGHT:
+    if abs(over) <= MAX_GROUND_GAP and tilt <= UPRIGHT:
         return T_world_start, ""
-    above = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} the ground" if abs(over) > ON_GROUND else ""
+    above = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} the ground" if abs(over) > MAX_GROUND_GAP else ""
     tilted = f"tilted by {np.degrees(tilt):.0f}°" if tilt > UPRIGHT else ""
     said = f"the start is {' and '.join(filter(None, (above, tilted)))}; the robot starts upright on the ground"
     return from_yaw(x, y, z - over, yaw_of(T_world_start)), said

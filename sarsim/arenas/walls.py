@@ -12,7 +12,8 @@ from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.sensors.camera import geom_labels
 
 SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
-STAND = 0.8  # m in front of the wall at which the robot must be able to stand; a lane of 1.2 m is wide enough
+VIEWING_DISTANCE = 0.8
+"""m in front of a wall at which the robot must be able to stand; a lane of 1.2 m is wide enough."""
 MAX_STEP = 0.05  # m, maximum height difference between that ground and the ground from which the wall was found
 PLACES, DIRECTIONS = 2000, 8
 """Maximum number of drivable positions from which walls are searched for, and number of directions from each."""
@@ -31,7 +32,7 @@ class Walls:
         self._is_wall = geom_labels(model) == Label.WALL
         self._surface: GroundTruthSurface = Survey(model, self._data).surface_from(start)
 
-    def spread(
+    def spread_places(
         self,
         rng: np.random.Generator,
         spacing: float,
@@ -69,7 +70,7 @@ class Walls:
         ``point`` (3,) m and ``normal`` (3,) as from :meth:`hits`; the place is ``rise`` m above the point and extends
         ``half`` m in all directions.
         """
-        eye, surface = point + STAND * normal, self._surface
+        eye, surface = point + VIEWING_DISTANCE * normal, self._surface
         step = surface.grid.at(surface.height, eye) + SIGHT_HEIGHT - eye[2]
         if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
             return False
@@ -89,10 +90,10 @@ class Walls:
         return eye + rays[met] * distance[met, None], normal[met]
 
     def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
-        """Whether a ray from a point hits a wall perpendicularly at distance ``STAND``."""
+        """Whether a ray from a point hits a wall perpendicularly at distance ``VIEWING_DISTANCE``."""
         geom, normal = np.full(1, -1, np.int32), np.zeros(3)
         distance = mujoco.mj_ray(self._model, self._data, start, ray, _SEEN, 1, -1, geom, normal)
-        is_square = abs(distance - STAND) < FLAT and normal @ ray < -0.9999
+        is_square = abs(distance - VIEWING_DISTANCE) < FLAT and normal @ ray < -0.9999
         return bool(geom[0] >= 0 and self._is_wall[geom[0]] and is_square)
 
 
@@ -101,6 +102,6 @@ def along(normal: NDArray[np.float64]) -> Direction:
     return np.array([-normal[1], normal[0], 0.0])
 
 
-def facing(normal: NDArray[np.float64]) -> Rotation3:
+def wall_axes(normal: NDArray[np.float64]) -> Rotation3:
     """Axes of an object that hangs on a wall with this horizontal normal (3,): right, up and towards the viewer."""
     return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

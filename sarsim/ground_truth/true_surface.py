@@ -99,7 +99,7 @@ class Survey:
         self._columns = columns(self.bodies, self.grid)
         self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
-    def place(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
+    def ground_height_near(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
         """Height, m, of the ground with headroom nearest to a point (3,) m; None if none is within ``reach`` m."""
         body = self._place(start, reach)
         return None if body is None else float(self._columns.top[body])

@@ -16,14 +16,14 @@ from pipeline.transforms import transform_places
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.sdf.heightmaps import NaturalGround
 from sarsim.arenas.sdf.labels import (
-    Outline,
-    endless,
-    flat_outline_of,
+    ShapeFeatures,
+    flat_shape_features,
     ground_of,
+    heightmap_features,
     label_of,
     label_of_ground,
-    outline_of,
-    outline_of_ground,
+    plane_features,
+    shape_features,
 )
 from sarsim.arenas.sdf.pieces import MAX_PIECES, two_sided, with_volume
 from sarsim.arenas.sdf.resources import PLACES
@@ -59,7 +59,7 @@ class _Body:
         facet: index of the piece's facet that the geom shows, without colliding; None if the geom collides.
         is_seen: whether the geom is drawn.
         corners: corners in the world, m.
-        outline: outline that determines the geom's label.
+        features: features that determine the geom's label.
     """
 
     solid: Solid
@@ -67,7 +67,7 @@ class _Body:
     facet: int | None
     is_seen: bool
     corners: Places
-    outline: Outline
+    features: ShapeFeatures
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
@@ -112,7 +112,7 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
     """
     reader, solids = SolidReader(world.meshes), list[Solid]()
     for shape in world.shapes(without=lambda model: model.scoped in apart):
-        with world.without():
+        with world.skipping_errors():
             solids += reader.solids(shape)
         if len(solids) > MAX_GEOMS:
             raise InputError(f"{path}: has more shapes than the limit of {MAX_GEOMS}; remove some models")
@@ -200,13 +200,13 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
     facets = [] if piece is None or id(piece) in plain else piece.seen
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
-        yield _Body(solid, None, None, True, transform_places(T, solid.corners), endless(T))
+        yield _Body(solid, None, None, True, transform_places(T, solid.corners), plane_features(T))
     elif solid.tile is not None:
         corners = transform_places(T, solid.corners)
-        yield _Body(solid, None, None, True, corners, outline_of_ground(corners, solid.tile.slope))
+        yield _Body(solid, None, None, True, corners, heightmap_features(corners, solid.tile.slope))
     elif piece is None:
         corners = transform_places(T, solid.corners)
-        yield _Body(solid, None, None, True, corners, outline_of(corners))
+        yield _Body(solid, None, None, True, corners, shape_features(corners))
     else:
         is_hull = id(piece) in hulls
         for part in [piece.vertices] if is_hull else piece.parts:
@@ -217,11 +217,11 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
             if thick is not part:
                 flat["flat parts, which collide as thin plates"] += 1
             corners = transform_places(T, thick)
-            outline = outline_of(corners) if is_hull else outline_of(corners, surface)
-            yield _Body(solid, None if is_hull and thick is part else thick, None, not facets, corners, outline)
+            features = shape_features(corners) if is_hull else shape_features(corners, surface)
+            yield _Body(solid, None if is_hull and thick is part else thick, None, not facets, corners, features)
     for number, triangles in enumerate(facets):
         corners = transform_places(T, triangles.reshape(-1, 3))
-        yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
+        yield _Body(solid, None, number, True, corners, flat_shape_features(corners.reshape(-1, 3, 3), surface))
 
 
 def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
@@ -254,12 +254,12 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies, places)
     natural = NaturalGround([body.solid.tile for body in bodies if body.solid.tile is not None])
-    flat = [body.outline for body in bodies if body.is_seen and body.solid.tile is None]
+    flat = [body.features for body in bodies if body.is_seen and body.solid.tile is None]
     footprint = float(np.prod(high - low))
     ground = ground_of(flat, footprint) if flat else None
     if ground is None:
         ground = natural.height_at(*(low + high) / 2)
-    raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
+    raised = is_model and ground is not None and ground > min(body.features.low for body in bodies) + HEADROOM
     if ground is None or raised:
         ground = 0.0
         builder.add_floor(low, high)
@@ -274,7 +274,7 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
     for (solid, label), facets in seen.items():
         for triangles in _tiles(np.concatenate(facets)):
             mesh = builder.add_mesh(*two_sided(triangles))
-            builder.add_geom(label, {**solid.placed, "mesh": mesh, **SEEN}, solid.colour)
+            builder.add_geom(label, {**solid.mjcf_attributes, "mesh": mesh, **SEEN}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -282,9 +282,9 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
 def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
     """The label of a body in a world of ``footprint`` m²; a heightmap below the body is its ground."""
     if body.solid.tile is not None:
-        return label_of_ground(body.outline.slope)
+        return label_of_ground(body.features.slope)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
-    return label_of(body.outline, ground if below is None else below, footprint)
+    return label_of(body.features, ground if below is None else below, footprint)
 
 
 def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -316,12 +316,12 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
     if solid.tile is not None:
-        return {**solid.placed, "hfield": builder.add_height_field(solid.tile.heights, solid.size)}
+        return {**solid.mjcf_attributes, "hfield": builder.add_height_field(solid.tile.heights, solid.size)}
     if solid.piece is None:
-        return {**solid.placed, "size": solid.size}
+        return {**solid.mjcf_attributes, "size": solid.size}
     whole = solid.piece.vertices, solid.piece.triangles
     mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
-    return {**solid.placed, "mesh": mesh, **({} if body.is_seen else COLLIDES)}
+    return {**solid.mjcf_attributes, "mesh": mesh, **({} if body.is_seen else COLLIDES)}
 
 
 def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:

@@ -49,7 +49,7 @@ def _pioneer() -> RobotModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class ShapeFeatures:
     """The properties of a convex body that determine its label.
 
     The main face is the largest of the faces that do not face down.
@@ -72,13 +72,13 @@ class Outline:
     surface: float
 
 
-def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
-    """The outline of the convex hull of ``corners`` (N, 3) m in the world; ``surface`` as in :class:`Outline`."""
+def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
+    """The features of the convex hull of ``corners`` (N, 3) m in the world; ``surface``: see ShapeFeatures."""
     low, high = corners[:, 2].min(), corners[:, 2].max()
     try:
         hull = ConvexHull(corners)
     except QhullError:
-        return Outline(low, high, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return ShapeFeatures(low, high, 0.0, 0.0, 0.0, 0.0, 0.0)
     normals, face = np.unique(hull.equations[:, :3].round(4), axis=0, return_inverse=True)
     a, b, c = corners[hull.simplices].swapaxes(0, 1)
     areas = np.bincount(face.ravel(), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).round(6)
@@ -87,11 +87,11 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
-    return Outline(low, high, length, thickness, float(normal[2]), area, max(area, surface))
+    return ShapeFeatures(low, high, length, thickness, float(normal[2]), area, max(area, surface))
 
 
-def flat_outline_of(triangles: NDArray[np.float64], surface: float = 0.0) -> Outline:
-    """The outline of coplanar triangles (N, 3, 3) m in the world, facing either way; ``surface`` as in Outline."""
+def flat_shape_features(triangles: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
+    """The features of coplanar triangles (N, 3, 3) m in the world, facing either way; ``surface`` as above."""
     corners = triangles.reshape(-1, 3)
     sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
     area = float(np.linalg.norm(sums))
@@ -99,26 +99,26 @@ def flat_outline_of(triangles: NDArray[np.float64], surface: float = 0.0) -> Out
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
     low, high = corners[:, 2].min(), corners[:, 2].max()
-    return Outline(low, high, length, thickness, abs(float(normal[2])), area, max(area, surface))
+    return ShapeFeatures(low, high, length, thickness, abs(float(normal[2])), area, max(area, surface))
 
 
-def endless(T_world: Pose) -> Outline:
-    """The outline of an infinite plane with a 4×4 pose."""
+def plane_features(T_world: Pose) -> ShapeFeatures:
+    """The features of an infinite plane with a 4×4 pose."""
     height = float(T_world[2, 3])
-    return Outline(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)
+    return ShapeFeatures(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)
 
 
-def outline_of_ground(corners: NDArray[np.float64], slope: float) -> Outline:
-    """The outline of a heightmap's tile with points (N, 3) m in the world; ``slope``: z of its unit normal."""
+def heightmap_features(corners: NDArray[np.float64], slope: float) -> ShapeFeatures:
+    """The features of a heightmap's tile with points (N, 3) m in the world; ``slope``: z of its unit normal."""
     extent = np.ptp(corners, axis=0)
     area = float(extent[0] * extent[1])
     length = float(extent[:2].max())
-    return Outline(corners[:, 2].min(), corners[:, 2].max(), length, float(extent[2]), slope, area, area)
+    return ShapeFeatures(corners[:, 2].min(), corners[:, 2].max(), length, float(extent[2]), slope, area, area)
 
 
-def ground_of(outlines: list[Outline], footprint: float) -> float | None:
+def ground_of(features: list[ShapeFeatures], footprint: float) -> float | None:
     """Height of the ground, m, in a world of ``footprint`` m²; None if the world has no ground."""
-    level = sorted((o.high, o.area) for o in outlines if _is_level(o))
+    level = sorted((o.high, o.area) for o in features if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
     robot = _pioneer()
     for top in tops.tolist():
@@ -130,25 +130,25 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
     return None
 
 
-def label_of(outline: Outline, ground: float, footprint: float) -> Label:
+def label_of(features: ShapeFeatures, ground: float, footprint: float) -> Label:
     """The label of a body in a world of ``footprint`` m² with the ground at height ``ground`` m."""
     robot = _pioneer()
-    wide, top = 2 * clearance_of(robot), outline.high - ground
-    if outline.slope >= np.cos(robot.max_tilt):
-        if not _is_level(outline):
-            if outline.surface >= wide**2:
+    wide, top = 2 * clearance_of(robot), features.high - ground
+    if features.slope >= np.cos(robot.max_tilt):
+        if not _is_level(features):
+            if features.surface >= wide**2:
                 return Label.INCLINED_RAMP
         elif abs(top) <= 2 * robot.max_step:
             return Label.TERRAIN
-        elif 0 < top <= robot.headroom and outline.surface >= wide**2:
+        elif 0 < top <= robot.headroom and features.surface >= wide**2:
             return Label.STRAIGHT_RAMP
-        elif 0 < top < DOOR and outline.surface >= LARGE * footprint:
+        elif 0 < top < DOOR and features.surface >= LARGE * footprint:
             return Label.TERRAIN
-        elif outline.low - ground >= DOOR:
+        elif features.low - ground >= DOOR:
             return Label.CEILING
-    is_upright = outline.slope <= np.sin(robot.max_tilt) and outline.length >= wide
-    is_panel = is_upright and outline.thickness <= SLENDER * outline.length
-    return Label.WALL if is_panel or outline.high - outline.low >= DOOR else Label.CLUTTER
+    is_upright = features.slope <= np.sin(robot.max_tilt) and features.length >= wide
+    is_panel = is_upright and features.thickness <= SLENDER * features.length
+    return Label.WALL if is_panel or features.high - features.low >= DOOR else Label.CLUTTER
 
 
 def label_of_ground(slope: float) -> Label:
@@ -158,5 +158,5 @@ def label_of_ground(slope: float) -> Label:
     return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER
 
 
-def _is_level(outline: Outline) -> bool:
-    return outline.slope > np.cos(RAMP_TILT)
+def _is_level(features: ShapeFeatures) -> bool:
+    return features.slope > np.cos(RAMP_TILT)

@@ -54,7 +54,7 @@ class Solid:
     tile: GroundTile | None = None
 
     @property
-    def placed(self) -> dict[str, str | NDArray[np.float64]]:
+    def mjcf_attributes(self) -> dict[str, str | NDArray[np.float64]]:
         """MJCF attributes for the solid's type and its pose in the world."""
         R, position = self.T_world[:3, :3], self.T_world[:3, 3]
         return {"type": self.kind, "pos": position, "quat": Rotation.from_matrix(R).as_quat(scalar_first=True)}

@@ -64,7 +64,7 @@ def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
     for shape in world.shapes(without=lambda model: model.scoped in missing) if len(missing) < len(victims) else ():
         of = next((name for name in found if f"{shape.model}::".startswith(f"{name}::")), None)
         if of is not None:
-            with world.without():
+            with world.skipping_errors():
                 found[of] += (solid for solid in reader.solids(shape) if solid.kind != "plane")
     return list(found.values())
 
@@ -78,7 +78,7 @@ def _pose(victim: SdfModel) -> WorldPose:
 
 def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes:
     """The MJCF attributes of a solid's geom in a body at ``origin`` (3,) m that is not rotated."""
-    pose, piece = solid.placed | {"pos": solid.T_world[:3, 3] - origin}, solid.piece
+    pose, piece = solid.mjcf_attributes | {"pos": solid.T_world[:3, 3] - origin}, solid.piece
     if piece is None:
         return pose | {"size": solid.size}
     if (plate := with_volume(piece.vertices)) is not piece.vertices:

@@ -167,13 +167,13 @@ class SdfWorld:
     def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
         """All shapes in file order, except those of models that ``without`` selects, and of models nested in them."""
         for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
-            with self.without():
+            with self.skipping_errors():
                 if model.lost is not None:
                     raise model.lost
                 yield from self._own_shapes(model, placed, state)
 
     @contextmanager
-    def without(self) -> Iterator[None]:
+    def skipping_errors(self) -> Iterator[None]:
         """Record an error that a missing or broken item raises in the block, and continue without the item."""
         try:
             yield
@@ -206,7 +206,7 @@ class SdfWorld:
         if self._models > MAX_GEOMS:
             raise RefusedError(f"{path}: has more models than the limit of {MAX_GEOMS}")
         for child in children_of(element):
-            with self.without():
+            with self.skipping_errors():
                 self._add(model, child, path, root, files)
         return model
 
@@ -287,7 +287,7 @@ class SdfWorld:
         """Yield a model and all models nested in it, each with its placement in the world and its state."""
         yield model, outside, state
         for name, nested in model.nested.items():
-            with self.without():
+            with self.skipping_errors():
                 own = state.of_model(nested.name)
                 T = outside.T_world @ model.frames.pose(name)
                 if own.pose is not None:
@@ -316,7 +316,7 @@ class SdfWorld:
 
     def _own_shapes(self, model: _Model, placed: SdfModel, state: State) -> Iterator[SdfShape]:
         for name, link in model.links.items():
-            with self.without():
+            with self.skipping_errors():
                 where, T = f"{model.where}, <link> {name_of(link)}", placed.T_world @ model.frames.pose(name)
                 own = state.of_link(link.get("name", ""))
                 if own is not None:
@@ -334,7 +334,7 @@ class SdfWorld:
         is_solid, is_seen = (any(self._is_read(shape, model) for shape in shapes) for shapes in (solid, visuals))
         for shape in [*solid, *visuals] if is_seen and not is_solid else solid or visuals:
             place = f"{where}, <{shape.tag}> {name_of(shape)}"
-            with self.without():
+            with self.skipping_errors():
                 T = placed.T_world @ model.frames.pose(*reference_of(shape, name)) @ pose_of(shape, place)
                 geometry = required(shape.find("geometry"))
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+TAG_DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 MODULES = 8  # Modules along a side of a tag's black square
 TAG_SIDE = 0.16  # m, side of the black square of a tag on a wall
 MAX_TAGS = 50  # Lower tag numbers are reserved for the tags by which maps are scored
-QUIET = 4  # Modules of white margin around a code, required by ISO/IEC 18004
+QUIET_ZONE = 4  # Modules of white margin around a code, required by ISO/IEC 18004
 
 
 def qr_modules(text: str) -> NDArray[np.uint8]:
@@ -21,11 +21,11 @@ def qr_modules(text: str) -> NDArray[np.uint8]:
 
 def qr_picture(text: str, module: int = 8) -> NDArray[np.uint8]:
     """(H, H) uint8 image of a QR code with its quiet zone; a module has ``module`` × ``module`` pixels."""
-    quiet = np.pad(qr_modules(text), QUIET, constant_values=255)
+    quiet = np.pad(qr_modules(text), QUIET_ZONE, constant_values=255)
     return quiet.repeat(module, axis=0).repeat(module, axis=1)
 
 
 def tag_picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
     """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` × ``module`` pixels."""
-    black = cv2.aruco.generateImageMarker(FAMILY, tag, MODULES * module)
+    black = cv2.aruco.generateImageMarker(TAG_DICTIONARY, tag, MODULES * module)
     return np.pad(black, module, constant_values=255)

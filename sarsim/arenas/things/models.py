@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Rotation3
 from pipeline.labels import Label
-from sarsim.arenas.things.codes import MODULES, QUIET, qr_picture, tag_picture
+from sarsim.arenas.things.codes import MODULES, QUIET_ZONE, qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_png
-from sarsim.arenas.things.thing import declare
+from sarsim.arenas.things.thing import annotate_body
 from sarsim.victims.mjcf import geom, numbers, quaternion
 
 BACKING = "backing_"  # Prefix of the name of the body with an object's backing, such as paper or a blanket
@@ -57,7 +57,7 @@ class ThingModel:
 
     def add_to(self, root: Element, position: ArrayLike, R: Rotation3) -> None:
         """Add the object to a ``<mujoco>`` element, with origin ``position`` (3,) m and orientation ``R`` (3, 3)."""
-        declare(root, self.name, self.kind, self.text, self.state)
+        annotate_body(root, self.name, self.kind, self.text, self.state)
         pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
         bodies = []
         for name, geoms in ((self.name, self.geoms), (BACKING + self.name, self.backing)):
@@ -115,7 +115,7 @@ def qr_code(name: str, text: str, side: float) -> ThingModel:
     """A QR code whose black square measures ``side`` m."""
     code = qr_picture(text)
     modules = len(code) // 8
-    plate, assets, files = _printed(name, _png(code), side / 2 * modules / (modules - 2 * QUIET))
+    plate, assets, files = _printed(name, _png(code), side / 2 * modules / (modules - 2 * QUIET_ZONE))
     return ThingModel(name, "qr_code", text, [plate], assets, files)
 
 

@@ -71,12 +71,12 @@ def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
     return victims + list(_others(model, data, said))
 
 
-def of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
+def things_of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
     """The objects of a kind; for the kind heat, the warm objects."""
     return [thing for thing in things if (thing.is_warm if kind == HEAT else thing.kind == kind)]
 
 
-def declare(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
+def annotate_body(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
     """Add the kind, text and state of the body ``name`` to a ``<mujoco>`` element."""
     custom = root.find("custom")
     custom = SubElement(root, "custom") if custom is None else custom

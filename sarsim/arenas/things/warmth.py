@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from sarsim.arenas.things.thing import Thing
 
 AMBIENT = 20.0  # °C
-SKIN_WARMTH = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
-CLOTHES_WARMTH = 28.0
+SKIN_TEMPERATURE = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
+CLOTHES_TEMPERATURE = 28.0
 """°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, from the heat balance of ISO 7730."""
 CLOTHES = ("top", "bottom", "shoes", "hair")
 """Suffixes of the material names of a person's geoms that are thermally insulated."""
@@ -22,7 +22,7 @@ def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.f
     for thing in things:
         if thing.is_warm:
             cloth = [_is_cloth(model, int(geom)) for geom in thing.geoms]
-            warm[thing.geoms] = np.where(cloth, CLOTHES_WARMTH, SKIN_WARMTH)
+            warm[thing.geoms] = np.where(cloth, CLOTHES_TEMPERATURE, SKIN_TEMPERATURE)
     return warm
 
 

@@ -17,7 +17,7 @@ from pipeline.keyframes import Keyframes
 from pipeline.mapper import Keyframe
 from pipeline.sink import Sink
 from pipeline.transforms import transform_points
-from sarsim.arenas.things.codes import FAMILY, TAG_SIDE
+from sarsim.arenas.things.codes import TAG_DICTIONARY, TAG_SIDE
 
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
@@ -37,7 +37,7 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
-    corners, ids, _ = cv2.aruco.ArucoDetector(FAMILY, parameters).detectMarkers(grey)
+    corners, ids, _ = cv2.aruco.ArucoDetector(TAG_DICTIONARY, parameters).detectMarkers(grey)
     if ids is None:
         return []
     middles = [_middle(found[0], frame) for found in corners]

@@ -16,7 +16,7 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.things.codes import MAX_TAGS, MODULES, TAG_SIDE, tag_picture
 from sarsim.arenas.things.thing import data_of
-from sarsim.arenas.walls import Walls, facing
+from sarsim.arenas.walls import Walls, wall_axes
 
 THICK = 0.001  # m, thickness of a tag, which a depth camera cannot resolve
 TAG_SPACING = 0.5  # m, minimum distance between tags
@@ -64,6 +64,6 @@ def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterato
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / MODULES * (MODULES / 2 + 2)
-    places = walls.spread(rng, TAG_SPACING, lambda point, normal: walls.has_room(point, normal, half))
+    places = walls.spread_places(rng, TAG_SPACING, lambda point, normal: walls.has_room(point, normal, half))
     for point, normal in islice(places, number):
-        yield from_rotation(facing(normal), point + normal * THICK)
+        yield from_rotation(wall_axes(normal), point + normal * THICK)

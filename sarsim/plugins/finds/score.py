@@ -13,7 +13,7 @@ from pipeline.errors import required
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.sink import Sink
 from pipeline.tracks.find import FIND_KINDS, HEAT, Find
-from sarsim.arenas.things.thing import Thing, of_kind, things_of
+from sarsim.arenas.things.thing import Thing, things_of, things_of_kind
 from sarsim.scoring.victims import NEAR, min_cost_pairs
 from sarsim.scoring.visibility import Visibility
 from sarsim.simulated_robot import SimulatedRobot
@@ -47,7 +47,7 @@ class FindScore(Sink):
         return {"finds": {kind: self._figures(kind, [f for f in finds if f.kind == kind]) for kind in kinds}}
 
     def _figures(self, kind: str, finds: Sequence[Find]) -> dict[str, Any]:
-        things = of_kind(self._things, kind)
+        things = things_of_kind(self._things, kind)
         visible = np.array(
             [v for t, v in zip(self._things, self._visibility.visible, strict=True) if t in things], bool
         )
@@ -70,7 +70,7 @@ class FindScore(Sink):
         """Distances, m, between matched finds and objects, by kind."""
         result, finds = {}, self._mapper.finds.reported
         for kind in FIND_KINDS:
-            things, reported = of_kind(self._things, kind), [find for find in finds if find.kind == kind]
+            things, reported = things_of_kind(self._things, kind), [find for find in finds if find.kind == kind]
             result[kind] = _distances(things, reported, matched(things, reported))
         return result
 

@@ -15,7 +15,7 @@ from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import THICK, hazmat_sign, qr_code
-from sarsim.arenas.walls import facing
+from sarsim.arenas.walls import wall_axes
 
 Pair = NDArray[np.float64]
 """Two numbers: x and y in m, or in cells."""
@@ -206,4 +206,4 @@ def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: 
                 f"hazmat_sign_{builder.next_thing}", HAZMAT_CLASSES[n // 2], config.sign_side, SignStyle()
             )
         )
-        builder.add_thing(thing, place, facing(normal))
+        builder.add_thing(thing, place, wall_axes(normal))

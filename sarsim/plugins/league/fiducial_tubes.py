@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Place, Places, Values
-from sarsim.arenas.things.thing import of_kind, things_of
+from sarsim.arenas.things.thing import things_of, things_of_kind
 from sarsim.plugins.lanes.maze import TUBE
 
 SECTOR = 10  # Degrees; width of the sectors into which a circle is divided
@@ -60,7 +60,7 @@ def tubes_of(model: mujoco.MjModel, data: mujoco.MjData) -> Tubes:
     geoms = [g for g in range(model.ngeom) if model.geom(g).name.rpartition("/")[2].startswith(TUBE)]
     half = model.geom_size[geoms, 1].reshape(-1)
     feet = data.geom_xpos[geoms].reshape(-1, 3) - half[:, None] * [0.0, 0.0, 1.0]
-    codes = [(thing.text, thing.centre) for thing in of_kind(things_of(model, data), "qr_code")]
+    codes = [(thing.text, thing.centre) for thing in things_of_kind(things_of(model, data), "qr_code")]
     return Tubes(feet, 2 * half, model.geom_size[geoms, 0].reshape(-1), codes)
 
 

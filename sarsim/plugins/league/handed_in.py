@@ -20,7 +20,7 @@ from pipeline.plugins.league.pois import TYPE_OF, PointOfInterest, name_of, read
 from pipeline.plugins.league.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import transform_points
-from sarsim.arenas.things.thing import of_kind, things_of
+from sarsim.arenas.things.thing import things_of, things_of_kind
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey, clearance_of
 from sarsim.plugins.league.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
@@ -62,7 +62,7 @@ def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
     return [
         TrueFind(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
         for kind in TYPE_OF
-        for thing in of_kind(things, kind)
+        for thing in things_of_kind(things, kind)
     ]
 
 

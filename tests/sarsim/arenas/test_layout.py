@@ -37,26 +37,26 @@ def test_a_ramp_is_entered_over_its_ends_alone_and_at_their_height():
 def test_decks_are_reached_over_ramps_of_their_height():
     for level, expected in ((17, True), (25, False)):
         layout = Layout(3, 1)
-        laid = layout.lay([((1, 0), TileGround("ramp", 17, EAST)), ((2, 0), TileGround("deck", level))])
+        laid = layout.try_lay([((1, 0), TileGround("ramp", 17, EAST)), ((2, 0), TileGround("deck", level))])
         assert laid is expected
         assert (layout.ground((2, 0)) == FLOOR) is not expected
 
 
 def test_what_would_cut_the_arena_in_two_is_not_done():
     layout = Layout(3, 1)
-    assert not layout.block([(1, 0)])
-    assert layout.block([(2, 0)])
+    assert not layout.try_block([(1, 0)])
+    assert layout.try_block([(2, 0)])
     assert layout.ground((2, 0)) == BLOCKED
-    assert layout.views([(2, 0)]) == [((2, 0), WEST)]
+    assert layout.viewing_sides([(2, 0)]) == [((2, 0), WEST)]
 
 
 def test_reserved_tiles_and_those_out_of_sight_are_not_blocked():
     layout = Layout(2, 2)
     layout.reserved.add((0, 0))
-    assert not layout.block([(0, 0)])
+    assert not layout.try_block([(0, 0)])
     closed = Layout(2, 1)
     closed.walls.add(closed.edge((0, 0), EAST))
-    assert not closed.block([(0, 0)])
+    assert not closed.try_block([(0, 0)])
 
 
 @settings(max_examples=30)
@@ -79,10 +79,10 @@ def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, r
 def test_before_a_ramp_two_tiles_in_a_line_are_needed():
     narrow = Layout(3, 1)
     narrow.start = (0, 0)
-    assert not narrow.lay([((1, 0), TileGround("ridge", 17, EAST))])
+    assert not narrow.try_lay([((1, 0), TileGround("ridge", 17, EAST))])
     wide = Layout(4, 1)
     wide.start = (0, 0)
-    assert wide.lay([((2, 0), TileGround("ridge", 17, EAST))])
+    assert wide.try_lay([((2, 0), TileGround("ridge", 17, EAST))])
 
 
 def test_a_perfect_maze_has_one_way_between_any_two_tiles():

@@ -12,7 +12,7 @@ from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.random_things import TURNS
 from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.arenas.things.thing import things_of
-from sarsim.arenas.walls import STAND
+from sarsim.arenas.walls import VIEWING_DISTANCE
 
 SMALL = {"columns": 4, "rows": 4, "victims": 1, "difficulty": 0}
 
@@ -40,7 +40,7 @@ def test_all_that_is_flat_is_seen_from_where_the_robot_can_stand(world):
     geom = np.zeros(1, np.int32)
     for thing in things_of(model, data):
         if thing.kind in ("hazmat_sign", "qr_code", "april_tag"):
-            eye = thing.centre + STAND * thing.normal
+            eye = thing.centre + VIEWING_DISTANCE * thing.normal
             mujoco.mj_ray(model, data, eye, -thing.normal, None, 1, -1, geom, None)
             assert geom[0] in thing.geoms
             assert 0.3 < thing.centre[2] < 0.8

@@ -80,10 +80,10 @@ def test_the_world_of_many_shapes_agrees_with_rays():
 
 def test_below_and_on_a_table_are_two_places():
     survey = Survey(*compiled(FLOOR + TABLE), None)
-    assert survey.place(np.array([0, 0, 0.1])) == pytest.approx(0)
-    assert survey.place(np.array([0, 0, 1.0])) == pytest.approx(1.05)
-    assert survey.place(np.array([0, 0, 0.5])) is None
-    assert survey.place(np.array([9.0, 0, 0])) is None
+    assert survey.ground_height_near(np.array([0, 0, 0.1])) == pytest.approx(0)
+    assert survey.ground_height_near(np.array([0, 0, 1.0])) == pytest.approx(1.05)
+    assert survey.ground_height_near(np.array([0, 0, 0.5])) is None
+    assert survey.ground_height_near(np.array([9.0, 0, 0])) is None
     floor = survey.ground_from(np.array([1.5, 1.5, 0]))
     assert floor.grid.at(floor.height, [0, 0]) == pytest.approx(0)
     top = survey.ground_from(np.array([0, 0, 1.05]))

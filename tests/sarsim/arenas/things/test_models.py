@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from pipeline.labels import Label
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.things.codes import FAMILY
+from sarsim.arenas.things.codes import TAG_DICTIONARY
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle, sign_face
 from sarsim.arenas.things.models import april_tag, door_lever, fire_extinguisher, hazmat_sign, qr_code
@@ -82,7 +82,7 @@ def test_only_the_doll_is_a_victim_and_paper_collides_with_nothing(world):
 def test_a_camera_reads_code_and_tag(photo):
     image, _ = photo
     assert cv2.QRCodeDetector().detectAndDecode(image)[0] == "wall 7"
-    _, ids, _ = cv2.aruco.ArucoDetector(FAMILY).detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+    _, ids, _ = cv2.aruco.ArucoDetector(TAG_DICTIONARY).detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
     assert ids.ravel().tolist() == [77]
 
 

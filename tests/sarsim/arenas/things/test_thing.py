@@ -8,7 +8,7 @@ from dm_control import mjcf
 from numpy.testing import assert_allclose
 
 from pipeline.tracks.find import KINDS
-from sarsim.arenas.things.thing import data_of, declare, of_kind, things_of
+from sarsim.arenas.things.thing import annotate_body, data_of, things_of, things_of_kind
 
 ARENA = """<mujoco><size nuser_geom="1"/><worldbody>
 <body name="victim_a" pos="1 0 0"><geom size="0.1" user="6"/></body>
@@ -33,12 +33,12 @@ def test_victims_are_alive_unless_the_text_says_otherwise():
         ("victim_b", "victim", "dead", False),
     ]
     assert model.geom("box").id not in b.geoms
-    assert of_kind([a, b], "heat") == [a] and of_kind([a, b], "victim") == [a, b]
+    assert things_of_kind([a, b], "heat") == [a] and things_of_kind([a, b], "victim") == [a, b]
 
 
 def test_a_thing_has_the_place_extent_and_front_of_its_body():
     model, found = things(("sign", data_of("hazmat_sign", "poison")))
-    (sign,) = of_kind(found, "hazmat_sign")
+    (sign,) = things_of_kind(found, "hazmat_sign")
     assert (sign.text, sign.state, sign.geoms.tolist()) == ("poison", "", [model.geom("plate").id])
     assert_allclose(sign.box, [(-0.1, -0.2, -0.6), (0.1, 0.2, 0.0)], atol=1e-9)
     # Turned about y by 90°, its z axis is the world's x.
@@ -49,9 +49,9 @@ def test_a_thing_has_the_place_extent_and_front_of_its_body():
 def test_any_text_survives():
     for text in ("a=b;c%3B", "<script>&'\"", "ünï ✓", ""):
         root = Element("mujoco")
-        declare(root, "sign", "qr_code", text)
+        annotate_body(root, "sign", "qr_code", text)
         said = root.find("custom/text").get("data").replace("&", "&amp;")
-        assert of_kind(things(("sign", said))[1], "qr_code")[0].text == text
+        assert things_of_kind(things(("sign", said))[1], "qr_code")[0].text == text
         assert text not in tostring(root, encoding="unicode") or not text
 
 
@@ -59,7 +59,7 @@ def test_texts_that_are_of_no_thing_are_passed_over():
     known = [t.name for t in things()[1]]
     others = [("shelf", "kind=shelf"), ("nobody", data_of("qr_code")), ("sign", "no words"), ("box", "kind=heat")]
     assert [t.name for t in things(*others)[1]] == known == ["victim_a", "victim_b"]
-    assert "heat" in KINDS and of_kind(things(("sign", "kind=heat"))[1], "qr_code") == []
+    assert "heat" in KINDS and things_of_kind(things(("sign", "kind=heat"))[1], "qr_code") == []
 
 
 def test_they_survive_pymjcf_and_attachment():

@@ -9,8 +9,8 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.things.codes import FAMILY, MAX_TAGS, TAG_SIDE, tag_picture
-from sarsim.arenas.walls import STAND
+from sarsim.arenas.things.codes import MAX_TAGS, TAG_DICTIONARY, TAG_SIDE, tag_picture
+from sarsim.arenas.walls import VIEWING_DISTANCE
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.plugins.fiducials.tags import TAG_SPACING, THICK, hang_fiducials
 from sarsim.sensors.camera import geom_labels
@@ -36,7 +36,7 @@ def compiled(arena: RescueArena) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def test_pictures_are_tags_with_a_white_margin():
-    detector = cv2.aruco.ArucoDetector(FAMILY)
+    detector = cv2.aruco.ArucoDetector(TAG_DICTIONARY)
     for tag in range(MAX_TAGS):
         image = tag_picture(tag)
         assert image.shape == (160, 160) and (image[:16] == 255).all() and (image[16:32, 16:-16] == 0).all()
@@ -55,13 +55,13 @@ def test_tags_hang_on_bare_walls_before_drivable_ground(name):
     for tag, T in enumerate(poses):
         assert_allclose(T[:3, :3].T @ T[:3, :3], np.eye(3), atol=1e-9)
         assert_allclose(T[:3, 1], [0, 0, 1])
-        eye, geom, normal = T[:3, 3] + (STAND - THICK) * T[:3, 2], np.zeros(1, np.int32), np.zeros(3)
+        eye, geom, normal = T[:3, 3] + (VIEWING_DISTANCE - THICK) * T[:3, 2], np.zeros(1, np.int32), np.zeros(3)
         assert before.grid.at(before.drivable, eye)
         for right, up in TAG_SIDE / 2 * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]):
             start = eye + right * T[:3, 0] + up * T[:3, 1]
             distance = mujoco.mj_ray(model, data, start, -T[:3, 2], None, 1, -1, geom, normal)
             assert model.geom(geom[0]).name == f"fiducial_{tag}"
-            assert distance == pytest.approx(STAND - THICK, abs=1e-6)
+            assert distance == pytest.approx(VIEWING_DISTANCE - THICK, abs=1e-6)
     places = poses[:, :3, 3]
     apart = np.linalg.norm(places[:, None] - places, axis=2)[np.triu_indices(8, 1)]
     assert apart.min() > TAG_SPACING

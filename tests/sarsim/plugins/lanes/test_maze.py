@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sarsim.arenas.things.thing import of_kind, things_of
+from sarsim.arenas.things.thing import things_of, things_of_kind
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.plugins.lanes.maze import MazePlan
 from sarsim.plugins.lanes.plugin import lane_arena
@@ -63,7 +63,7 @@ def test_every_cell_can_be_reached_without_climbing(world):
 
 def test_codes_and_signs_hang_on_the_inner_faces(world):
     things = things_of(*world)
-    codes, signs = of_kind(things, "qr_code"), of_kind(things, "hazmat_sign")
+    codes, signs = things_of_kind(things, "qr_code"), things_of_kind(things, "hazmat_sign")
     assert len({code.text for code in codes}) == len(codes) == len(signs) == 10
     for thing in (*codes, *signs):
         assert (np.abs(thing.centre[:2]) < HALF).all() and thing.normal[:2] @ thing.centre[:2] < 0

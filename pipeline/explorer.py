@@ -147,17 +147,19 @@ class Explorer:
         """
         viewpoint, context = self._choose(keyframe)
         if viewpoint is None and not self.is_held and context.traversability.ramp.any():
-            bold = self._choose(keyframe, is_bold=True)
-            viewpoint, context = (viewpoint, context) if bold[0] is None else bold
+            fallback = self._choose(keyframe, ignores_downhill_room=True)
+            viewpoint, context = (viewpoint, context) if fallback[0] is None else fallback
         if viewpoint is None and not self.is_held and self.mission.tighten():
             return self._choose(keyframe)
         return viewpoint, context
 
-    def _choose(self, keyframe: Keyframe, is_bold: bool = False) -> tuple[Viewpoint | None, Context]:
+    def _choose(self, keyframe: Keyframe, ignores_downhill_room: bool = False) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance costs more, so that the same path is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
         pose = self.pilot.navigator.next_pose(keyframe.T_map_base)
-        context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation, is_bold)
+        context = context_of(
+            self.mapper, keyframe, pose, caution, is_tight, self.reobservation, ignores_downhill_room
+        )
         context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
@@ -202,7 +204,7 @@ class Explorer:
 
         # Turn the plan into stretches, joined by arcs where level ground leaves room for them.
         def fits(poses: Places) -> bool:
-            return bool((ground.rooms(poses) >= 0).all() and not ground.grid.at(ground.ramp, poses).any())
+            return bool((ground.pose_clearances(poses) >= 0).all() and not ground.grid.at(ground.ramp, poses).any())
 
         start = navigator.next_pose(step.keyframe.T_map_base)
         heading = viewpoint.heading if viewpoint.turn else None
@@ -257,15 +259,15 @@ def context_of(
     caution: float,
     is_tight: bool,
     rewards: ViewpointRewards,
-    is_bold: bool = False,
+    ignores_downhill_room: bool = False,
 ) -> Context:
     """The context in which the robot decides where to go at a keyframe; see :class:`PosePaths` for ``caution``.
 
     ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
-    margin. ``rewards``: rewards for viewpoints that confirm finds. ``is_bold``: whether paths may do without room
-    downhill.
+    margin. ``rewards``: rewards for viewpoints that confirm finds. ``ignores_downhill_room``: whether paths may do
+    without room downhill.
     """
-    ground = mapper.drivable.without_downhill_room if is_bold else mapper.drivable
+    ground = mapper.drivable.without_downhill_room if ignores_downhill_room else mapper.drivable
     ground = ground.without_margin if is_tight else ground
     paths = PosePaths(ground, pose[:2], float(pose[2]), caution)
     measured = mapper.elevation_map.measured

@@ -18,7 +18,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_kernels import lowest_rays
 from pipeline.elevation_map.elevation_map import RAY_HEIGHT, ElevationMap
 from pipeline.elevation_map.ground_evidence import (
-    Assumed,
+    AssumedGround,
     GroundEvidence,
     box_of,
     find_depth_dropouts,
@@ -269,7 +269,9 @@ class Keyframes:
     @property
     def start_height(self) -> float:
         """Height in ``map`` at which the robot was set down, m; 0 if it was not, as with a hand-held camera."""
-        return next((float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, Assumed)), 0.0)
+        return next(
+            (float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, AssumedGround)), 0.0
+        )
 
     @property
     def highest_camera(self) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Poses
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
+from pipeline.elevation_map.ground_evidence import AssumedGround, DrivenTrack, GroundEvidence
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, load_results, run_all
 from pipeline.frame import Intrinsics
@@ -133,8 +133,8 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     rows = {
         "keyframe": list(_keyframe_rows(mapper)),
         "odometry": [vars(mapper.localisation.keyframes().odometry)],
-        "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
-        "driven": list(_ground_rows(mapper.keyframes, Driven)),
+        "assumed": list(_ground_rows(mapper.keyframes, AssumedGround)),
+        "driven": list(_ground_rows(mapper.keyframes, DrivenTrack)),
         "member": [vars(member) | vars(member.moments) for member in mapper.segments.members],
         "track": [_track_row(track) for track in tracks],
         "observation": [_observation_row(seen) for track in tracks for seen in track.seen],
@@ -317,9 +317,9 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
         keyframes.add(seen, row["T_map_base"])
         found.append((row["order"], k, seen))
     for row in rows["assumed"]:
-        found.append((row["order"], row["keyframe"], Assumed(**_fields_of(Assumed, row))))
+        found.append((row["order"], row["keyframe"], AssumedGround(**_fields_of(AssumedGround, row))))
     for row in rows["driven"]:
-        found.append((row["order"], row["keyframe"], Driven(**_fields_of(Driven, row))))
+        found.append((row["order"], row["keyframe"], DrivenTrack(**_fields_of(DrivenTrack, row))))
     for _, k, evidence in sorted(found, key=lambda entry: entry[0]):
         keyframes.add_ground(k, evidence)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Points, Pose, Probabilities
 from pipeline.config import PipelineConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
+from pipeline.elevation_map.ground_evidence import AssumedGround, DrivenTrack, GroundEvidence
 from pipeline.elevation_map.traversability import Traversability, TraversabilityLayer
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
@@ -305,7 +305,7 @@ class Mapper:
             own = on_ground[is_own], obstacles[near_obstacles == k], felt[near_felt == k]
             if any(map(len, own)):
                 here, *met = (transform_points(inverse(T), points) for points in own)
-                self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
+                self._put(first + k, DrivenTrack(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
     def apply_corrections(self, waits: bool = False) -> Moves | None:
         """Let the localisation correct its keyframes, and all maps with them; None if the maps are unchanged.
@@ -399,8 +399,8 @@ class Mapper:
             if np.linalg.norm(T_base_start[:2, 3]) > START_RADIUS:
                 self._set_down = None
             else:
-                self._put(k, Assumed.under(T_base_start, robot, config))
-                self._put(k, Assumed.before(frame, points, robot, config))
+                self._put(k, AssumedGround.under(T_base_start, robot, config))
+                self._put(k, AssumedGround.before(frame, points, robot, config))
         self._put(k, keyframes.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:

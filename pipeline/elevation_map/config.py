@@ -10,8 +10,8 @@ class PathCosts:
     """The costs of driving, in seconds, that do not follow from the robot's own data.
 
     Attributes:
-        comfort: free space around the footprint that lets the robot drive at full speed, m. More free space makes no
-            difference, so clearances are computed only up to this distance.
+        full_speed_clearance: free space around the footprint that lets the robot drive at full speed, m. More free
+            space makes no difference, so clearances are computed only up to this distance.
         narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
         ramp_pace: fraction of its ramp speed and turn rate that the robot reaches, because it slips and realigns
@@ -21,23 +21,23 @@ class PathCosts:
         stray: maximum deviation of the robot from its path, m.
         backing: cost of driving backwards relative to driving forwards, because the camera then looks away from the
             direction of travel.
-        risk: cost added per second of driving in which the robot is certain to hit an obstacle, s.
+        collision_penalty: cost added per second of driving in which the robot is certain to hit an obstacle, s.
         stop: cost of a bend in the path, for braking and accelerating again, s.
     """
 
-    comfort: float = 0.2
+    full_speed_clearance: float = 0.2
     narrow_stop: float = 0.067
     ramp_pace: float = 0.65
     turn_pace: float = 0.42
     stray: float = 0.1
     backing: float = 2.0
-    risk: float = 20.0
+    collision_penalty: float = 20.0
     stop: float = 1.5
 
     def __post_init__(self) -> None:
-        positive = "comfort", "narrow_stop", "ramp_pace", "turn_pace", "backing"
+        positive = "full_speed_clearance", "narrow_stop", "ramp_pace", "turn_pace", "backing"
         require_positive("elevation_map.traversability.costs", self, *positive)
-        require_at_least(0, "elevation_map.traversability.costs", self, "stray", "risk", "stop")
+        require_at_least(0, "elevation_map.traversability.costs", self, "stray", "collision_penalty", "stop")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class TraversabilityConfig:
         ramp_margin: distance to a ramp within which the robot drives as on the ramp, because its wheels may already
             be on it, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
-        tall: height above the surrounding ground above which a hazard hides the ground behind it, m.
+        min_tall_height: height above the surrounding ground above which a hazard hides the ground behind it, m.
         keep_off: distance from people within which ground is treated as a hazard, m, because the hand of a person who
             lies on the floor is lower than a step.
         costs: costs of driving.
@@ -58,12 +58,12 @@ class TraversabilityConfig:
     drop_gap: float = 0.6
     ramp_margin: float = 0.2
     leniency: float = 0.03
-    tall: float = 0.4
+    min_tall_height: float = 0.4
     keep_off: float = 0.2
     costs: PathCosts = PathCosts()
 
     def __post_init__(self) -> None:
-        names = "drop_gap", "ramp_margin", "leniency", "tall", "keep_off"
+        names = "drop_gap", "ramp_margin", "leniency", "min_tall_height", "keep_off"
         require_at_least(0, "elevation_map.traversability", self, *names)
 
 

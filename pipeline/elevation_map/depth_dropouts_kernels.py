@@ -25,7 +25,11 @@ def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, row_s
                 if z < left * (1 - same_surface):
                     continue
                 goes_on = z <= left * (1 + same_surface) and u - at - 1 >= fewest
-                angle = min(grazing(depth, v, at, focal, rows), grazing(depth, v, u, focal, rows)) if goes_on else 0.0
+                angle = (
+                    min(grazing_angle(depth, v, at, focal, rows), grazing_angle(depth, v, u, focal, rows))
+                    if goes_on
+                    else 0.0
+                )
                 if goes_on and angle >= min_grazing:
                     for k in range(at + 1, u):
                         dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
@@ -33,7 +37,7 @@ def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, row_s
 
 
 @njit(cache=True)
-def grazing(depth, v, u, focal, rows):
+def grazing_angle(depth, v, u, focal, rows):
     """Angle between a pixel's ray and the surface that it meets, rad; ``depth`` (H, W), m, must not be 0 there.
 
     The slope is measured between the pixels ``rows`` above and below; the angle is 0 if either has no return.

@@ -126,7 +126,10 @@ class ElevationMap:
             return
         self.cover(points)
         offsets, distances, _ = pose_kernels.footprint_distances(
-            self.robot.half_length, self.robot.half_width, self.grid.cell, self.config.traversability.costs.comfort
+            self.robot.half_length,
+            self.robot.half_width,
+            self.grid.cell,
+            self.config.traversability.costs.full_speed_clearance,
         )
         cells = np.unique(self.grid.cell_of(points), axis=0)
         kernels.forget(cells, offsets, distances, self._within, self.layers["been"])
@@ -140,7 +143,7 @@ class ElevationMap:
         places = track[:, :2]
         self.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
         cells = self.grid.cell_of(places)
-        poses = pose_kernels.bits_of(cells, track[:, 2])
+        poses = pose_kernels.heading_bits(cells, track[:, 2])
         kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
         if self._rebuilding is None:
             self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))

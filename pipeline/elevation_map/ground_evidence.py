@@ -73,7 +73,7 @@ class GroundEvidence(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Assumed:
+class AssumedGround:
     """Ground around the start that is assumed to be level, because the camera sees none within 1 m.
 
     Attributes:
@@ -83,7 +83,7 @@ class Assumed:
     points: Points
 
     @classmethod
-    def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "Assumed":
+    def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "AssumedGround":
         """The ground that the robot needs to turn in place where it was set down.
 
         The camera cannot see a wall that is nearer than its nearest return, so no more ground than this is assumed.
@@ -93,7 +93,7 @@ class Assumed:
         return cls(moved(T_base_start, points[np.hypot(*points.T[:2]) <= radius]))
 
     @classmethod
-    def before(cls, frame: Frame, points: Points, robot: RobotModel, config: ElevationConfig) -> "Assumed":
+    def before(cls, frame: Frame, points: Points, robot: RobotModel, config: ElevationConfig) -> "AssumedGround":
         """The ground ahead of a robot, in the directions in which the camera's nearest return is level ground.
 
         Towards the edge of a deck or a wall, the camera has no such return within ``start_ahead``. Directions outside
@@ -132,7 +132,7 @@ def _lattice(x0: float, x1: float, y: float, cell: float) -> Points:
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class DrivenTrack:
     """The evidence of a drive near a keyframe, in the keyframe's ``base_link``.
 
     Attributes:

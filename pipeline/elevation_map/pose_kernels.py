@@ -18,7 +18,7 @@ apart."""
 HEADINGS, ORIENTATIONS = len(VECTORS), len(_HALF)
 """Number of headings, and number of headings with different footprints, because opposite headings have the same
 footprint."""
-ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
+HEADING_ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
 """(16,) rad, the headings as angles."""
 UNKNOWN, HAZARD = 1, 2
 """Kinds of obstacles; 0 means none."""
@@ -40,7 +40,7 @@ class Terrain(NamedTuple):
         clearance: (nx, ny, 16) int8 cm, distance to the nearest obstacle, negative inside: from the footprint at each
             of eight headings, and from the area that it sweeps in a turn from each of these headings to the next. On
             and near a ramp, it also covers the room as far downhill as the body leans and, in a turn, slides.
-        least: int8 minimum allowed clearance, cm.
+        required_clearance: int8 minimum allowed clearance, cm.
         ramp: where the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of that ramp, m per m; 0 where there is none.
     """
@@ -52,7 +52,7 @@ class Terrain(NamedTuple):
     obstacle: NDArray[np.uint8]
     to_obstacle: Layer
     clearance: NDArray[np.int8]
-    least: NDArray[np.int8]
+    required_clearance: NDArray[np.int8]
     ramp: MaskLayer
     uphill: Layer
 
@@ -72,7 +72,7 @@ class Costs(NamedTuple):
             widest.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
-        comfort, backing, risk, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
+        full_speed_clearance, backing, collision_penalty, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
         tick: resolution of costs in the search, s.
     """
 
@@ -87,10 +87,10 @@ class Costs(NamedTuple):
     slide: float
     lean: float
     across: float
-    comfort: float
+    full_speed_clearance: float
     narrow_speed: float
     backing: float
-    risk: float
+    collision_penalty: float
     stop: float
     tick: float
 
@@ -103,37 +103,37 @@ def distance_to_footprint(x, y, cos, sin, half_length, half_width):
 
 
 @cache
-def footprint_distances(half_length, half_width, cell, comfort):
+def footprint_distances(half_length, half_width, cell, full_speed_clearance):
     """Cells around the robot, nearest first, and the distance of each cell's centre from the footprint.
 
     Returns:
         (N, 2) int64 offsets of the cells, (N, 16) int8 distances, cm, by heading and turn as in :class:`Terrain`, and
         (N,) their minima, cm.
     """
-    reach = int((np.hypot(half_length, half_width) + comfort) / cell) + 1
+    reach = int((np.hypot(half_length, half_width) + full_speed_clearance) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
     x, y = cell * offsets.T[:, :, None, None]
-    stands = np.tile(ANGLES[:ORIENTATIONS], (6, 1))
-    turns = np.linspace(ANGLES[:ORIENTATIONS], ANGLES[1 : ORIENTATIONS + 1], 6)
+    stands = np.tile(HEADING_ANGLES[:ORIENTATIONS], (6, 1))
+    turns = np.linspace(HEADING_ANGLES[:ORIENTATIONS], HEADING_ANGLES[1 : ORIENTATIONS + 1], 6)
     angles = np.hstack([stands, turns])
     room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
-    distances = np.floor(100 * np.minimum(room, comfort)).astype(np.int8)
+    distances = np.floor(100 * np.minimum(room, full_speed_clearance)).astype(np.int8)
     least = distances.min(axis=1)
-    order = np.argsort(least)[: np.count_nonzero(least < int(100 * comfort))]
+    order = np.argsort(least)[: np.count_nonzero(least < int(100 * full_speed_clearance))]
     return offsets[order], distances[order], least[order]
 
 
 @njit(cache=True)
-def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, leniency):
+def clearances(obstacle, to_obstacle, footprint, near, rows, columns, full_speed_clearance, leniency):
     """(nx, ny, 16) int8 cm, see :class:`Terrain`, for obstacles (nx, ny); everything beyond the grid is unknown.
 
-    ``footprint`` is the result of :func:`footprint_distances` for ``comfort``, m. Unknown ground is treated as
-    ``leniency`` m farther away. Only cells in the half-open ranges ``rows`` and ``columns`` with an obstacle within
-    ``near`` m are computed; the others get ``comfort``.
+    ``footprint`` is the result of :func:`footprint_distances` for ``full_speed_clearance``, m. Unknown ground is
+    treated as ``leniency`` m farther away. Only cells in the half-open ranges ``rows`` and ``columns`` with an
+    obstacle within ``near`` m are computed; the others get ``full_speed_clearance``.
     """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint
-    result = np.full((nx, ny, HEADINGS), int(100 * comfort), np.int8)
+    result = np.full((nx, ny, HEADINGS), int(100 * full_speed_clearance), np.int8)
     for i in range(rows[0], rows[1]):
         for j in range(columns[0], columns[1]):
             if to_obstacle[i, j] > near:
@@ -176,7 +176,7 @@ def allow_for_slopes(clearance, uphill, lean, slide):
 
 
 @njit(cache=True, nogil=True)
-def bits_of(cells, yaws):
+def heading_bits(cells, yaws):
     """(K,) uint16 bits, numbered as the entries of a clearance, of the headings nearest to ``yaws`` (K,), rad.
 
     A pose in the same cell, of ``cells`` (K, 2), as the pose before it, but with the next heading to either side,
@@ -186,7 +186,7 @@ def bits_of(cells, yaws):
     for k in range(len(cells)):
         heading, least = 0, np.inf
         for h in range(ORIENTATIONS):
-            off = abs((yaws[k] - ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
+            off = abs((yaws[k] - HEADING_ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
             if off < least:
                 heading, least = h, off
         bits[k] = np.uint16(1) << np.uint16(heading)
@@ -200,34 +200,35 @@ def bits_of(cells, yaws):
 
 
 @njit(cache=True)
-def allow_driven(clearance, level, driven, least, deepest):
-    """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses given by the bits ``driven`` (nx, ny).
+def allow_driven(clearance, level, driven, required_clearance, deepest):
+    """Raise ``clearance`` (nx, ny, 16), cm, to ``required_clearance`` (nx, ny) at the poses of the bits ``driven``.
 
-    It is not raised where ``level`` (nx, ny, 16), the clearance of the footprint itself, is below ``deepest``, cm,
-    because drift of the map does not move an obstacle so far into the footprint.
+    ``driven`` (nx, ny) holds the bits of :func:`heading_bits`. The clearance is not raised where ``level``
+    (nx, ny, 16), the clearance of the footprint itself, is below ``deepest``, cm, because drift of the map does not
+    move an obstacle so far into the footprint.
     """
     nx, ny, poses = clearance.shape
     for i in range(nx):
         for j in range(ny):
             for h in range(poses if driven[i, j] else 0):
                 if driven[i, j] >> h & 1 and level[i, j, h] >= deepest:
-                    clearance[i, j, h] = max(clearance[i, j, h], least[i, j])
+                    clearance[i, j, h] = max(clearance[i, j, h], required_clearance[i, j])
 
 
 @njit(cache=True)
-def free_poses(clearance, least, sweep):
+def free_poses(clearance, required_clearance, sweep):
     """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.
 
-    See :class:`Terrain` for ``clearance`` (nx, ny, 16), ``least`` (nx, ny) and ``sweep``.
+    See :class:`Terrain` for ``clearance`` (nx, ny, 16), ``required_clearance`` (nx, ny) and ``sweep``.
     """
-    nx, ny = least.shape
+    nx, ny = required_clearance.shape
     result = np.zeros((nx, ny, 2), np.uint8)
     for i in range(nx):
         for j in range(ny):
             for h in range(ORIENTATIONS):
-                if clearance[i, j, h] >= least[i, j]:
+                if clearance[i, j, h] >= required_clearance[i, j]:
                     result[i, j, 0] |= 1 << h
-                if clearance[i, j, ORIENTATIONS + h] + sweep >= least[i, j]:
+                if clearance[i, j, ORIENTATIONS + h] + sweep >= required_clearance[i, j]:
                     result[i, j, 1] |= 1 << h
     return result
 
@@ -239,10 +240,10 @@ def collision_probability(clearance, spread):
 
 
 @njit(cache=True)
-def level_speed(room, speed, comfort, narrow_speed):
+def level_speed(room, speed, full_speed_clearance, narrow_speed):
     """Speed on level ground, m/s, which is lower with less ``room``, m (scalar or array), around the footprint."""
     narrow_speed = min(speed, narrow_speed)
-    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / comfort, 1.0)
+    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / full_speed_clearance, 1.0)
 
 
 @njit(cache=True)
@@ -250,9 +251,13 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     """Cost per metre of a drive along (cos, sin), s, with ``clearance`` m around the robot, on a slope ``uphill``."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
-    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
+    speed = (
+        costs.ramp_speed
+        if on_ramp
+        else level_speed(clearance, costs.speed, costs.full_speed_clearance, costs.narrow_speed)
+    )
     seconds = (1.0 + costs.across * across) / speed
-    risk = costs.risk * collision_probability(clearance, costs.stray)
+    risk = costs.collision_penalty * collision_probability(clearance, costs.stray)
     return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)
 
 
@@ -261,7 +266,9 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    return seconds * (1.0 + costs.risk * collision_probability(clearance, 0.5 * costs.stray + costs.spread * slope))
+    return seconds * (
+        1.0 + costs.collision_penalty * collision_probability(clearance, 0.5 * costs.stray + costs.spread * slope)
+    )
 
 
 @njit(cache=True)
@@ -273,14 +280,14 @@ def ticks(seconds, tick):
 @njit(cache=True)
 def room_at(x, y, cos, sin, terrain, costs):
     """Distance, m, from the footprint of a robot at (x, y) with the heading (cos, sin) to the nearest obstacle."""
-    nx, ny = terrain.least.shape
+    nx, ny = terrain.required_clearance.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
         return -1.0
-    radius = np.hypot(costs.half_length, costs.half_width) + costs.comfort
+    radius = np.hypot(costs.half_length, costs.half_width) + costs.full_speed_clearance
     if terrain.to_obstacle[i, j] > radius + terrain.cell:
-        return costs.comfort
-    least, reach = costs.comfort, int(radius / terrain.cell) + 1
+        return costs.full_speed_clearance
+    least, reach = costs.full_speed_clearance, int(radius / terrain.cell) + 1
     for a in range(i - reach, i + reach + 1):
         for b in range(j - reach, j + reach + 1):
             kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
@@ -304,12 +311,12 @@ def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
 
 
 @njit(cache=True)
-def rooms(poses, terrain, costs):
+def pose_clearances(poses, terrain, costs):
     """(N,) m, room around the robot at poses (N, 3) of x and y, m, and heading, rad; negative where it cannot stand.
 
     On a slope, this includes the room as far downhill as the robot leans.
     """
-    nx, ny = terrain.least.shape
+    nx, ny = terrain.required_clearance.shape
     result = np.empty(len(poses))
     for n in range(len(poses)):
         x, y, heading = poses[n, 0], poses[n, 1], poses[n, 2]
@@ -319,7 +326,7 @@ def rooms(poses, terrain, costs):
             continue
         cos, sin = np.cos(heading), np.sin(heading)
         room = room_on_slope(x, y, cos, sin, terrain.uphill[i, j], costs.lean, terrain, costs)
-        result[n] = max(room, 0.0) if 100 * room >= terrain.least[i, j] - 0.5 else -1.0
+        result[n] = max(room, 0.0) if 100 * room >= terrain.required_clearance[i, j] - 0.5 else -1.0
     return result
 
 
@@ -329,7 +336,7 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
 
     ``backward`` affects only the cost.
     """
-    nx, ny = terrain.least.shape
+    nx, ny = terrain.required_clearance.shape
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
     cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
@@ -338,14 +345,17 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     inside = min(costs.half_length, costs.half_width) - terrain.leniency - terrain.cell
     for s in range(steps + 1):
         i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)
-        if not (0 <= i < nx and 0 <= j < ny) or terrain.to_obstacle[i, j] < inside + 0.01 * terrain.least[i, j]:
+        if (
+            not (0 <= i < nx and 0 <= j < ny)
+            or terrain.to_obstacle[i, j] < inside + 0.01 * terrain.required_clearance[i, j]
+        ):
             return np.inf
     total = 0.0
     for s in range(steps + 1):
         x, y = ax + dx * s / steps, ay + dy * s / steps
         i, j = cell_at(x, y, terrain.origin, terrain.cell)
         room = room_on_slope(x, y, cos, sin, terrain.uphill[i, j], costs.lean, terrain, costs)
-        if 100 * room < terrain.least[i, j] - 0.5:
+        if 100 * room < terrain.required_clearance[i, j] - 0.5:
             return np.inf
         total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
     return total * length / (steps + 1)
@@ -366,12 +376,12 @@ def turn_seconds(x, y, start, end, terrain, costs):
 
     On level ground, only the headings in between are checked; :func:`line_seconds` checks those at both ends.
     """
-    nx, ny = terrain.least.shape
+    nx, ny = terrain.required_clearance.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
-    room = costs.comfort
+    room = costs.full_speed_clearance
     uphill, downhill = terrain.uphill[i, j], costs.lean + costs.slide
     steps = int(np.ceil(abs(angle) / 0.2))
     ends = 1 if uphill[0] != 0 or uphill[1] != 0 else 0
@@ -379,6 +389,6 @@ def turn_seconds(x, y, start, end, terrain, costs):
         heading = start + angle * s / steps if steps > 0 else start
         cos, sin = np.cos(heading), np.sin(heading)
         room = min(room, room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs))
-    if 100 * room < terrain.least[i, j] - 0.5:
+    if 100 * room < terrain.required_clearance[i, j] - 0.5:
         return np.inf
     return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

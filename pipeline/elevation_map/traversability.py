@@ -26,7 +26,7 @@ robot's axles, over which a small step tilts it."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
 """m per m, and m. A neighbour whose height differs by more than this slope times its distance plus this rise belongs
 to another surface, such as a wall or the floor under a deck, and is left out of the fit."""
-WIDEST = 0.5
+WIDEST_HEIGHT_FRACTION = 0.5
 """Height at which a body is widest, as a fraction of its height, because tyres bulge there, and the top plate is
 narrower."""
 SWEEP = 1
@@ -60,8 +60,8 @@ class Traversability:
         hazard: steps and slopes that the robot cannot drive over.
         to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
         level: clearance without room downhill on slopes, see :attr:`without_downhill_room`.
-        obstacle, to_obstacle, clearance, least, ramp, uphill: see :class:`pose_kernels.Terrain`; distances are at
-            most :func:`reach_of` the robot, and a cell where a thin panel may stand is a hazard.
+        obstacle, to_obstacle, clearance, required_clearance, ramp, uphill: see :class:`pose_kernels.Terrain`;
+            distances are at most :func:`reach_of` the robot, and a cell where a thin panel may stand is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
         turnable: where the robot can turn through a full circle on level ground.
         tall: hazards that hide the ground behind them, unlike decks and ramps.
@@ -69,7 +69,7 @@ class Traversability:
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
-        is_bold: whether paths need no room downhill, see :attr:`without_downhill_room`.
+        ignores_downhill_room: whether paths need no room downhill, see :attr:`without_downhill_room`.
     """
 
     grid: Grid
@@ -81,7 +81,7 @@ class Traversability:
     to_obstacle: Layer
     level: NDArray[np.int8]
     clearance: NDArray[np.int8]
-    least: NDArray[np.int8]
+    required_clearance: NDArray[np.int8]
     ramp: MaskLayer
     uphill: Layer
     free: NDArray[np.uint8]
@@ -92,7 +92,7 @@ class Traversability:
     robot: RobotModel
     config: TraversabilityConfig
     is_tight: bool = False
-    is_bold: bool = False
+    ignores_downhill_room: bool = False
 
     @cached_property
     def traversable(self) -> MaskLayer:
@@ -106,16 +106,16 @@ class Traversability:
         The centre is where the obstacle is expected. A passage two cells wider than the robot is then passable,
         wherever it lies on the grid.
         """
-        least = np.minimum(self.least, 0)
-        free = pose_kernels.free_poses(self.clearance, least, SWEEP)
+        required_clearance = np.minimum(self.required_clearance, 0)
+        free = pose_kernels.free_poses(self.clearance, required_clearance, SWEEP)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
-        return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
+        return replace(self, required_clearance=required_clearance, free=free, turnable=turnable, is_tight=True)
 
     @cached_property
     def without_downhill_room(self) -> "Traversability":
         """The same ground without room downhill on slopes, a risk that is taken only if no other path exists."""
-        free = pose_kernels.free_poses(self.level, self.least, SWEEP)
-        return replace(self, clearance=self.level, free=free, is_bold=True)
+        free = pose_kernels.free_poses(self.level, self.required_clearance, SWEEP)
+        return replace(self, clearance=self.level, free=free, ignores_downhill_room=True)
 
     def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
         """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
@@ -147,7 +147,7 @@ class Traversability:
             to_obstacle=to_obstacle,
             level=level,
             clearance=clearance,
-            free=pose_kernels.free_poses(clearance, self.least, SWEEP),
+            free=pose_kernels.free_poses(clearance, self.required_clearance, SWEEP),
             turnable=self.turnable & (clearance.min(axis=2) >= min_clearance(cell)),
             kept_off=kept_off,
         )
@@ -173,19 +173,19 @@ class Traversability:
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
         level = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
-        clearance = level if self.is_bold else _on_slopes(level, known["uphill"], self.robot, grid.cell)
+        clearance = level if self.ignores_downhill_room else _on_slopes(level, known["uphill"], self.robot, grid.cell)
         # Where the robot has driven, the clearance is larger.
         level, clearance = np.maximum(level, known["level"]), np.maximum(clearance, known["clearance"])
-        least = known["least"]
-        least[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
+        required_clearance = known["required_clearance"]
+        required_clearance[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
         known |= {
             "obstacle": obstacle,
             "to_obstacle": distance,
             "level": level,
             "clearance": clearance,
-            "least": least,
+            "required_clearance": required_clearance,
         }
-        known["free"] = pose_kernels.free_poses(clearance, least, SWEEP)
+        known["free"] = pose_kernels.free_poses(clearance, required_clearance, SWEEP)
         return replace(self, grid=grid, **known)
 
     def part(self, box: CellWindow) -> "Traversability":
@@ -196,7 +196,7 @@ class Traversability:
     @property
     def terrain(self) -> pose_kernels.Terrain:
         """The ground in the form required by the search over poses."""
-        layers = self.obstacle, self.to_obstacle, self.clearance, self.least, self.ramp, self.uphill
+        layers = self.obstacle, self.to_obstacle, self.clearance, self.required_clearance, self.ramp, self.uphill
         return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, SWEEP, *layers)
 
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
@@ -211,13 +211,13 @@ class Traversability:
             ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
             stray=caution * costs.stray,
             spread=caution * slide_of(robot),
-            slide=0.0 if self.is_bold else slide_of(robot),
-            lean=0.0 if self.is_bold else WIDEST * robot.body_height,
+            slide=0.0 if self.ignores_downhill_room else slide_of(robot),
+            lean=0.0 if self.ignores_downhill_room else WIDEST_HEIGHT_FRACTION * robot.body_height,
             across=1 / np.tan(robot.max_tilt),
-            comfort=costs.comfort,
+            full_speed_clearance=costs.full_speed_clearance,
             narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
             backing=costs.backing,
-            risk=costs.risk,
+            collision_penalty=costs.collision_penalty,
             stop=costs.stop,
             tick=TICK,
         )
@@ -228,12 +228,12 @@ class Traversability:
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return pose_kernels.lines_seconds(a, b, self.terrain, self.costs())
 
-    def rooms(self, poses: Places) -> Values:
+    def pose_clearances(self, poses: Places) -> Values:
         """(N,) m, room around the robot's footprint at poses (N, 3); negative where it cannot stand.
 
-        See :func:`pose_kernels.rooms`.
+        See :func:`pose_kernels.pose_clearances`.
         """
-        return pose_kernels.rooms(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
+        return pose_kernels.pose_clearances(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
 
     def has_ramp(self, xy: ArrayLike) -> bool:
         """Whether the robot drives as on a ramp near a position (2,), m."""
@@ -252,7 +252,7 @@ UNSEEN: dict[str, float] = {
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
-NO_LAYERS = "grid", "robot", "config", "is_tight", "is_bold"
+NO_LAYERS = "grid", "robot", "config", "is_tight", "ignores_downhill_room"
 LAYERS = [field.name for field in fields(Traversability) if field.name not in NO_LAYERS]
 
 
@@ -260,13 +260,14 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     """Distance, m, beyond which obstacles make no difference to the robot on a grid of ``cell`` m.
 
     Raises:
-        InputError: the robot's corner radius plus ``comfort`` is more than ``FARTHEST``.
+        InputError: the robot's corner radius plus ``full_speed_clearance`` is more than ``FARTHEST``.
     """
-    widest = robot.corner_radius + config.costs.comfort
+    widest = robot.corner_radius + config.costs.full_speed_clearance
     if not widest <= FARTHEST:
         raise InputError(
-            f"the robot's corner radius ({robot.corner_radius:g} m) plus comfort ({config.costs.comfort:g} m) "
-            f"must be at most {FARTHEST:g} m; use a smaller robot or reduce comfort"
+            f"the robot's corner radius ({robot.corner_radius:g} m) plus full_speed_clearance "
+            f"({config.costs.full_speed_clearance:g} m) must be at most {FARTHEST:g} m; use a smaller robot or "
+            "reduce full_speed_clearance"
         )
     return widest + 2 * cell
 
@@ -326,11 +327,11 @@ def assess(
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     level = _clearances(obstacle, to_obstacle, robot, cell, config, within)
     clearance = _on_slopes(level, uphill, robot, cell)
-    least = np.where(driven, round(100 * MIN_DRIVEN), min_clearance(cell)).astype(np.int8)
+    required_clearance = np.where(driven, round(100 * MIN_DRIVEN), min_clearance(cell)).astype(np.int8)
     deepest = -round(100 * DEEPEST_DRIVEN * robot.half_width)
-    pose_kernels.allow_driven(clearance, level, driven, least, deepest)
-    pose_kernels.allow_driven(level, level, driven, least, deepest)
-    free = pose_kernels.free_poses(clearance, least, SWEEP)
+    pose_kernels.allow_driven(clearance, level, driven, required_clearance, deepest)
+    pose_kernels.allow_driven(level, level, driven, required_clearance, deepest)
+    free = pose_kernels.free_poses(clearance, required_clearance, SWEEP)
     return Traversability(
         grid=grid,
         elevation=elevation,
@@ -341,7 +342,7 @@ def assess(
         to_obstacle=to_obstacle,
         level=level,
         clearance=clearance,
-        least=least,
+        required_clearance=required_clearance,
         ramp=ramp,
         uphill=uphill,
         free=free,
@@ -384,25 +385,29 @@ def _clearances(
         (max(0, first - farthest), min(n, last + farthest))
         for (first, last), n in zip(sides, obstacle.shape, strict=True)
     )
-    comfort = config.costs.comfort
-    footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell, comfort)
-    near = robot.corner_radius + comfort
-    return pose_kernels.clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, config.leniency)
+    full_speed_clearance = config.costs.full_speed_clearance
+    footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell, full_speed_clearance)
+    near = robot.corner_radius + full_speed_clearance
+    return pose_kernels.clearances(
+        obstacle, to_obstacle, footprint, near, rows, columns, full_speed_clearance, config.leniency
+    )
 
 
 def _on_slopes(level: NDArray[np.int8], uphill: Layer, robot: RobotModel, cell: float) -> NDArray[np.int8]:
     """Clearances with room downhill on slopes, computed from ``level``, those as on level ground."""
-    return pose_kernels.allow_for_slopes(level, uphill, WIDEST * robot.body_height / cell, slide_of(robot) / cell)
+    return pose_kernels.allow_for_slopes(
+        level, uphill, WIDEST_HEIGHT_FRACTION * robot.body_height / cell, slide_of(robot) / cell
+    )
 
 
 def _farthest_downhill(robot: RobotModel) -> float:
     """Maximum distance by which a robot may lean and slide downhill, m."""
-    return float(WIDEST * robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
+    return float(WIDEST_HEIGHT_FRACTION * robot.body_height * np.tan(robot.max_tilt) + robot.ramp_slide)
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
     floor = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP)
-    return hazard & (elevation > floor + config.tall)
+    return hazard & (elevation > floor + config.min_tall_height)
 
 
 def _without_gaps(elevation: Layer, hazard: MaskLayer) -> Layer:

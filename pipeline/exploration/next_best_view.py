@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from pipeline.arrays import Cells, MaskLayer, Values
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import near_ground
@@ -263,7 +263,7 @@ class NextBestView(Strategy):
         cached = self._gains[terrain.falls, outlook.camera == self.outlook.camera]
         gains = np.vstack([here, cached.of(spread, outlook.camera, terrain)])
         if self.takes_rewards and context.rewards and context.rewards.wanted:
-            gains = gains + context.rewards.gains(context.traversability.on_ground(places), ANGLES)
+            gains = gains + context.rewards.gains(context.traversability.on_ground(places), HEADING_ANGLES)
         min_gain = self._robot.width * terrain.cell if min_gain is None else min_gain
         gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= min_gain), gains, 0.0)
         gains[gains < min_fraction * gains.max()] = 0.0
@@ -291,7 +291,7 @@ class NextBestView(Strategy):
         # Scores include the risk on the path as time; the time of the viewpoint itself does not.
         quickest = paths.without_risk.seconds_to(cells[n][None], float(found[n, m]))[0, m]
         drive = float(min(quickest, found[n, m]))
-        heading = wrap_angle(float(ANGLES[m]))
+        heading = wrap_angle(float(HEADING_ANGLES[m]))
         gain = float(gains[n, m])
         return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 

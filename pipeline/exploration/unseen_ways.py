@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.pose_kernels import ANGLES, HEADINGS, ORIENTATIONS, UNKNOWN, footprint_distances
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES, HEADINGS, ORIENTATIONS, UNKNOWN, footprint_distances
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.errors import required
 from pipeline.exploration import visibility
@@ -283,7 +283,7 @@ class UnseenWays:
         n, m = np.unravel_index(cost.argmin(), cost.shape)
         if np.isinf(cost[n, m]):
             return None
-        heading = wrap_angle(float(ANGLES[m]))
+        heading = wrap_angle(float(HEADING_ANGLES[m]))
         shown = visibility.cells_in_view(places[n], heading, self._camera, terrain)
         seconds = self._config.keyframe_time + float(there[n, m])
         gain = float(shown.sum()) * t.grid.cell**2
@@ -306,8 +306,8 @@ class UnseenWays:
 def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
     """The unknown cells that keep the robot from all but the first of successive poses (N, 3), cells and headings."""
     size = t.robot.half_length, t.robot.half_width
-    offsets, distances, _ = footprint_distances(*size, t.grid.cell, t.config.costs.comfort)
-    is_near = distances + 100 * t.config.leniency < t.least.max()
+    offsets, distances, _ = footprint_distances(*size, t.grid.cell, t.config.costs.full_speed_clearance)
+    is_near = distances + 100 * t.config.leniency < t.required_clearance.max()
     hidden = np.zeros(t.grid.shape, np.bool_)
     for (i, j, h), (a, b, k) in pairwise(states.tolist()):
         near = is_near[:, k % ORIENTATIONS]

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from pipeline.arrays import Cells, Indices, MaskLayer, Place, Places, Poses, Values
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.config import VisibilityConfig
 from pipeline.frame import Frame
@@ -80,7 +80,7 @@ def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedT
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, R) rays over the field of view at each heading."""
-    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / camera.step).astype(int)
+    half, first = _rays_in_view(camera) // 2, np.rint(HEADING_ANGLES / camera.step).astype(int)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
@@ -131,7 +131,7 @@ class ViewpointGains:
         if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
             # The cached rays are not valid.
             self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)
-            self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(ANGLES)))
+            self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(HEADING_ANGLES)))
         changed = _changed(self._terrain, terrain)
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))

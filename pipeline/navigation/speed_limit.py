@@ -45,7 +45,7 @@ class SpeedLimit:
         t, robot = self._traversability, self._traversability.robot
         costs = t.costs()
         front = poses[:, :2] + robot.half_length * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-        speeds = level_speed(t.rooms(poses), robot.speed, costs.comfort, costs.narrow_speed)
+        speeds = level_speed(t.pose_clearances(poses), robot.speed, costs.full_speed_clearance, costs.narrow_speed)
         on_ramp = t.grid.at(t.ramp, poses) | t.grid.at(t.ramp, front)
         speeds = np.where(on_ramp, np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
-from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, ORIENTATIONS, VECTORS
+from pipeline.elevation_map.pose_kernels import BUCKETS, HEADING_ANGLES, HEADINGS, ORIENTATIONS, VECTORS
 from pipeline.elevation_map.traversability import Traversability, min_clearance
 from pipeline.errors import required
 from pipeline.planning import pose_paths_kernels as kernels
@@ -227,14 +227,14 @@ class PosePaths:
         places[(states[:, :2] == states[-1, :2]).all(axis=1)] = goal
         if self.start is not None and len(np.unique(self._search.starts[:, :2], axis=0)) == 1:
             places[(states[:, :2] == states[0, :2]).all(axis=1)] = self.start
-        first = ANGLES[states[0, 2]] if self.heading is None else self.heading
+        first = HEADING_ANGLES[states[0, 2]] if self.heading is None else self.heading
         flat = np.ravel_multi_index(tuple(states.T), (*self._grid.shape, HEADINGS))
         moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * self._costs.tick
         bends, backwards = kernels.straighten(
-            places, ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
+            places, HEADING_ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
         )
         ends = slice(min(1, len(bends) - 1), None)
-        end = float(ANGLES[last]) if heading is None else heading
+        end = float(HEADING_ANGLES[last]) if heading is None else heading
         return StraightenedPath(places[bends[ends]], backwards[ends], end)
 
     def states_to(self, xy: ArrayLike, heading: int) -> Cells:
@@ -256,7 +256,7 @@ def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
 
 def nearest_heading(heading: float) -> int:
     """Index of the one of the 16 headings that is nearest to ``heading``, rad."""
-    return int(np.cos(ANGLES - heading).argmax())
+    return int(np.cos(HEADING_ANGLES - heading).argmax())
 
 
 def simplify(path: Places, traversability: Traversability) -> Places:

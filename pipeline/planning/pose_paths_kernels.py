@@ -8,8 +8,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pipeline.elevation_map.pose_kernels import (
-    ANGLES,
     BUCKETS,
+    HEADING_ANGLES,
     HEADINGS,
     ORIENTATIONS,
     VECTORS,
@@ -51,10 +51,10 @@ def move_ticks(h, move, room, uphill, cell, costs):
     """Cost in ticks of a move from heading ``h`` with ``room`` cm around the robot on a slope ``uphill`` (2,)."""
     if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
-        cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
+        cos, sin = np.cos(HEADING_ANGLES[h]), np.sin(HEADING_ANGLES[h])
         per_metre = drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs)
         return ticks(length * per_metre, costs.tick)
-    angle = abs((ANGLES[h] - ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
+    angle = abs((HEADING_ANGLES[h] - HEADING_ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
     return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs), costs.tick)
 
 
@@ -62,7 +62,7 @@ def move_ticks(h, move, room, uphill, cell, costs):
 def level_ticks(cell, costs):
     """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the room in whole cm."""
     level = np.zeros(2, np.float32)
-    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * costs.comfort) + 1), np.int32)
+    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * costs.full_speed_clearance) + 1), np.int32)
     for move in range(Move.FORWARD, Move.RIGHT + 1):
         for h in range(HEADINGS):
             for room in range(result.shape[2]):
@@ -90,11 +90,11 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
         room = terrain.clearance[i, j, ORIENTATIONS + (h if move == Move.LEFT else k) % ORIENTATIONS]
         # The area that the turn sweeps must have room as well.
         entered = min(entered, room + terrain.sweep)
-    is_free = entered >= terrain.least[a, b]
+    is_free = entered >= terrain.required_clearance[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
     # A turn may sweep cells that the robot has never swept, even where it has been.
-    if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.least)):
+    if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.required_clearance)):
         return -1
     if terrain.ramp[a, b]:
         return move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
@@ -140,7 +140,7 @@ def extend(search, terrain, costs, until):
     A pose may be entered if its clearance is large enough. A robot that starts with too little clearance may escape,
     see :class:`Search`.
     """
-    nx, ny = terrain.least.shape
+    nx, ny = terrain.required_clearance.shape
     cost, source, level, first = search.cost, search.source, search.level, search.first
     escape, (now, waiting, used) = int(search.escape / terrain.cell), search.now
     while waiting > 0 and now <= until:

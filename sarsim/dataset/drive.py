@@ -216,4 +216,4 @@ def _roads(surface: GroundTruthSurface) -> Traversability:
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     elevation, driven = surface.height.astype(np.float32), nowhere.astype(np.uint16)
     roads = assess(surface.grid, elevation, nowhere, driven, robot_model(), TraversabilityConfig())
-    return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))
+    return replace(roads, required_clearance=np.where(surface.drivable, roads.required_clearance, np.int8(127)))

@@ -12,7 +12,7 @@ from scipy import sparse
 
 from pipeline.arrays import Mask, Places, Values
 from pipeline.elevation_map.config import TraversabilityConfig
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.grid_map import best_of_blocks
@@ -103,7 +103,9 @@ class Oracle(ViewTours):
         headings = self.paths(0).headings
         cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
         n, m = np.nonzero(bits(headings[tuple(cells.T)]))
-        return np.vstack([self.start, np.column_stack([self.ground.grid.centre_of(cells[n]), wrap_angle(ANGLES[m])])])
+        return np.vstack(
+            [self.start, np.column_stack([self.ground.grid.centre_of(cells[n]), wrap_angle(HEADING_ANGLES[m])])]
+        )
 
     @cached_property
     def views(self) -> sparse.csr_array:
@@ -134,7 +136,7 @@ class Oracle(ViewTours):
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
         """(M,) s, driving time from one viewpoint to each of the others, including the keyframe at the end."""
         poses = self.poses[there]
-        cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
+        cells, heading = self.ground.grid.cell_of(poses), np.cos(HEADING_ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
         return self.config.keyframe_time + seconds.astype(np.float64)
 

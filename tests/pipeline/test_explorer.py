@@ -138,10 +138,10 @@ def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer):
     robot.sense = lambda sense=robot.sense: replace(sense(), depth=np.zeros((120, 160), np.float32))
     explorer.mission.goals = Goals([(1.0, 0.0), (5.0, 0.0)])
     near = explorer.step()
-    assert near.plan is not None and not near.traversability.is_bold
+    assert near.plan is not None and not near.traversability.ignores_downhill_room
     explorer.mission.goals = Goals([(5.0, 0.0)])
     far = explorer.step()
-    assert far.plan is not None and far.traversability.is_bold
+    assert far.plan is not None and far.traversability.ignores_downhill_room
 
 
 def test_goals_that_were_seen_come_before_views_and_views_only_as_long_as_goals_are_left(explorer):

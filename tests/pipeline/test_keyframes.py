@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.elevation_map.ground_evidence import Driven
+from pipeline.elevation_map.ground_evidence import DrivenTrack
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import AnchoredPlaces, KeyframeObservation, Keyframes, Moves, nearest
@@ -140,5 +140,5 @@ def test_a_keyframes_box_holds_its_view_its_points_and_what_was_driven_near_it()
         for points in places:
             assert ((points >= low) & (points <= high)).all()
         far = np.float32([(-6, 0, 0)])
-        keyframes.add_ground(0, Driven(far, np.zeros(1, np.float32), far[:0], far[:0]))
+        keyframes.add_ground(0, DrivenTrack(far, np.zeros(1, np.float32), far[:0], far[:0]))
     assert low[0] < T[0, 3] - 4

@@ -9,7 +9,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from pipeline.config import PipelineConfig
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Moves
@@ -101,7 +101,7 @@ def test_a_robot_set_down_between_walls_that_it_cannot_see_turns_there_and_stays
     ground = mapper.traversability
     assert ground.grid.at(ground.turnable, (0.0, 0.0))
     cells, headings = np.split(np.argwhere(bits(ground.free[..., 0].astype(np.uint16))), [2], axis=1)
-    angles = ANGLES[headings[:, 0]]
+    angles = HEADING_ANGLES[headings[:, 0]]
     reach = PIONEER.half_length * np.abs([np.cos(angles), np.sin(angles)])
     reach += PIONEER.half_width * np.abs([np.sin(angles), np.cos(angles)])
     assert (np.abs(ground.grid.centre_of(cells)) + reach.T).max() < 0.5

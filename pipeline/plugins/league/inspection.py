@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.arrays import Directions, Indices, Mask, Place, Poses, Values
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.frame import Frame
@@ -96,7 +96,7 @@ class Inspection(Strategy):
             return None
         places = context.traversability.on_ground(context.traversability.grid.centre_of(cells))
         cameras = places + _height(context.frame)
-        ahead = np.abs(wrap_angle(_bearings(left, places)[..., None] - ANGLES)).argmin(axis=2)
+        ahead = np.abs(wrap_angle(_bearings(left, places)[..., None] - HEADING_ANGLES)).argmin(axis=2)
         seconds = np.where(bits(paths.headings[tuple(cells.T)]), paths.seconds_to(cells), np.inf)
         cost = np.where(self._shows(left, places, context.frame), seconds[np.arange(len(cells)), ahead], np.inf)
         for index in np.argsort(cost, axis=None, kind="stable"):
@@ -104,7 +104,7 @@ class Inspection(Strategy):
             if np.isinf(cost[wall, place]):
                 break
             if self._is_free(cameras[place], left.points[wall]):
-                heading = wrap_angle(float(ANGLES[ahead[wall, place]]))
+                heading = wrap_angle(float(HEADING_ANGLES[ahead[wall, place]]))
                 seconds_there = self._config.keyframe_time + float(cost[wall, place])
                 return Viewpoint(places[place, :2], heading, True, 0.0, seconds_there)
         return None

@@ -148,11 +148,11 @@ def test_a_gap_that_the_robot_has_passed_and_that_drift_makes_narrower_lets_it_b
 
 
 def test_successive_headings_in_one_cell_are_a_turn():
-    same, angles = np.zeros((3, 2), np.int64), pose_kernels.ANGLES
-    bits = pose_kernels.bits_of(same, np.array([angles[0], angles[1] + 0.05, angles[1] + np.pi]))
+    same, angles = np.zeros((3, 2), np.int64), pose_kernels.HEADING_ANGLES
+    bits = pose_kernels.heading_bits(same, np.array([angles[0], angles[1] + 0.05, angles[1] + np.pi]))
     assert bits.tolist() == [1, 1 << 1 | 1 << 8, 1 << 1]
     apart = np.array([[0, 0], [0, 1], [1, 1]])
-    assert pose_kernels.bits_of(apart, angles[:3]).tolist() == [1, 2, 4]
+    assert pose_kernels.heading_bits(apart, angles[:3]).tolist() == [1, 2, 4]
 
 
 def test_ground_that_lies_lower_behind_a_gap_is_a_drop():
@@ -200,10 +200,10 @@ def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
         y = np.array([traversability.grid.centre_of((0, j))[1] for j in np.flatnonzero(column[:, turns] & 1)])
         off = (y.min() + wall) - (wall - y.max())
         assert off == pytest.approx(downhill, abs=traversability.grid.cell)
-    bold = traversability.without_downhill_room
-    assert np.count_nonzero(bold.free[..., 1]) > np.count_nonzero(traversability.free[..., 1])
+    relaxed = traversability.without_downhill_room
+    assert np.count_nonzero(relaxed.free[..., 1]) > np.count_nonzero(traversability.free[..., 1])
     beside = np.array([[0.0, 0.05 - wall + PIONEER.half_width, 0.0]])
-    assert bold.rooms(beside)[0] > 0 > traversability.rooms(beside)[0]
+    assert relaxed.pose_clearances(beside)[0] > 0 > traversability.pose_clearances(beside)[0]
 
 
 def test_where_it_drove_beside_a_wall_downhill_it_may_drive_again():

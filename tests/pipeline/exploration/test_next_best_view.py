@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.config import ExplorationConfig
@@ -106,7 +106,7 @@ def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     )
     place = np.array([0.025, 0.025])
     for m in np.flatnonzero(visibility.gains(place[None], camera, terrain)[0]):
-        heading = wrap_angle(float(ANGLES[m]))
+        heading = wrap_angle(float(HEADING_ANGLES[m]))
         assert visibility.cells_in_view(place, heading, camera, terrain).any()
 
 

@@ -84,7 +84,7 @@ def test_it_agrees_with_networkx():
 def test_no_way_leads_where_there_is_no_room(blocks, heading):
     traversability = scattered(blocks)
     start = np.array([1.025, 1.025])
-    paths = PosePaths(traversability, start, float(pose_kernels.ANGLES[heading]))
+    paths = PosePaths(traversability, start, float(pose_kernels.HEADING_ANGLES[heading]))
     cells = np.argwhere(np.isfinite(paths.seconds) & ~stands_in(traversability))
     assert (np.abs(traversability.grid.centre_of(cells[:, :2]) - start) < 2 * PIONEER.corner_radius + 0.1).all()
     for cell in np.argwhere(paths.reachable)[::97]:
@@ -101,7 +101,7 @@ def test_no_way_leads_where_there_is_no_room(blocks, heading):
 @given(arrays(np.int64, (5, 2), elements=st.integers(0, 39)), st.integers(0, 15), st.floats(0.5, 30.0))
 def test_a_search_up_to_a_horizon_gives_the_same_as_a_whole_one(blocks, heading, horizon):
     traversability = scattered(blocks)
-    start = (1.025, 1.025), float(pose_kernels.ANGLES[heading])
+    start = (1.025, 1.025), float(pose_kernels.HEADING_ANGLES[heading])
     whole, part = PosePaths(traversability, *start), PosePaths(traversability, *start)
     cells = np.argwhere(np.ones((40, 40), np.bool_))
     near = part.seconds_to(cells, horizon).reshape(40, 40, 16)
@@ -115,7 +115,7 @@ def test_a_search_up_to_a_horizon_gives_the_same_as_a_whole_one(blocks, heading,
 @given(arrays(np.int64, (6, 2), elements=st.integers(0, 39)), st.integers(0, 15))
 def test_the_poses_named_before_the_search_are_those_that_it_reaches(blocks, heading):
     traversability = scattered(blocks)
-    paths = PosePaths(traversability, (1.025, 1.025), float(pose_kernels.ANGLES[heading]))
+    paths = PosePaths(traversability, (1.025, 1.025), float(pose_kernels.HEADING_ANGLES[heading]))
     named = bits(paths.headings)
     np.testing.assert_array_equal(named, np.isfinite(paths.seconds) & stands_in(traversability))
 

@@ -174,12 +174,12 @@ def record_of(name: str) -> Record | None:
 
 def write_pages() -> None:
     """Write every page of results and README's table from the figures that exist."""
-    for file, text in texts().items():
+    for file, text in generated_pages().items():
         with atomic_write(file) as part:
             part.write_text(text)
 
 
-def texts() -> dict[Path, str]:
+def generated_pages() -> dict[Path, str]:
     """The text of every file that is generated from figures."""
     content = plan()
     pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}

@@ -17,7 +17,7 @@ from dm_control import mjcf
 
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
-from scripts.results import README, texts
+from scripts.results import README, generated_pages
 from tests.source_tree import ROOT
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])
@@ -123,7 +123,7 @@ def test_badges_are_drawn_from_the_project() -> None:
 
 
 def test_pages_of_results_are_what_is_made_of_the_figures() -> None:
-    made = texts()
+    made = generated_pages()
     assert {path for path in made if path.read_text() != made[path]} == set()
     assert set(RESULTS) - made.keys() == {ROOT / "docs" / "results" / "earlier.md"}
 

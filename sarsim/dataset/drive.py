@@ -57,14 +57,14 @@ class WheelContact:
         listed = body[np.argsort(cell, kind="stable")]
         self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
 
-    def stand(self, x: float, y: float, yaw: float, height: float) -> Pose | None:
+    def rest_pose(self, x: float, y: float, yaw: float, height: float) -> Pose | None:
         """Pose of ``base_link`` at rest at (x, y), m, with heading ``yaw``, rad, on rigid tyres.
 
         None if the robot cannot stand: a wheel has no ground below it, or the chassis would touch the ground.
         ``height``: height of the ground near (x, y), m.
         """
         below = height + CONTACT_REACH
-        z, climb, rise = kernels.stand(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
+        z, climb, rise = kernels.rest_pose(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
         if not np.isfinite(z):
             return None
         R = kernels.attitude(yaw, climb, rise)
@@ -123,7 +123,7 @@ class EndlessDrive:
         """Drive a leg, (K, 3) x, y and yaw, m and rad, until the robot cannot stand; add keyframes to ``found``."""
         for x, y, yaw in leg:
             height = self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan)
-            T = self._contact.stand(x, y, yaw, float(height))
+            T = self._contact.rest_pose(x, y, yaw, float(height))
             if T is None:
                 return
             self._at = np.array([x, y, yaw])

@@ -178,7 +178,7 @@ class World(ExitStack):
         image_kernels.victim_boxes(true.instance, self._victim_of_geom, boxes, areas)
         return SceneFrame(seen.frame(pose.time, pose.T_odom_base), pose.T_world_base, boxes, areas)
 
-    def areas_alone(self) -> NDArray[np.int32]:
+    def unoccluded_areas(self) -> NDArray[np.int32]:
         """(V,) number of pixels that would show each victim in the last image if nothing occluded it."""
         areas = np.zeros(len(self._victims), np.int32)
         for number, victim in enumerate(self._victims):

@@ -80,7 +80,7 @@ def attitude(yaw, climb, rise):
 
 
 @njit(cache=True)
-def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
+def rest_pose(ground, x, y, yaw, below, axles, radius, centre_of_mass):
     """Find the rest pose of a rigid body on those three of its four wheels that support the centre of mass.
 
     Args:

@@ -40,7 +40,7 @@ def true_traversability(surface: GroundTruthSurface, robot: RobotModel) -> Trave
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class ViewpointDrive:
     """A drive of straight lines and turns from one viewpoint to the next.
 
     Attributes:
@@ -113,7 +113,7 @@ class Oracle(ViewTours):
         return self.sight.views(self.poses)
 
     @property
-    def wanted(self) -> int:
+    def required_count(self) -> int:
         """Number of cells that must be seen."""
         return ceil(self.share * len(self.sight.cells))
 
@@ -152,11 +152,13 @@ class Oracle(ViewTours):
             self._legs[here, there] = Leg(seconds, metres, shown)
         return self._legs[here, there]
 
-    def drive(self, here: int, there: int) -> Drive:
+    def drive(self, here: int, there: int) -> ViewpointDrive:
         """The fastest path between two viewpoints."""
         x, y, heading = self.poses[there]
         way = self.paths(here).straightened_path_to([x, y], heading)
-        return Drive(np.vstack([self.poses[here, :2], way.places]), way.backwards, self.poses[here, 2], heading)
+        return ViewpointDrive(
+            np.vstack([self.poses[here, :2], way.places]), way.backwards, self.poses[here, 2], heading
+        )
 
     @cached_property
     def physical_seconds(self) -> float:
@@ -204,7 +206,7 @@ def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> li
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
 
 
-def min_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
+def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
     """Lower bound on the time that a body needs for consecutive drives, s.
 
     This is the longer of two times, because an ideal driver turns while driving: the time for all lines at maximum

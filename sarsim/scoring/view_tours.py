@@ -59,7 +59,7 @@ class ViewTours(ABC):
 
     @property
     @abstractmethod
-    def wanted(self) -> int:
+    def required_count(self) -> int:
         """Number of cells that must be seen."""
 
     @property
@@ -79,21 +79,21 @@ class ViewTours(ABC):
         """The tour over viewpoints in a given order, up to the viewpoint at which enough has been seen."""
         seen, seconds, metres, done = np.packbits(self.at_start), 0.0, 0.0, list[int]()
         for here, there in pairwise([0, *order]):
-            if np.bitwise_count(seen).sum() >= self.wanted:
+            if np.bitwise_count(seen).sum() >= self.required_count:
                 break
             leg = self.leg(here, there)
             seen, seconds, metres = seen | leg.bits, seconds + leg.seconds, metres + leg.metres
             done.append(there)
-        return Tour(done, *((seconds, metres) if np.bitwise_count(seen).sum() >= self.wanted else (inf, inf)))
+        return Tour(done, *((seconds, metres) if np.bitwise_count(seen).sum() >= self.required_count else (inf, inf)))
 
     def cover(self) -> list[int]:
         """A small set of viewpoints from which enough is seen."""
-        return greedy_cover(self.views, self.wanted, self.at_start)
+        return greedy_cover(self.views, self.required_count, self.at_start)
 
     def by_rate(self) -> list[int]:
         """Viewpoints from which enough is seen; each shows the most new ground per second of the drive to it."""
         seen, order = self.at_start.copy(), list[int]()
-        while seen.sum() < self.wanted:
+        while seen.sum() < self.required_count:
             rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
             best = int(rate.argmax())
             if rate[best] <= 0:
@@ -125,21 +125,21 @@ class ViewTours(ABC):
             tour = quickest
 
 
-def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
-    """Views that together show ``wanted`` cells; each is the one that adds the most cells to the earlier ones.
+def greedy_cover(views: sparse.csr_array, required_count: int, shown: Mask) -> list[int]:
+    """Views that together show ``required_count`` cells; each adds the most cells to the earlier ones.
 
     Gains are evaluated lazily, because they never grow (Minoux 1978). If all views together show fewer cells, so does
     the result.
 
     Args:
         views: (V, N), nonzero where a view shows a cell.
-        wanted: number of cells to show, including those already shown.
+        required_count: number of cells to show, including those already shown.
         shown: (N,) bool, the cells that are already shown; not changed.
     """
     shown, chosen = shown.copy(), list[int]()
     heap = [(-int(count), view) for view, count in enumerate(np.diff(views.indptr))]
     heapq.heapify(heap)
-    while heap and shown.sum() < wanted:
+    while heap and shown.sum() < required_count:
         _, view = heapq.heappop(heap)
         gain = int(np.count_nonzero(~shown[cells_shown(views, view)]))
         if gain and heap and gain < -heap[0][0]:

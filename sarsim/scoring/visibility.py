@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Indices
 from sarsim.sensors.camera import LabelledImage
 
-VISIBLE = 400
+MIN_VISIBLE_PIXELS = 400
 """Minimum number of pixels with depths within the sensor's range of 3.5 m for an object to be visible in a frame."""
 
 
@@ -39,4 +39,4 @@ class Visibility:
     def add(self, image: LabelledImage) -> None:
         """Mark the objects visible in a noise-free image, clipped to the sensor's range."""
         shown = self._object_of_geom[image.instance[image.depth > 0]]
-        self.visible |= np.bincount(shown, minlength=len(self.visible) + 1)[:-1] >= VISIBLE
+        self.visible |= np.bincount(shown, minlength=len(self.visible) + 1)[:-1] >= MIN_VISIBLE_PIXELS

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.sensors import air_kernels
 from sarsim.sensors.camera import LabelledImage
-from sarsim.sensors.lighting import Lighting, beam, distances, stretch
+from sarsim.sensors.lighting import Lighting, beam, distance_per_depth, distances
 from sarsim.sensors.xtion_kernels import random_bits
 
 MAX_EXTINCTION = 0.5
@@ -55,7 +55,7 @@ class Air:
             dust_light = light.arena * GREY
         return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)
 
-    def thin(
+    def apply_to_depth(
         self, measured: LabelledImage, truth: LabelledImage, min_range: float, rng: np.random.Generator
     ) -> LabelledImage:
         """The measured image without the returns that dust absorbs, and with false returns from specks of dust.
@@ -68,10 +68,10 @@ class Air:
         key = rng.integers(1 << 64, dtype=np.uint64)
         if self.dust == 0:
             return measured
-        depth, specks = air_kernels.thin(
+        depth, specks = air_kernels.apply_to_depth(
             measured.depth,
             distances(truth),
-            stretch(truth.intrinsics),
+            distance_per_depth(truth.intrinsics),
             random_bits(key, *measured.depth.shape),
             self.extinction,
             self.dust * SPECK_RATE,

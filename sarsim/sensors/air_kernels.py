@@ -5,13 +5,13 @@ from numba import njit, uint64
 
 
 @njit(cache=True)
-def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
+def apply_to_depth(depth, distance, distance_per_depth, bits, extinction, speck_rate, min_range):
     """Remove some returns, and replace others with nearer returns from specks of dust.
 
     Args:
         depth: (H, W) m, measured depth; 0 = no return.
         distance: (H, W) m, true distance along the ray; 0 where there is no surface.
-        stretch: (H, W) ratio of the distance along the ray to the depth.
+        distance_per_depth: (H, W) ratio of the distance along the ray to the depth.
         bits: (H, W) random bits: 16 for the loss, 16 for whether there is a speck, 32 for its distance.
         extinction: fraction of light lost per metre in thin layers, 1/m.
         speck_rate: probability that an infinite ray returns from a speck.
@@ -30,7 +30,7 @@ def thin(depth, distance, stretch, bits, extinction, speck_rate, min_range):
             chance = ((bits[v, u] >> uint64(16)) & uint64(0xFFFF)) / 65536
             if chance < speck_rate * (1 - passing):
                 place = (bits[v, u] >> uint64(32)) / 4294967296
-                nearer = -np.log(1 - place * (1 - passing)) / (2 * extinction) / stretch[v, u]
+                nearer = -np.log(1 - place * (1 - passing)) / (2 * extinction) / distance_per_depth[v, u]
                 specks[v, u] = nearer >= min_range
                 thinned[v, u] = nearer if specks[v, u] else 0
             elif loss >= passing:

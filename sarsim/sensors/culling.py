@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from pipeline.arrays import Mask, Values
 
 
-def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
+def visible_geoms(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
     """(ngeom,) bool, the geoms that may be visible between the ``planes`` (5, 4) of :func:`frustum`."""
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
-def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
+def visible_or_shadowing_geoms(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
     """(ngeom,) bool, the geoms that may be visible or cast a visible shadow between ``planes`` (5, 4)."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)

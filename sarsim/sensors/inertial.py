@@ -13,7 +13,7 @@ CALIBRATION_TIME = 10.0
 
 
 @dataclass(frozen=True)
-class DataSheet:
+class InertialErrorModel:
     """Errors of each axis; the unit is rad/s or m/s².
 
     Attributes:
@@ -33,13 +33,13 @@ class DataSheet:
 # At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"), which a robot that
 # stands still measures, except for the noise. The accelerometers' bias cannot be distinguished from a tilt, and so
 # causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2% is chosen.
-MTI_300_GYRO = DataSheet(
+MTI_300_GYRO = InertialErrorModel(
     noise=np.radians(0.01),
     drift=np.radians(10) / 3600,
     offset=np.radians(0.01) / np.sqrt(2 * CALIBRATION_TIME),
     scale=0.002,
 )
-MTI_300_ACCELEROMETER = DataSheet(
+MTI_300_ACCELEROMETER = InertialErrorModel(
     noise=60e-6 * GRAVITY, drift=15e-6 * GRAVITY, offset=GRAVITY * np.sin(np.radians(0.2)), scale=0.002
 )
 
@@ -51,16 +51,16 @@ class InertialTriad:
     standard deviation, after 1.9 ``DRIFT_TIME`` (IEEE Std 952-1997, annexes B and C).
     """
 
-    def __init__(self, sheet: DataSheet, rng: np.random.Generator) -> None:
+    def __init__(self, errors: InertialErrorModel, rng: np.random.Generator) -> None:
         """Start at the end of calibration; ``rng`` draws the constant errors and the noise of every measurement."""
-        self._sheet, self._rng = sheet, rng
-        self._scale = 1.0 + sheet.scale * rng.standard_normal(3)
-        self._drift = sheet.drift / 0.62 * rng.standard_normal(3)
-        self._bias = sheet.offset * rng.standard_normal(3) - self._drift
+        self._errors, self._rng = errors, rng
+        self._scale = 1.0 + errors.scale * rng.standard_normal(3)
+        self._drift = errors.drift / 0.62 * rng.standard_normal(3)
+        self._bias = errors.offset * rng.standard_normal(3) - self._drift
 
     def measure(self, true: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
         """(3,) measured mean over the last ``dt`` s, given the ``true`` mean (3,), both in ``base_link``."""
         memory = np.exp(-dt / DRIFT_TIME)
         renewal, noise = self._rng.standard_normal((2, 3))
-        self._drift = memory * self._drift + self._sheet.drift / 0.62 * np.sqrt(1.0 - memory**2) * renewal
-        return self._scale * true + self._bias + self._drift + self._sheet.noise / np.sqrt(2 * dt) * noise
+        self._drift = memory * self._drift + self._errors.drift / 0.62 * np.sqrt(1.0 - memory**2) * renewal
+        return self._scale * true + self._bias + self._drift + self._errors.noise / np.sqrt(2 * dt) * noise

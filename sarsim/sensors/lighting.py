@@ -91,11 +91,11 @@ def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
 
 def distances(image: LabelledImage) -> NDArray[np.float32]:
     """(H, W) float32 m, distance from the camera along each pixel's ray; 0 where there is no surface."""
-    return image.depth * stretch(image.intrinsics)
+    return image.depth * distance_per_depth(image.intrinsics)
 
 
 @lru_cache(maxsize=4)
-def stretch(intrinsics: Intrinsics) -> NDArray[np.float32]:
+def distance_per_depth(intrinsics: Intrinsics) -> NDArray[np.float32]:
     """(H, W) float32 ratio of the distance along each pixel's ray to the depth."""
     return np.linalg.norm(intrinsics.rays, axis=2).astype(np.float32)
 
@@ -103,4 +103,4 @@ def stretch(intrinsics: Intrinsics) -> NDArray[np.float32]:
 @lru_cache(maxsize=4)
 def beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
     """(H, W) float32 intensity of the lamp in the direction of each pixel, relative to that along its axis."""
-    return stretch(intrinsics) ** np.float32(-BEAM_EXPONENT)  # 1 / stretch is the cosine off the axis
+    return distance_per_depth(intrinsics) ** np.float32(-BEAM_EXPONENT)  # its inverse is the cosine off the axis

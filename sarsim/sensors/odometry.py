@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, rotation_from_up
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
-TICKS = 34_000
+TICKS_PER_TURN = 34_000
 """Encoder ticks per wheel turn, 49 per millimetre (Pioneer 3 operations manual, P3-AT); assumed for other robots."""
 LEVELLING_TIME = 5.0
 """s, time constant with which roll and pitch follow the accelerometer."""
@@ -81,11 +81,11 @@ class WheelOdometry:
         """
         gyro = self._gyros.measure(gyro, dt)
         accelerometer = self._accelerometers.measure(accelerometer, dt)
-        ticks = np.floor(wheel_angle * TICKS / (2 * np.pi))
+        ticks = np.floor(wheel_angle * TICKS_PER_TURN / (2 * np.pi))
         if self._R is None:
             self._R = rotation_from_up(accelerometer / np.linalg.norm(accelerometer))
         else:
-            rolled = (ticks - self._ticks) * (2 * np.pi / TICKS) * self._radius
+            rolled = (ticks - self._ticks) * (2 * np.pi / TICKS_PER_TURN) * self._radius
             speed = float(rolled.mean()) / dt
             # Setting off at 0.3 m/s² would otherwise look like a tilt of 1.8°.
             gravity = accelerometer - acceleration_of(self._speed, speed, gyro, dt)

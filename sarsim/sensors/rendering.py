@@ -85,7 +85,7 @@ class Renderer(ExitStack):
         mujoco.mjv_updateCamera(self.model, data, view, self._scene)
         between_eyes = mujoco.mjv_averageCamera(*self._scene.camera)  # the scene has two, for stereo
         planes = culling.frustum(between_eyes, self.width / self.height)
-        needed = (culling.in_picture if ids else culling.in_lit_picture)(self.model, data, planes)
+        needed = (culling.visible_geoms if ids else culling.visible_or_shadowing_geoms)(self.model, data, planes)
         with hidden(self.model, ~needed):
             mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
         if not ids:

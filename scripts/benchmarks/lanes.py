@@ -65,7 +65,7 @@ def measure(settings: LanesSettings) -> Result:
     if unknown := [lane for lane in lanes if lane not in LANES]:
         raise InputError(f"--lanes {' '.join(unknown)}: no such lane; use {', '.join(LANES)}")
     model = robot_model(settings.robot)
-    forbidden = {lane: reason for lane in lanes if (reason := LANES[lane].cannot(model)) is not None}
+    forbidden = {lane: reason for lane in lanes if (reason := LANES[lane].unsuitability(model)) is not None}
     tries: dict[str, list[LaneTry]] = {lane: [] for lane in lanes}
     with progress(transient=True) as bars:
         able = [lane for lane in lanes if lane not in forbidden]

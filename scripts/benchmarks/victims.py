@@ -18,7 +18,7 @@ from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
 from sarsim.dataset.settings import HarderArenaRange
-from sarsim.scoring.visibility import VISIBLE
+from sarsim.scoring.visibility import MIN_VISIBLE_PIXELS
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 from scripts.benchmarks.average_precision import AveragePrecision
@@ -138,7 +138,7 @@ class PeopleInFrame:
     @property
     def counts(self) -> Mask:
         """(V,) whether each person should be found."""
-        return (self.area >= VISIBLE) & (self.hidden <= MAX_HIDDEN)
+        return (self.area >= MIN_VISIBLE_PIXELS) & (self.hidden <= MAX_HIDDEN)
 
 
 def recipe(seed: int, frames: int) -> Recipe:
@@ -155,7 +155,7 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
         for pose in world.drive(recipe, recipe.rng(index, "drive")).poses(recipe.frames):
             frame = world.capture(pose, noise)
             seen = np.flatnonzero(frame.victim_area > 0)
-            alone = world.areas_alone()[seen] if len(seen) else np.zeros(0)
+            alone = world.unoccluded_areas()[seen] if len(seen) else np.zeros(0)
             detections = detector.detect(frame.frame.rgb)
             yield PeopleInFrame(
                 boxes=frame.victim_pixels[seen].astype(np.float64),

@@ -108,7 +108,7 @@ class Lane:
     lever: float = 0.0
     end: float = END_ZONE
 
-    def cannot(self, robot: "RobotModel") -> str | None:
+    def unsuitability(self, robot: "RobotModel") -> str | None:
         """Reason why the robot's body is unsuited to the lane, with the deciding numbers; None if it is suited."""
         step = max(self.step, self.twist * robot.width / 2)
         if step > robot.max_step:

@@ -47,8 +47,8 @@ class MazeConfig:
         cell: side of a cell; there are 9 × 5.
         thick, high: thickness and height of the 36 panels; their length, a cell, is assumed from a board's width.
         tube_count: number of mapping fiducials, tubes that a panel divides into two halves.
-        tube: diameter of the tubes.
-        tubes: heights of the tubes, used in turn; that tubes stand on the floor is assumed.
+        tube_diameter: diameter of the tubes.
+        tube_heights: heights of the tubes, used in turn; that tubes stand on the floor is assumed.
         lumber: thickness and height of a 2×4 on edge; a diagonal consists of two side by side.
         cross: length of the 2×4s that cross in a room.
         tarp: height of the dark tarp that covers the maze; that it also closes the entrances is assumed.
@@ -61,8 +61,8 @@ class MazeConfig:
     thick: float = 0.01
     high: float = 2.2
     tube_count: int = 10
-    tube: float = 0.3
-    tubes: tuple[float, ...] = (1.0, 2.0)
+    tube_diameter: float = 0.3
+    tube_heights: tuple[float, ...] = (1.0, 2.0)
     lumber: tuple[float, float] = (0.038, 0.089)
     cross: float = 1.3
     tarp: float = 2.2
@@ -118,7 +118,7 @@ class MazePlan:
         cells = [(i, j, self._lines[2 * j + 1][3 * i + 1]) for j in range(self.rows) for i in range(self.columns)]
         return [cell for cell in cells if cell[2] in signs]
 
-    def rooms(self) -> list[tuple[int, int]]:
+    def room_centres(self) -> list[tuple[int, int]]:
         """Column and row of the corner at the centre of each room of 2 × 2 cells."""
         cells = {(i, j) for i, j, _ in self.signs("x")}
         return sorted((i, j) for i, j in cells if {(i - 1, j), (i, j - 1), (i - 1, j - 1)} <= cells)
@@ -135,7 +135,7 @@ def build_maze(config: MazeConfig = MazeConfig()) -> ArenaBuilder:
         _add_tube(builder, config, number, panel, size)
     for i, j, sign in plan.signs("/\\"):
         _add_diagonal(builder, config, np.array([i + 0.5, j + 0.5]), 1 if sign == "/" else -1, size)
-    for corner in plan.rooms():
+    for corner in plan.room_centres():
         _add_cross(builder, config, np.array(corner), size)
     _hang(builder, config, [p for p in panels if not (p.is_inner or p.is_entrance)], size)
     low, high = -size / 2 - config.thick, size / 2 + config.thick
@@ -155,10 +155,15 @@ def _add_panel(builder: ArenaBuilder, config: MazeConfig, panel: Panel, size: Pa
 
 def _add_tube(builder: ArenaBuilder, config: MazeConfig, number: int, panel: Panel, size: Pair) -> None:
     x, y = config.cell * np.array([panel.x, panel.y]) - size / 2
-    high = config.tubes[number % len(config.tubes)]
+    high = config.tube_heights[number % len(config.tube_heights)]
     builder.add_geom(
         "wall",
-        {"name": f"{TUBE}{number}", "type": "cylinder", "pos": (x, y, high / 2), "size": (config.tube / 2, high / 2)},
+        {
+            "name": f"{TUBE}{number}",
+            "type": "cylinder",
+            "pos": (x, y, high / 2),
+            "size": (config.tube_diameter / 2, high / 2),
+        },
         PLASTIC,
     )
 

@@ -23,16 +23,16 @@ class TubeConfig:
     """Parameters of the search for a tube in a map; all values are assumptions.
 
     Attributes:
-        astray: maximum displacement of a tube in the map along x and along y, m.
-        off: maximum distance from a circle at which a point is on the circle, m: a voxel of a coarse map.
+        max_displacement: maximum displacement of a tube in the map along x and along y, m.
+        max_radial_error: maximum distance from a circle at which a point is on it, m: a voxel of a coarse map.
         step: spacing of the centres that are tried, m.
         low: height above a tube's foot, m, up to which points belong to the floor.
         arc: minimum fraction of a circle with points on it; a half circle is 0.5, and a flat panel covers 0.27.
         nearest: number of fiducials from which a code's distances are checked, by the rule book of 2026.
     """
 
-    astray: float = 0.3
-    off: float = 0.03
+    max_displacement: float = 0.3
+    max_radial_error: float = 0.03
     step: float = 0.02
     low: float = 0.2
     arc: float = 0.4
@@ -78,7 +78,7 @@ def _around(
     points: NDArray[np.float64], foot: Place, height: float, radius: float, config: TubeConfig
 ) -> NDArray[np.float64]:
     """(N, 2) x and y, m, of the points that may belong to a tube."""
-    reach = config.astray + radius + config.off
+    reach = config.max_displacement + radius + config.max_radial_error
     up = points[:, 2] - foot[2]
     near = np.linalg.norm(points[:, :2] - foot[:2], axis=1) <= reach
     return points[near & (up > config.low) & (up < height), :2]
@@ -86,22 +86,22 @@ def _around(
 
 def _circle(points: NDArray[np.float64], near: Place, radius: float, config: TubeConfig) -> NDArray[np.float64]:
     """(2,) m, centre of the circle of ``radius``, m, with points in the most sectors; NaN if these are too few."""
-    steps = np.arange(-config.astray, config.astray + config.step / 2, config.step)
+    steps = np.arange(-config.max_displacement, config.max_displacement + config.step / 2, config.step)
     tried = near + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-    arcs = np.array([_arc(points, middle, radius, config.off) for middle in tried])
+    arcs = np.array([_arc(points, middle, radius, config.max_radial_error) for middle in tried])
     best = int(arcs.argmax())
     if arcs[best] < config.arc:
         return np.full(2, np.nan)
     return tried[arcs >= arcs[best]].mean(axis=0)
 
 
-def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float, off: float) -> float:
+def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float, max_radial_error: float) -> float:
     """Fraction of the sectors around ``middle`` with points on the circle and none inside it."""
     away = points - middle
     distance = np.linalg.norm(away, axis=1)
     sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / SECTOR)
-    on = np.unique(sector[np.abs(distance - radius) <= off])
-    inside = np.unique(sector[distance < radius - off])
+    on = np.unique(sector[np.abs(distance - radius) <= max_radial_error])
+    inside = np.unique(sector[distance < radius - max_radial_error])
     return len(np.setdiff1d(on, inside)) * SECTOR / 360
 
 

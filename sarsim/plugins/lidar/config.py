@@ -30,8 +30,8 @@ class LidarModel:
         range: nearest and farthest distance that is reported, m.
         rate: turns per second.
         sigma: standard deviation of a range at distance 0 and at the farthest distance, m, at normal incidence.
-        reach: distance from which a fraction ``detection`` of the beams returns at normal incidence, m.
-        detection: fraction of the beams that returns from the distance ``reach``.
+        detection_range: distance, m, from which a beam returns with ``detection_probability`` at normal incidence.
+        detection_probability: fraction of the beams that returns from ``detection_range``.
     """
 
     elevations: tuple[float, ...]
@@ -40,8 +40,8 @@ class LidarModel:
     range: tuple[float, float]
     rate: float
     sigma: tuple[float, float]
-    reach: float
-    detection: float = 0.9
+    detection_range: float
+    detection_probability: float = 0.9
 
     def __post_init__(self) -> None:
         """Raise InputError for values that no lidar has."""
@@ -66,10 +66,11 @@ class LidarModel:
             raise InputError(f"--lidar-rate {self.rate:g}: must be above 0 and at most 1000 turns a second")
         if not all(0 <= value < math.inf for value in self.sigma):
             raise InputError(f"lidar.sigma {_words(self.sigma)}: standard deviations must be finite and at least 0 m")
-        if not (self.reach > 0 and 0 < self.detection <= 1):
+        if not (self.detection_range > 0 and 0 < self.detection_probability <= 1):
             raise InputError(
-                f"lidar.reach {self.reach:g}, lidar.detection {self.detection:g}: the reach must be above 0 m, and"
-                " the fraction of beams that return above 0 and at most 1"
+                f"lidar.detection_range {self.detection_range:g}, lidar.detection_probability"
+                f" {self.detection_probability:g}: the range must be above 0 m, and the probability above 0 and at"
+                " most 1"
             )
 
     @property
@@ -126,8 +127,8 @@ class LidarConfig:
         rolling: measure each column at the robot's pose at that time, not all at the pose where the scan begins.
         noise: simulate noise of the ranges, and beams without return.
         sigma: standard deviation of a range at distance 0 and at the farthest one, m.
-        reach: distance from which a fraction ``detection`` of the beams returns, m.
-        detection: fraction of the beams that returns from the distance ``reach``.
+        detection_range: distance, m, from which a beam returns with ``detection_probability``.
+        detection_probability: fraction of the beams that returns from ``detection_range``.
     """
 
     sensor: Annotated[str, tyro.conf.Positional] = "vlp-16"
@@ -138,8 +139,8 @@ class LidarConfig:
     rolling: bool = False
     noise: bool = True
     sigma: Fixed[tuple[float, float] | None] = None
-    reach: Fixed[float | None] = None
-    detection: Fixed[float | None] = None
+    detection_range: Fixed[float | None] = None
+    detection_probability: Fixed[float | None] = None
 
     def __post_init__(self) -> None:
         """Raise InputError if there is no such lidar."""
@@ -158,8 +159,8 @@ class LidarConfig:
             "elevations": self._elevations(len(model.elevations)),
             "rate": self.rate,
             "sigma": self.sigma,
-            "reach": self.reach,
-            "detection": self.detection,
+            "detection_range": self.detection_range,
+            "detection_probability": self.detection_probability,
         }
         return replace(model, **{name: value for name, value in given.items() if value is not None})
 

@@ -245,7 +245,8 @@ class Scanner:
         on the quality of terrestrial laser scanning points", Laser Scanning 2009). The signal of a matt surface falls
         with the cosine and with the square of the distance. Speckle spreads it exponentially (Goodman, "Some effects
         of target-induced scintillation on optical radar performance", Proc. IEEE 1965), so the fraction above the
-        detector's threshold is exp(-threshold / signal), which is ``detection`` at ``reach`` and normal incidence.
+        detector's threshold is exp(-threshold / signal), which is ``detection_probability`` at ``detection_range``
+        and normal incidence.
         """
         if self._rng is None:
             return distance, np.ones(len(distance), np.bool_)
@@ -253,8 +254,8 @@ class Scanner:
         normal, uniform = self._rng.standard_normal(count, np.float32), self._rng.random(count, np.float32)
         near, far = sensor.sigma
         sigma = (near + (far - near) / sensor.range[1] * distance) / np.maximum(cosine, MIN_COSINE)
-        weakness = (distance / sensor.reach) ** 2 / np.maximum(cosine, 1e-6)
-        return distance + sigma * normal, uniform < sensor.detection**weakness
+        weakness = (distance / sensor.detection_range) ** 2 / np.maximum(cosine, 1e-6)
+        return distance + sigma * normal, uniform < sensor.detection_probability**weakness
 
 
 def _robot_site(world: mujoco.MjModel, root: int) -> int | None:

@@ -48,7 +48,7 @@ def test_the_numbers_are_those_of_the_model() -> None:
 
 
 def test_on_the_floor_it_stands_level() -> None:
-    T = contact_on(FLOOR).stand(0.3, -0.2, 0.7, 0.0)
+    T = contact_on(FLOOR).rest_pose(0.3, -0.2, 0.7, 0.0)
     assert T is not None
     np.testing.assert_allclose(T[:3, 3], [0.3, -0.2, -SINK], atol=1e-6)
     assert yaw_of(T) == pytest.approx(0.7)
@@ -57,7 +57,7 @@ def test_on_the_floor_it_stands_level() -> None:
 
 @given(climb=st.floats(-0.35, 0.35), rise=st.floats(-0.25, 0.25), yaw=st.floats(-3.1, 3.1))
 def test_on_a_slope_it_leans_as_the_slope_does(climb: float, rise: float, yaw: float) -> None:
-    T = contact_on(slope(climb, rise)).stand(0.0, 0.0, yaw, 0.0)
+    T = contact_on(slope(climb, rise)).rest_pose(0.0, 0.0, yaw, 0.0)
     assert T is not None
     normal = np.array([-climb, -rise, 1.0]) / np.linalg.norm([climb, rise, 1.0])
     # A wheel as thin as a disc touches a slope across its direction a little beside its lowest point.
@@ -68,7 +68,7 @@ def test_on_a_slope_it_leans_as_the_slope_does(climb: float, rise: float, yaw: f
 
 def test_with_one_wheel_on_a_block_the_opposite_one_carries_and_a_third() -> None:
     block = "<geom type='box' size='.06 .06 .02' pos='.135 .199 .02'/>"
-    T = contact_on(FLOOR + block).stand(0.0, 0.0, 0.0, 0.0)
+    T = contact_on(FLOOR + block).rest_pose(0.0, 0.0, 0.0, 0.0)
     assert T is not None
     bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([drive.AXLES, np.ones(4)]).T)[2]
     above = bottoms - drive.RADIUS - [0.04, 0, 0, 0]
@@ -79,15 +79,15 @@ def test_with_one_wheel_on_a_block_the_opposite_one_carries_and_a_third() -> Non
 
 
 def test_it_cannot_stand_where_a_wheel_is_over_nothing_or_the_chassis_on_the_ground() -> None:
-    assert contact_on(FLOOR).stand(2.0, 0.0, 0.0, 0.0) is None
+    assert contact_on(FLOOR).rest_pose(2.0, 0.0, 0.0, 0.0) is None
     keel = "<geom type='box' size='.1 .03 .06' pos='0 0 .06'/>"
-    assert contact_on(FLOOR + keel).stand(0.0, 0.0, 0.0, 0.0) is None
-    assert contact_on(FLOOR + keel).stand(1.0, 0.0, 0.0, 0.0) is not None
+    assert contact_on(FLOOR + keel).rest_pose(0.0, 0.0, 0.0, 0.0) is None
+    assert contact_on(FLOOR + keel).rest_pose(1.0, 0.0, 0.0, 0.0) is not None
 
 
 def test_what_is_overhead_is_no_ground() -> None:
     ceiling = "<geom type='box' size='2 2 .05' pos='0 0 .75'/>"
-    T = contact_on(FLOOR + ceiling).stand(0.0, 0.0, 0.0, 0.0)
+    T = contact_on(FLOOR + ceiling).rest_pose(0.0, 0.0, 0.0, 0.0)
     assert T is not None and T[2, 3] == pytest.approx(-SINK)
 
 
@@ -101,7 +101,7 @@ def test_over_the_ridge_it_leans_as_the_driven_robot_does() -> None:
         while (T := robot.trajectory[-1].T_world_base)[0, 3] < 1.1 or len(heights) < 50:
             robot.drive(Velocity(0.2))
             if len(robot.trajectory) > 30:  # once it has been set down
-                at_rest = ground.stand(T[0, 3], T[1, 3], yaw_of(T), T[2, 3])
+                at_rest = ground.rest_pose(T[0, 3], T[1, 3], yaw_of(T), T[2, 3])
                 assert at_rest is not None
                 heights.append(at_rest[2, 3] - T[2, 3])
                 angles.append(np.subtract(roll_pitch_of(at_rest), roll_pitch_of(T)))

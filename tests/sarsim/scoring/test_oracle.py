@@ -14,7 +14,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.robots.model import drive_model, robot_model
-from sarsim.scoring.oracle import Drive, Oracle, min_seconds, true_traversability
+from sarsim.scoring.oracle import Oracle, ViewpointDrive, min_seconds, true_traversability
 from sarsim.scoring.sight import Sight
 
 LENS = Intrinsics(640, 480, 570.0, 570.0, 320.0, 240.0)
@@ -98,7 +98,7 @@ BODY = replace(drive_model(), top_speed=1.0, top_turn_rate=2.0, acceleration=0.5
 
 def drive(*stops, backwards=None, first=0.0, last=0.0):
     back = np.zeros(len(stops) - 1, np.bool_) if backwards is None else np.array(backwards)
-    return Drive(np.array(stops, np.float64), back, first, last)
+    return ViewpointDrive(np.array(stops, np.float64), back, first, last)
 
 
 def test_a_straight_way_is_accelerated_on_and_not_braked_at_its_end():

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.frame import Intrinsics
 from sarsim.scoring.victims import VictimScore
-from sarsim.scoring.visibility import VISIBLE
+from sarsim.scoring.visibility import MIN_VISIBLE_PIXELS
 from sarsim.sensors.camera import LabelledImage
 
 ROOM = """<mujoco><size nuser_geom="1"/><worldbody><geom type="plane" size="5 5 1" user="2"/>
@@ -77,8 +77,8 @@ def test_no_one_found_has_no_error(score):
 
 
 def test_a_person_in_view_counts_as_visible(score):
-    score.add(shown(VISIBLE - 1, 3))
+    score.add(shown(MIN_VISIBLE_PIXELS - 1, 3))
     assert not score.visible.any()
-    score.add(shown(VISIBLE, 3))
+    score.add(shown(MIN_VISIBLE_PIXELS, 3))
     assert score.visible.tolist() == [False, True]
     assert score.report(np.array([B]))["visible_found"] == 1

@@ -9,17 +9,17 @@ from scipy.optimize import linprog
 from sarsim.scoring.view_tours import cells_shown, greedy_cover
 
 
-def cover_of(rows, wanted=None, shown=()):
+def cover_of(rows, required_count=None, shown=()):
     views = sparse.csr_array(np.array(rows, np.bool_))
     known = np.isin(np.arange(views.shape[1]), shown)
-    return greedy_cover(views, views.shape[1] if wanted is None else wanted, known)
+    return greedy_cover(views, views.shape[1] if required_count is None else required_count, known)
 
 
 def test_few_views_are_chosen():
     assert cover_of([[1, 1, 1, 0, 0], [0, 1, 0, 0, 0], [0, 0, 0, 1, 1]]) == [0, 2]
     assert cover_of([[1, 1, 1, 0, 0], [0, 0, 0, 1, 1]], shown=[3, 4]) == [0]
     assert cover_of([[1, 1]], shown=[0, 1]) == []
-    assert cover_of([[1, 1, 1, 0, 0], [0, 0, 0, 1, 1]], wanted=3) == [0]
+    assert cover_of([[1, 1, 1, 0, 0], [0, 0, 0, 1, 1]], required_count=3) == [0]
     assert cover_of([[1, 0], [1, 0]]) == [0]  # no view shows the second cell
     assert len(cover_of([[1, 1, 0], [0, 1, 1], [1, 0, 1]])) == 2
 

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from pipeline.frame import Intrinsics
-from sarsim.scoring.visibility import VISIBLE, Visibility
+from sarsim.scoring.visibility import MIN_VISIBLE_PIXELS, Visibility
 from sarsim.sensors.camera import LabelledImage
 
 MODEL = '<mujoco><worldbody><geom size="1"/><geom size="1"/><geom size="1"/><geom size="1"/></worldbody></mujoco>'
@@ -34,14 +34,14 @@ def image(*pixels):
 
 
 def test_the_geoms_of_a_thing_count_together_and_others_do_not(visibility):
-    visibility.add(image(VISIBLE // 2, 700, VISIBLE // 2 - 1, VISIBLE - 1))
+    visibility.add(image(MIN_VISIBLE_PIXELS // 2, 700, MIN_VISIBLE_PIXELS // 2 - 1, MIN_VISIBLE_PIXELS - 1))
     assert_array_equal(visibility.visible, [False, False])
-    visibility.add(image(VISIBLE // 2, 700, VISIBLE // 2, 0))
+    visibility.add(image(MIN_VISIBLE_PIXELS // 2, 700, MIN_VISIBLE_PIXELS // 2, 0))
     assert_array_equal(visibility.visible, [True, False])
-    visibility.add(image(0, 0, 0, VISIBLE))
+    visibility.add(image(0, 0, 0, MIN_VISIBLE_PIXELS))
     assert_array_equal(visibility.visible, [True, True])
 
 
 def test_pixels_without_depth_show_nothing(visibility):
-    visibility.add(replace(image(VISIBLE), depth=np.zeros((40, 40), np.float32)))
+    visibility.add(replace(image(MIN_VISIBLE_PIXELS), depth=np.zeros((40, 40), np.float32)))
     assert not visibility.visible.any()

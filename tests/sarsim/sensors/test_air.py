@@ -31,7 +31,7 @@ def wall(depth: float, intrinsics: Intrinsics = INTRINSICS) -> LabelledImage:
 
 
 def thinned(air: Air, image: LabelledImage, seed: int = 0, min_range: float = 0.0) -> LabelledImage:
-    return air.thin(image, image, min_range, np.random.default_rng(seed))
+    return air.apply_to_depth(image, image, min_range, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize(("dust", "depth"), [(0.2, 1.0), (0.5, 2.0), (1.0, 1.5)])

@@ -49,7 +49,7 @@ def test_pictures_are_the_same_as_with_everything_drawn(light: str, monkeypatch:
             colour, (geom, depth) = renderer.colour(data, "eye"), renderer.segmentation_and_depth(data, "eye")
             drawn += len(np.unique(geom))
             with monkeypatch.context() as patch:
-                for name in ("in_picture", "in_lit_picture"):
+                for name in ("visible_geoms", "visible_or_shadowing_geoms"):
                     patch.setattr(culling, name, lambda model, *_: np.ones(model.ngeom, np.bool_))
                 all_colour = renderer.colour(data, "eye")
                 all_geom, all_depth = renderer.segmentation_and_depth(data, "eye")
@@ -90,7 +90,7 @@ def test_frustum_is_that_of_the_camera(planes: np.ndarray) -> None:
 )
 def test_a_ball_is_drawn_where_it_can_be_seen(position: str, seen: bool, planes: np.ndarray) -> None:
     model, data = scene(f'<geom type="sphere" size="0.2" pos="{position}"/>')
-    assert culling.in_picture(model, data, planes)[0] == seen
+    assert culling.visible_geoms(model, data, planes)[0] == seen
 
 
 @pytest.mark.parametrize(
@@ -110,5 +110,5 @@ def test_a_hidden_ball_is_drawn_for_its_shadow(light: str, needed: bool, planes:
     model, data = scene(
         f'<geom type="sphere" size="0.2" pos="3 0 5"/><geom type="plane" size="9 9 1" pos="0 0 -1"/>{light}'
     )
-    assert not culling.in_picture(model, data, planes)[0]
-    assert culling.in_lit_picture(model, data, planes)[0] == needed
+    assert not culling.visible_geoms(model, data, planes)[0]
+    assert culling.visible_or_shadowing_geoms(model, data, planes)[0] == needed

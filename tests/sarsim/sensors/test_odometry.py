@@ -17,15 +17,15 @@ from pipeline.transforms import inverse, roll_pitch_of, wrap_angle, yaw_of
 from sarsim.robots.skid_steer import SkidSteerController
 from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors import odometry as module
-from sarsim.sensors.inertial import MTI_300_GYRO, DataSheet
-from sarsim.sensors.odometry import LEVELLING_TIME, TICKS, WheelOdometry, rotation_from_up
+from sarsim.sensors.inertial import MTI_300_GYRO, InertialErrorModel
+from sarsim.sensors.odometry import LEVELLING_TIME, TICKS_PER_TURN, WheelOdometry, rotation_from_up
 from tests.sarsim.sensors.no_noise import NoNoise
 
 DT = 0.02
 UP = np.array([0.0, 0.0, 9.81])
 NO_TURN = np.zeros(3)
 RADIUS = 0.1105
-TICK = 2 * np.pi * RADIUS / TICKS
+TICK = 2 * np.pi * RADIUS / TICKS_PER_TURN
 
 components = st.floats(-3, 3)
 
@@ -127,7 +127,7 @@ def test_same_seed_gives_the_same_drift():
 
 
 def test_encoders_count_whole_ticks():
-    odometry, tick = ideal(), 2 * np.pi / TICKS
+    odometry, tick = ideal(), 2 * np.pi / TICKS_PER_TURN
     believed = [odometry.update(np.full(2, k * tick), NO_TURN, UP, DT)[0, 3] for k in (0.5, 0.9, 1.1, 3.5, -0.5)]
     assert_allclose(np.divide(believed, TICK), [0, 0, 1, 3, -1], atol=1e-9)
     assert_allclose(TICK, 1e-3 / 49, rtol=0.01)
@@ -194,7 +194,7 @@ def test_each_error_alone_makes_it_drift(error, monkeypatch):
     for kind in ("GYRO", "ACCELEROMETER"):
         name = f"MTI_300_{kind}"
         only = {error.split()[1]: getattr(getattr(module, name), error.split()[1])} if kind in error else {}
-        monkeypatch.setattr(module, name, DataSheet(**only))
+        monkeypatch.setattr(module, name, InertialErrorModel(**only))
     believed = drive(WheelOdometry(np.random.default_rng(1), RADIUS), 0.2, 0.1, 10.0)
     drift = np.linalg.norm(believed - drive(ideal(), 0.2, 0.1, 10.0))
     # A scale error turns the vertical only where the robot accelerates: here, sideways, by 0.06 m/s².

@@ -160,15 +160,15 @@ def test_a_leaf_stands_where_it_is_held(lane, opens):
     ],
 )
 def test_what_a_pioneer_cannot(lane, reason):
-    assert LANES[lane].cannot(PIONEER) == reason
+    assert LANES[lane].unsuitability(PIONEER) == reason
 
 
 def test_other_bodies_have_other_limits():
     tender, wide = replace(PIONEER, max_tilt=math.radians(10)), replace(PIONEER, width=0.6)
-    assert "15°" in LANES["crossing_ramps"].cannot(tender)
-    assert "0.6 m wide" in LANES["alleys"].cannot(wide)
-    assert LANES["alleys"].cannot(replace(PIONEER, length=0.4)) is None
-    assert LANES["krails"].cannot(replace(PIONEER, max_step=0.1)) is None
+    assert "15°" in LANES["crossing_ramps"].unsuitability(tender)
+    assert "0.6 m wide" in LANES["alleys"].unsuitability(wide)
+    assert LANES["alleys"].unsuitability(replace(PIONEER, length=0.4)) is None
+    assert LANES["krails"].unsuitability(replace(PIONEER, max_step=0.1)) is None
 
 
 def test_steps_between_pitch_and_roll_ramps_are_as_high_as_said():

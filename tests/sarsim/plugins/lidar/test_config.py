@@ -71,7 +71,13 @@ def test_what_is_no_lidar_is_a_line(words, fault, capsys):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"sigma": (-1.0, 0.0)}, {"sigma": (0.0, math.nan)}, {"reach": 0.0}, {"detection": 0.0}, {"detection": 1.5}],
+    [
+        {"sigma": (-1.0, 0.0)},
+        {"sigma": (0.0, math.nan)},
+        {"detection_range": 0.0},
+        {"detection_probability": 0.0},
+        {"detection_probability": 1.5},
+    ],
 )
 def test_numbers_of_a_file_are_checked_too(wrong):
     with pytest.raises(InputError, match="|".join(wrong)):

@@ -95,7 +95,7 @@ def test_only_distances_in_range_return():
 def test_the_noise_grows_with_distance_and_incidence():
     """Of 100,000 beams, the standard deviation is known to half a per cent."""
     hall = Hall()
-    model = dense(sigma=(0.01, 0.31), reach=1e9)
+    model = dense(sigma=(0.01, 0.31), detection_range=1e9)
     assert hall.scanner(model, seed=0).scan(0.0).range.std() == pytest.approx(0.01 + 0.3 * 4 / 30, rel=0.02)
     hall.move(yaw=np.radians(60))
     oblique = hall.scanner(replace(model, sigma=(0.02, 0.02)), seed=0).scan(0.0)
@@ -106,7 +106,7 @@ def test_the_noise_grows_with_distance_and_incidence():
 
 def test_the_noise_grows_no_further_at_grazing_incidence():
     hall = Hall()
-    model = replace(dense(sigma=(0.001, 0.001), reach=1e9), elevations=(-5.0,))
+    model = replace(dense(sigma=(0.001, 0.001), detection_range=1e9), elevations=(-5.0,))
     errors = hall.scanner(model, seed=0).scan(0.0).range - hall.scanner(model).scan(0.0).range
     assert errors.std() == pytest.approx(0.001, rel=0.02)  # of the wall, which is nearer than the floor
     hall.move(-15.0)
@@ -115,9 +115,9 @@ def test_the_noise_grows_no_further_at_grazing_incidence():
 
 
 def test_beams_return_less_the_farther_and_the_more_oblique():
-    """At the reach and normal incidence, the stated share; elsewhere its power (distance / reach)² / cosine."""
+    """At the range and normal incidence, the stated probability; elsewhere its power (distance / range)² / cosine."""
     hall = Hall()
-    model = dense(reach=4.0, detection=0.8)
+    model = dense(detection_range=4.0, detection_probability=0.8)
     beams = model.columns
     assert len(hall.scanner(model, seed=0).scan(0.0)) / beams == pytest.approx(0.8, abs=0.005)
     hall.move(-4.0, -2.0)

@@ -336,9 +336,9 @@ class MapRecordingConfig(SinkConfig, PerceptionConfig):
         poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or the
             recorded odometry or true poses uncorrected. By default slam if odometry was recorded, else registration.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
-        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
-            None in place of a number: as recorded. By default all as recorded; if the pose was not recorded, it is
-            estimated from the accelerometer or from floor and walls.
+        camera_pose: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks
+            down. None in place of a number: as recorded. By default all as recorded; if the pose was not recorded, it
+            is estimated from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
         depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
@@ -354,7 +354,7 @@ class MapRecordingConfig(SinkConfig, PerceptionConfig):
     out: Path
     poses: Given[Literal["slam", "registration", "odometry", "truth"]] = None
     robot: RobotName = "pioneer3at"
-    camera: CameraNumbers = None
+    camera_pose: CameraNumbers = None
     intrinsics: Given[tuple[float, float, float, float]] = None
     depth_scale: Given[float] = None
     depth_range: Given[tuple[float, float]] = None

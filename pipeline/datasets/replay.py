@@ -205,10 +205,10 @@ class Replay:
         if mounted is not None:
             if mounted.other is not None:
                 doubt = "two surfaces in view may be the floor; if it is the other, the camera is"
-                self.recording.note(f"{doubt} {_described(mounted.other)}; to set it, use --camera")
+                self.recording.note(f"{doubt} {_described(mounted.other)}; to set it, use --camera-pose")
             return mounted.T
         unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
-        raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
+        raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera-pose")
 
     def _camera_poses(self) -> Callable[[Frame], Pose | None]:
         """A function that returns the pose of a frame's camera, as given or else from registration."""
@@ -273,7 +273,7 @@ class Replay:
 def _measured(T_base_camera: Pose) -> str:
     """The note that the camera's pose on the robot was estimated."""
     pose = _described(T_base_camera)
-    return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera"
+    return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera-pose"
 
 
 def _described(T_base_camera: Pose) -> str:

@@ -28,15 +28,15 @@ _log = logging.getLogger(__name__)
 
 
 def camera_pose(recording: Recording, config: MapRecordingConfig) -> Pose | None:
-    """The 4×4 pose of the camera on the robot from ``--camera``, completed from the recording; None without the flag.
+    """The camera's 4×4 pose on the robot from ``--camera-pose``, completed from the recording; None without the flag.
 
     Raises:
         InputError: a number is not finite, or the recording lacks the pose that completes the given one.
     """
-    if config.camera is None:
+    if config.camera_pose is None:
         return None
-    given = {name: x for name, x in zip(CameraPose._fields, config.camera, strict=True) if x is not None}
-    words = f"--camera {' '.join('None' if x is None else f'{x:g}' for x in config.camera)}"
+    given = {name: x for name, x in zip(CameraPose._fields, config.camera_pose, strict=True) if x is not None}
+    words = f"--camera-pose {' '.join('None' if x is None else f'{x:g}' for x in config.camera_pose)}"
     if not np.isfinite(list(given.values())).all():
         raise InputError(f"{words}: all numbers must be finite")
     if len(given) == len(CameraPose._fields):

@@ -106,7 +106,7 @@ class RosDrive(ExplorerRun):
     def __init__(self, config: RosExplorationConfig, node: RosNode):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
-        camera = config.camera and CameraPose(*config.camera).T_base_camera
+        camera = config.camera_pose and CameraPose(*config.camera_pose).T_base_camera
         model, live, own = paced_model(config.robot, config.speed), config.ros.live, robot_sensor(config.robot)
         if own is not None and live.depth_range is None:
             live = replace(live, depth_range=(own.nearest, own.farthest))

@@ -48,8 +48,8 @@ class RosExplorationConfig(SinkConfig, PerceptionConfig, MissionConfig):
     Attributes:
         out: new folder for the results: the same files as an episode writes.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
-        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
-            By default from the robot's transforms.
+        camera_pose: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks
+            down. By default from the robot's transforms.
         topics: names of the robot's topics.
         nav2: send goals to the robot's Nav2 stack instead of velocity commands.
         patience: longest silence of the robot or one of its topics, s; after that, the drive ends.
@@ -60,7 +60,7 @@ class RosExplorationConfig(SinkConfig, PerceptionConfig, MissionConfig):
 
     out: Path
     robot: RobotName = "pioneer3at"
-    camera: Given[tuple[float, float, float, float, float, float]] = None
+    camera_pose: Given[tuple[float, float, float, float, float, float]] = None
     topics: TopicNames = field(default_factory=TopicNames)
     nav2: bool = False
     patience: float = 5.0

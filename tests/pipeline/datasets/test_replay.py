@@ -144,7 +144,7 @@ def test_what_shows_no_vertical_is_refused() -> None:
     blank = [replace(frame, depth=np.where(frame.depth > 0, np.float32(2), 0)) for frame in hand_held().frames()][:4]
     source = replace(hand_held(truth=Trajectory(TIMES, np.array(WAY), of_camera=True)), frames=lambda: iter(blank))
     for poses in ("truth", "registration"):
-        with pytest.raises(InputError, match=r"room: .* vertical; .*--camera"):
+        with pytest.raises(InputError, match=r"room: .* vertical; .*--camera-pose"):
             replayed(source, poses)
 
 

@@ -216,7 +216,7 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     assert not [tile.text for tile in tiles(tmp_path) if "good" in tile.attributes["class"] or " 0%" in tile.text]
     (summary,) = read((tmp_path / "report.html").read_text()).all("p", "summary")
     notes = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
-    assert "--camera" in summary.text and all("--camera" in note for note in notes)
+    assert "--camera-pose" in summary.text and all("--camera-pose" in note for note in notes)
     found = re.search(r"\(([\d.]+) m high, tilted down by (\d+)°\)", notes[-1])
     assert found is not None  # it is 0.60 m and 12°, although a ramp fills the first image
     assert float(found[1]) == pytest.approx(0.6, abs=0.06) and float(found[2]) == pytest.approx(12, abs=2)
@@ -352,7 +352,7 @@ def floor_height(folder: Path) -> float:
 @pytest.mark.parametrize("images", ["32FC1", "16UC1"])
 def test_the_pioneers_bags_are_mapped(images: ImageFormat, tmp_path: Path) -> None:
     convert([write_bag(tmp_path / "ros2", images, pioneer)], tmp_path / "rgbd_pioneer.bag", **TO_ROS_1)
-    place = "--camera", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
+    place = "--camera-pose", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
     run(tmp_path / "rgbd_pioneer.bag", "--out", tmp_path / "out", "--labels", "rules", *place)
     notes = json.loads((tmp_path / "out" / "report.json").read_text())["recording"]["notes"]
     assert any("openni_camera" in note and "using laser" in note for note in notes)
@@ -369,7 +369,7 @@ def estimated(folder: Path) -> np.ndarray:
 
 def test_wheels_alone_are_those_of_the_topic(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", change=pioneer, number=4)
-    place = "--camera", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
+    place = "--camera-pose", None, None, T_BASE_CAMERA[2, 3], None, TILT, None
     run(bag, "--out", tmp_path / "out", "--labels", "rules", "--poses", "odometry", *place)
     moves = [inverse(poses[0]) @ poses[-1] for poses in (estimated(tmp_path / "out"), ODOMETRY[:4])]
     np.testing.assert_allclose(moves[0], moves[1], atol=1e-5)
@@ -392,14 +392,14 @@ def test_what_is_not_given_of_the_cameras_pose_is_as_recorded(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("kind", "numbers", "said"),
     [
-        ("without", "None None 0.6 None None None", "--camera None None 0.6 None None None: "),
-        ("tum", "0 0 nan 0 0 0", "--camera 0 0 nan 0 0 0: "),
+        ("without", "None None 0.6 None None None", "--camera-pose None None 0.6 None None None: "),
+        ("tum", "0 0 nan 0 0 0", "--camera-pose 0 0 nan 0 0 0: "),
     ],
 )
 def test_a_pose_that_cannot_be_completed_is_refused(
     kind: str, numbers: str, said: str, ways_in: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", "--camera", *numbers.split())
+    assert said in failed(capsys, ways_in[kind], "--out", tmp_path / "out", "--camera-pose", *numbers.split())
     assert not (tmp_path / "out").exists()
 
 

@@ -163,7 +163,7 @@ class RosRobot:
         self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
         T, self._senses.T_driven_base, note = links.mount(frame)
         if T is None:
-            raise InputError(f"{note}; give the camera's pose with --camera X Y Z ROLL PITCH YAW, m and °")
+            raise InputError(f"{note}; give the camera's pose with --camera-pose X Y Z ROLL PITCH YAW, m and °")
         if note:
             _log.warning("%s", note)
         return T

@@ -133,7 +133,7 @@ def test_a_transform_says_where_the_camera_is(topic: str) -> None:
     wire = Wire()
     room, end = met_on(wire)
     wire.change = silent("/tf_static")
-    with pytest.raises(InputError, match=r"camera_optical.*--camera"):
+    with pytest.raises(InputError, match=r"camera_optical.*--camera-pose"):
         RosRobot(end, PIONEER, TopicNames(), patience=2.0)
     link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
     message = messages.make("tf2_msgs/TFMessage", [link]) if topic == "/tf_static" else link

@@ -89,7 +89,7 @@ class Explorer:
             self._ways_back = self._ways_back + 1 if back else 0
             if back is not None:
                 self.mission.set_out_to_see_nothing()
-                viewpoint = Viewpoint(back.way_points[-1, :2], 0.0, turn=False, gain=0.0, stands=True)
+                viewpoint = Viewpoint(back.waypoints[-1, :2], 0.0, turn=False, gain=0.0, stands=True)
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
             left = self.mission.left(context) if has_ended and not self.is_held else []
@@ -208,7 +208,7 @@ class Explorer:
 
         start = navigator.next_pose(step.keyframe.T_map_base)
         heading = viewpoint.heading if viewpoint.turn else None
-        way = stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, config.navigation.arcs)
+        way = stretches_of(plan.waypoints[:, :2], plan.backwards, start, heading, fits, config.navigation.arcs)
 
         # Follow them, slowly on ramps and near people, until the map shows the ground that the robot set out to
         # see.

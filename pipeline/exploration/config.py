@@ -15,9 +15,10 @@ class VisibilityConfig:
     Attributes:
         rays: number of directions, all around a position, in which rays are cast.
         stride: side of the square blocks that each contribute one cell for viewpoints, cells.
-        short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
-        close_by: distance by which the robot may come nearer than planned to ground that it looks at because this
-            ground may block a path, m.
+        max_undershoot: maximum distance by which the robot may stop short of a viewpoint, m; the camera's range is
+            reduced by it.
+        max_overshoot: maximum distance by which the robot may come nearer than planned to ground that it looks at
+            because this ground may block a path, m.
         nist_slope: slope of a NIST ramp, m per m; ground missed by a keyframe is assumed to fall at least this
             steeply.
         blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
@@ -30,8 +31,8 @@ class VisibilityConfig:
 
     rays: int = 180
     stride: int = 5
-    short_by: float = 0.3
-    close_by: float = 0.2
+    max_undershoot: float = 0.3
+    max_overshoot: float = 0.2
     nist_slope: float = float(2 * np.tan(RAMP_TILT))
     blocked: float = 0.4
     min_unknown: float = 1.0
@@ -40,7 +41,7 @@ class VisibilityConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration.visibility", self, "level_run")
-        require_at_least(0, "exploration.visibility", self, "short_by", "close_by")
+        require_at_least(0, "exploration.visibility", self, "max_undershoot", "max_overshoot")
         require_at_least(1, "exploration.visibility", self, "rays", "stride")
 
 

@@ -19,7 +19,7 @@ def unseen(context: Context) -> MaskLayer:
     return np.isnan(context.measured) & (traversability.to_hazard >= nearest)
 
 
-def near_ground(context: Context, cells: MaskLayer, beyond: float = 0.0) -> MaskLayer:
+def cells_touching(context: Context, cells: MaskLayer, beyond: float = 0.0) -> MaskLayer:
     """The cells from which the robot's corners may touch any of the given cells, and those ``beyond`` m farther."""
     reach = context.traversability.robot.corner_radius + beyond
     side = 2 * round(reach / context.traversability.grid.cell) + 1
@@ -30,7 +30,7 @@ def near_ground(context: Context, cells: MaskLayer, beyond: float = 0.0) -> Mask
 def find_frontiers(context: Context) -> Places:
     """(N, 3) m, a point near the centre of each connected piece of reachable ground that borders on unseen ground."""
     traversability, target = context.traversability, unseen(context)
-    pieces, _ = ndimage.label(near_ground(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
+    pieces, _ = ndimage.label(cells_touching(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
     centres = []
     for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
         cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]

@@ -14,7 +14,7 @@ from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.unseen_ways import PathView, UnseenWays
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
-from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
+from pipeline.planning.path_plan import goal_name, order_goals, unreachable_reason
 from pipeline.planning.pose_paths import PosePaths
 
 
@@ -98,7 +98,7 @@ class Mission:
 
     def tighten(self) -> bool:
         """Plan paths to the current goals without a margin; False if they already are, or if no goal is left."""
-        if self.goals is None or not self.goals.left or self.goals.is_tight:
+        if self.goals is None or not self.goals.remaining or self.goals.is_tight:
             return False
         self.goals.is_tight = True
         return True
@@ -176,16 +176,16 @@ class Mission:
         for name, goals in self._visited.items():
             for visit in goals.visits[self._reported.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
-                yield visit.obstacle or f"reached {place}", visit.obstacle is None
+                yield visit.failure_reason or f"reached {place}", visit.failure_reason is None
             self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
         """Figures of each task after exploration, and the reasons why goals were not reached."""
         return {
             name: {
-                "given": len(goals.visits) + len(goals.left),
-                "reached": sum(visit.obstacle is None for visit in goals.visits),
-                "refused": [visit.obstacle for visit in goals.visits if visit.obstacle],
+                "given": len(goals.visits) + len(goals.remaining),
+                "reached": sum(visit.failure_reason is None for visit in goals.visits),
+                "refused": [visit.failure_reason for visit in goals.visits if visit.failure_reason],
                 "each": [{"way_m": visit.way, "time_s": visit.end - visit.begin} for visit in goals.visits],
             }
             for name, goals in self._visited.items()
@@ -203,14 +203,14 @@ class Visit:
 
     Attributes:
         goal: (2,) m, position of the goal in ``map``.
-        obstacle: why the robot did not reach it, as a line for the log; None if it did.
+        failure_reason: why the robot did not reach it, as a line for the log; None if it did.
         way: distance driven by odometry towards this goal, m.
         begin, end: the robot's times at the end of the previous visit, or at the start of the task, and at the end of
             this visit, s.
     """
 
     goal: Place
-    obstacle: str | None
+    failure_reason: str | None
     way: float
     begin: float
     end: float
@@ -220,7 +220,7 @@ class Goals(Strategy):
     """Drives to goals, even through unseen ground, in an order that keeps the drive short, updated at every step.
 
     Attributes:
-        left: goals still to be visited, each (2,) m in ``map``.
+        remaining: goals still to be visited, each (2,) m in ``map``.
         visits: outcomes of the other goals, in the order in which they were visited or given up.
         is_tight: whether paths to the goals need no margin, see :attr:`Traversability.without_margin`; set once no
             other path is left.
@@ -238,7 +238,7 @@ class Goals(Strategy):
         ``may_be_near``: whether the nearest reachable ground within the robot's length may replace a goal, such as
         the start, which may not be reachable itself.
         """
-        self.left = [np.asarray(goal, np.float64) for goal in goals]
+        self.remaining = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
         self.is_tight = False
         self._may_be_near, self._config = may_be_near, config
@@ -253,7 +253,7 @@ class Goals(Strategy):
     def observe(self, context: Context) -> None:
         """Count goals that the robot has reached, and give up a goal if drives bring the robot no nearer to it."""
         self._context, self._since = context, self._since or context
-        for goal in list(self.left):
+        for goal in list(self.remaining):
             place = self._place(goal, context.paths)
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.arrived:
                 self._end(goal, None)
@@ -261,17 +261,17 @@ class Goals(Strategy):
                 drives = self._config.max_drives_without_progress
                 self._end(goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer")
         self._goal = self._view = None
-        if any(obstacle_to(context.paths, self._place(goal, context.paths)) for goal in self.left):
+        if any(unreachable_reason(context.paths, self._place(goal, context.paths)) for goal in self.remaining):
             self._unseen = self._unseen or UnseenWays(context.traversability.robot, self._config)
             self._unseen.observe(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal, or a view of unseen ground on the path to it; None if no path to any goal is left."""
-        places = [self._place(goal, context.paths) for goal in self.left]
-        are_known = all(obstacle_to(context.paths, place) is None for place in places)
+        places = [self._place(goal, context.paths) for goal in self.remaining]
+        are_known = all(unreachable_reason(context.paths, place) is None for place in places)
         order = order_goals(context.paths, places) if are_known else self._order_through_unseen(places, context)
         for place in (places[k] for k in order):
-            if obstacle_to(context.paths, place) is None:
+            if unreachable_reason(context.paths, place) is None:
                 way = place - context.T_map_base[:2, 3]
                 return Viewpoint(place, float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
             if (view := required(self._unseen).view_towards(place, context)) is not None:
@@ -294,7 +294,7 @@ class Goals(Strategy):
         unseen, context = self._unseen, self._context
         if unseen is None or context is None or not self.is_tight:
             return False
-        return any(unseen.may_open(self._place(goal, context.paths), context) for goal in self.left)
+        return any(unseen.may_open(self._place(goal, context.paths), context) for goal in self.remaining)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map now shows the ground that the robot set out to see."""
@@ -306,23 +306,23 @@ class Goals(Strategy):
             self._view = viewpoint
             self._unseen.commit(viewpoint, context)
             return
-        self._goal = next(g for g in self.left if (self._place(g, context.paths) == viewpoint.position).all())
+        self._goal = next(g for g in self.remaining if (self._place(g, context.paths) == viewpoint.position).all())
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
-        """Give up the remaining goals; the reason is ``why``, or else the obstacle that the last step showed."""
-        for goal in list(self.left):
-            obstacle = self._obstacle_to(goal) if why is None else None
-            self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
+        """Give up the remaining goals; the reason is ``why``, or else the one that the last step showed."""
+        for goal in list(self.remaining):
+            reason = self._unreachable_reason(goal) if why is None else None
+            self._end(goal, reason or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
-    def _obstacle_to(self, goal: Place) -> str | None:
+    def _unreachable_reason(self, goal: Place) -> str | None:
         """Why no path leads to a goal, as a line for the log; None if one may lead there."""
         context, unseen = self._context, self._unseen
-        if context is None or unseen is None or (known := obstacle_to(context.paths, goal)) is None:
+        if context is None or unseen is None or (known := unreachable_reason(context.paths, goal)) is None:
             return None
         if unseen.view_towards(self._place(goal, context.paths), context) is not None:
             return None
-        return unseen.obstacle_to(goal, context) or known
+        return unseen.unreachable_reason(goal, context) or known
 
     def _place(self, goal: Place, paths: PosePaths) -> Place:
         """The position to drive to for a goal: the nearest reachable one close to it, or else the goal itself."""
@@ -339,12 +339,12 @@ class Goals(Strategy):
         self._tries[id(goal)] = (seconds_left, 0) if is_nearer else (shortest, drives + 1)
         return self._tries[id(goal)][1] >= self._config.max_drives_without_progress
 
-    def _end(self, goal: Place, obstacle: str | None) -> None:
-        self.left = [other for other in self.left if other is not goal]
+    def _end(self, goal: Place, failure_reason: str | None) -> None:
+        self.remaining = [other for other in self.remaining if other is not goal]
         begin, end = self._since, self._context
         if begin is None or end is None:
-            self.visits.append(Visit(goal, obstacle, 0.0, 0.0, 0.0))
+            self.visits.append(Visit(goal, failure_reason, 0.0, 0.0, 0.0))
             return
         way, times = end.driven - begin.driven, (begin.frame.time, end.frame.time)
-        self.visits.append(Visit(goal, obstacle, way, *times))
+        self.visits.append(Visit(goal, failure_reason, way, *times))
         self._since = end

@@ -14,18 +14,18 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
-from pipeline.exploration.frontiers import near_ground
+from pipeline.exploration.frontiers import cells_touching
 from pipeline.exploration.sightings import Sightings
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, Why
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
-from pipeline.planning.pose_paths import bits
+from pipeline.planning.pose_paths import heading_mask
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class RemainingGround:
     """The ground that remains to be seen after a keyframe.
 
     Attributes:
@@ -45,8 +45,8 @@ class Outlook:
         terrain = self.terrain._replace(falls=viewpoint.falls)
         return visibility.cells_in_view(viewpoint.position, viewpoint.heading, self.camera, terrain)
 
-    def after(self, viewpoint: Viewpoint) -> "Outlook":
-        """The outlook after a keyframe at a viewpoint that shows all the ground that it should."""
+    def after(self, viewpoint: Viewpoint) -> "RemainingGround":
+        """What remains after a keyframe at a viewpoint that shows all the ground that it should."""
         target = self.terrain.target & ~self.in_view(viewpoint)
         return replace(self, terrain=self.terrain._replace(target=target))
 
@@ -58,11 +58,11 @@ class NextBestView(Strategy):
         takes_rewards: whether the rewards of a context are added to the gains.
         config: settings of exploration.
         sightings: the cells that keyframes showed and missed.
-        outlook: the ground that remains to be seen; set by the first call of :meth:`observe`.
+        remaining: the ground that remains to be seen; set by the first call of :meth:`observe`.
     """
 
     takes_rewards = True
-    outlook: Outlook
+    remaining: RemainingGround
 
     def __init__(self, robot: RobotModel, *, config: ExplorationConfig = ExplorationConfig()):
         """``robot``: its size and turn rate determine which viewpoints are worth a drive."""
@@ -85,17 +85,17 @@ class NextBestView(Strategy):
         self._began = context.frame.time if self._began is None else self._began
         seconds = 2 * np.pi / self._robot.turn_rate + self.config.keyframe_time + context.frame.time - self._began
         seen = float(np.isfinite(context.measured).sum()) * terrain.cell**2
-        self.outlook = Outlook(terrain, camera, seen, seconds)
+        self.remaining = RemainingGround(terrain, camera, seen, seconds)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows most per second, or else one that may open a path; None if no drive is worth it.
 
         While the ground that would be given up exceeds ``max_given_up`` of the seen ground, any drive is worth it.
         """
-        if viewpoint := self._next(self.outlook, context):
+        if viewpoint := self._next(self.remaining, context):
             return viewpoint
-        given_up = list(self._in_turn(self._best, self.outlook, context))
-        is_much = sum(view.gain for view in given_up) > self.config.max_given_up * self.outlook.seen
+        given_up = list(self._in_turn(self._best, self.remaining, context))
+        is_much = sum(view.gain for view in given_up) > self.config.max_given_up * self.remaining.seen
         return given_up[0] if is_much else None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
@@ -103,18 +103,18 @@ class NextBestView(Strategy):
 
         The viewpoints come first, whatever they cost, each for the ground that the earlier ones do not show.
         """
-        return [*self._in_turn(self._best, self.outlook, context), *self._unreachable(context)]
+        return [*self._in_turn(self._best, self.remaining, context), *self._unreachable(context)]
 
     def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
         """At most ``limit`` viewpoints, ``first`` and others worth a drive, each for ground no earlier one shows."""
-        return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), limit - 1)]
+        return [first, *islice(self._in_turn(self._next, self.remaining.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the ground that a keyframe at this viewpoint should show."""
-        cells = self.outlook.in_view(viewpoint)
+        cells = self.remaining.in_view(viewpoint)
         ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         self.sightings.expect(np.argwhere(cells), ends, context.poses)
-        terrain = self.outlook.terrain
+        terrain = self.remaining.terrain
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
         self._is_for_ground = viewpoint.gain <= area * (1 + self.config.shown)
@@ -143,32 +143,32 @@ class NextBestView(Strategy):
     def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """(N, 16) m², area that viewpoints must show to be worth ``seconds`` until their keyframes, or a scalar."""
         growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
-        return np.asarray(self.outlook.seen * np.expm1(growth * np.log1p(seconds / self.outlook.seconds)))
+        return np.asarray(self.remaining.seen * np.expm1(growth * np.log1p(seconds / self.remaining.seconds)))
 
-    def _next(self, outlook: Outlook, context: Context) -> Viewpoint | None:
+    def _next(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best viewpoint that is worth the drive, or else one that may open a path.
 
         From below a crest, a deck behind it is visible, but falling ground is not. Decks are assumed only if no other
         viewpoint is worth the drive.
         """
         for falls in (True, False):
-            best = self._best(replace(outlook, terrain=outlook.terrain._replace(falls=falls)), context)
+            best = self._best(replace(remaining, terrain=remaining.terrain._replace(falls=falls)), context)
             if best and best.gain >= self.needed(best.seconds):
                 return best
-        return self._opening(outlook, context)
+        return self._opening(remaining, context)
 
-    def _opening(self, outlook: Outlook, context: Context) -> Viewpoint | None:
+    def _opening(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
         The largest unreachable pieces come first. The cells that block the path may be few, but only unseen cells
         between reachable ground and the piece are considered.
         """
-        terrain = outlook.terrain
+        terrain = remaining.terrain
         traversability = context.traversability
         # Pieces of seen ground to which no path leads, and the cells that may block the paths to them.
         pieces, areas = _pieces(context)
         half = self.config.widest_bar / 2
-        bars = terrain.target & near_ground(context, context.paths.reachable, half)
+        bars = terrain.target & cells_touching(context, context.paths.reachable, half)
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # treated as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
         # The largest piece for which looking at the cells that may block the path is worth the time.
@@ -176,8 +176,8 @@ class NextBestView(Strategy):
         for piece in np.argsort(-areas):
             if areas[piece] < self.needed(self.config.keyframe_time):
                 return None
-            barred = bars & near_ground(context, pieces == piece, half)
-            viewpoint = self._look_at(barred, outlook, context)
+            barred = bars & cells_touching(context, pieces == piece, half)
+            viewpoint = self._look_at(barred, remaining, context)
             if viewpoint is None:
                 continue
             opened = terrain.probability[barred].max() * areas[piece]
@@ -185,18 +185,18 @@ class NextBestView(Strategy):
                 return replace(viewpoint, opens=True)
         return None
 
-    def _look_at(self, bars: MaskLayer, outlook: Outlook, context: Context) -> Viewpoint | None:
+    def _look_at(self, bars: MaskLayer, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best view of the cells that may block a path; None if no view shows any of them.
 
         A cell that stays unseen still blocks the path, so only views that show almost as many cells as the best one
         are considered. Views that do so even if the robot arrives closer than planned are preferred, because the
         camera cannot see the ground right in front of it.
         """
-        outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
-        farther = visibility.without_nearest(outlook.camera, self.config.visibility.close_by)
-        for camera in (farther, outlook.camera):
+        remaining = replace(remaining, terrain=remaining.terrain._replace(target=bars))
+        farther = visibility.without_nearest(remaining.camera, self.config.visibility.max_overshoot)
+        for camera in (farther, remaining.camera):
             if view := self._best(
-                replace(outlook, camera=camera), context, min_gain=0.0, min_fraction=self.config.shown
+                replace(remaining, camera=camera), context, min_gain=0.0, min_fraction=self.config.shown
             ):
                 return view
         return None
@@ -206,10 +206,10 @@ class NextBestView(Strategy):
         traversability = context.traversability
         pieces, areas = _pieces(context)
         half = self.config.widest_bar / 2
-        near = near_ground(context, context.paths.reachable, half)
+        near = cells_touching(context, context.paths.reachable, half)
         is_known = np.isfinite(traversability.elevation)
         steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)
-        target = self.outlook.terrain.target
+        target = self.remaining.terrain.target
         with_unseen = _joined(context, is_known & ~traversability.hazard | target)
         with_slopes = _joined(context, is_known & (steep | ~traversability.hazard))
         without = _joined(context, is_known & ~traversability.hazard)
@@ -217,7 +217,7 @@ class NextBestView(Strategy):
             if areas[piece] < self.config.min_piece_area:
                 return
             cells = pieces == piece
-            between = near & near_ground(context, cells, half)
+            between = near & cells_touching(context, cells, half)
             why: Why = "no_way"
             if (between & target & with_unseen).any():
                 why = "unseen"
@@ -230,42 +230,45 @@ class NextBestView(Strategy):
             yield Viewpoint(middle, 0.0, turn=False, gain=float(areas[piece]), seconds=np.inf, why=why)
 
     def _in_turn(
-        self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
+        self,
+        best: Callable[[RemainingGround, Context], Viewpoint | None],
+        remaining: RemainingGround,
+        context: Context,
     ) -> Iterator[Viewpoint]:
         """The viewpoints that ``best`` returns in turn, without rewards, each for ground no earlier one shows."""
         context = replace(context, rewards=None)
-        while viewpoint := best(outlook, context):
+        while viewpoint := best(remaining, context):
             yield viewpoint
-            outlook = outlook.after(viewpoint)
+            remaining = remaining.after(viewpoint)
 
     def _best(
-        self, outlook: Outlook, context: Context, min_gain: float | None = None, min_fraction: float = 0.0
+        self, remaining: RemainingGround, context: Context, min_gain: float | None = None, min_fraction: float = 0.0
     ) -> Viewpoint | None:
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         Args:
-            outlook: the ground that remains to be seen.
+            remaining: the ground that remains to be seen.
             context: the context of the decision.
             min_gain: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
             min_fraction: minimum fraction of the highest gain of any viewpoint.
         """
         paths = context.paths
         grid = context.traversability.grid
-        terrain = outlook.terrain
+        terrain = remaining.terrain
         if paths.start is None:
             return None
         # Candidates: the robot's position, and cells all over the reachable ground.
-        spread = self._candidates(outlook, context)
+        spread = self._candidates(remaining, context)
         places = np.vstack([paths.start, grid.centre_of(spread)])
         cells = np.vstack([grid.cell_of(paths.start), spread])
         # Gains: unseen ground in view and rewards, where their sum is large enough and the robot can stand.
-        here = visibility.gains(places[:1], outlook.camera, terrain)
-        cached = self._gains[terrain.falls, outlook.camera == self.outlook.camera]
-        gains = np.vstack([here, cached.of(spread, outlook.camera, terrain)])
+        here = visibility.gains(places[:1], remaining.camera, terrain)
+        cached = self._gains[terrain.falls, remaining.camera == self.remaining.camera]
+        gains = np.vstack([here, cached.of(spread, remaining.camera, terrain)])
         if self.takes_rewards and context.rewards and context.rewards.wanted:
             gains = gains + context.rewards.gains(context.traversability.on_ground(places), HEADING_ANGLES)
         min_gain = self._robot.width * terrain.cell if min_gain is None else min_gain
-        gains = np.where(bits(paths.headings[tuple(cells.T)]) & (gains >= min_gain), gains, 0.0)
+        gains = np.where(heading_mask(paths.headings[tuple(cells.T)]) & (gains >= min_gain), gains, 0.0)
         gains[gains < min_fraction * gains.max()] = 0.0
         is_some = gains.any(axis=1)
         if not is_some.any():
@@ -295,7 +298,7 @@ class NextBestView(Strategy):
         gain = float(gains[n, m])
         return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 
-    def _candidates(self, outlook: Outlook, context: Context) -> Cells:
+    def _candidates(self, remaining: RemainingGround, context: Context) -> Cells:
         """(N, 2) the cell of each block with most reachable headings, and some where the robot cannot turn around.
 
         The latter are close to ground that was assumed, not seen, at the start. With its back to the wall of a small
@@ -304,8 +307,8 @@ class NextBestView(Strategy):
         traversability = context.traversability
         paths = context.paths
         spread = best_of_blocks(np.bitwise_count(paths.headings), self.config.visibility.stride)
-        assumed = outlook.terrain.target & paths.reachable
-        near = traversability.grid.distance_to(assumed) <= outlook.camera.reach
+        assumed = remaining.terrain.target & paths.reachable
+        near = traversability.grid.distance_to(assumed) <= remaining.camera.reach
         is_one = paths.reachable & ~traversability.turnable & near
         is_one[tuple(spread.T)] = True
         return np.argwhere(is_one)

@@ -72,7 +72,7 @@ class Sightings:
             falls=True,
             ramp_slope=float(np.tan(RAMP_TILT)),
             nist_slope=guesses.nist_slope,
-            max_unknown=visibility.expected_depth(ground.tall, seen, layers.grid.cell, guesses),
+            max_unknown=visibility.expected_sight_length(ground.tall, seen, layers.grid.cell, guesses),
             level_run=guesses.level_run,
             new_view=guesses.new_view,
         )

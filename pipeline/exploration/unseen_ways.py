@@ -21,7 +21,7 @@ from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.planning.path_plan import goal_name
-from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
+from pipeline.planning.pose_paths import PosePaths, heading_mask, nearest_heading
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 
@@ -119,7 +119,7 @@ class UnseenWays:
         """Whether a goal is too far away for a search through unseen ground."""
         return not np.linalg.norm(goal - context.T_map_base[:2, 3]) <= self._numbers.farthest
 
-    def obstacle_to(self, goal: Place, context: Context) -> str | None:
+    def unreachable_reason(self, goal: Place, context: Context) -> str | None:
         """Why no path leads to a goal through unseen ground, for the log; None if unseen ground is not the cause."""
         ground = context.traversability
         if not np.isfinite(goal).all() or context.paths.start is None:
@@ -240,7 +240,7 @@ class UnseenWays:
             return start, headings[int(np.argmin(seconds))]
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         places = grid.centre_of(cells)
-        can_stand = bits(paths.headings[tuple(cells.T)])
+        can_stand = heading_mask(paths.headings[tuple(cells.T)])
         total = np.where(can_stand, paths.seconds_to(cells) + search.seconds_from(places), np.inf)
         if not np.isfinite(total).any():
             return None
@@ -268,7 +268,7 @@ class UnseenWays:
         cells = self._candidates(gap, context)
         places = t.grid.centre_of(cells)
         shares = visibility.gains(places, self._camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
-        shares = np.where(bits(paths.headings[tuple(cells.T)]), np.minimum(shares, 1.0), 0.0)
+        shares = np.where(heading_mask(paths.headings[tuple(cells.T)]), np.minimum(shares, 1.0), 0.0)
         some = (shares >= self._numbers.min_fraction).any(axis=1)
         cells = cells[some]
         places = places[some]

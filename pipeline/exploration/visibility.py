@@ -16,7 +16,7 @@ from pipeline.transforms import yaw_of
 
 
 def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
-    """The ground in view of a frame's camera, even if the robot stops ``short_by`` m before a viewpoint.
+    """The ground in view of a frame's camera, even if the robot stops ``max_undershoot`` m before a viewpoint.
 
     Nothing is expected within half a ray step of the image's lower and upper edges, or within one step of its sides.
     Values are rounded to 1 mm and 0.1°, so that vibrations of the camera do not change the result.
@@ -26,7 +26,12 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
     sensor = frame.sensor
-    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - sensor.margin - config.short_by
+    lengths = (
+        T[2, 3],
+        T[0, 3],
+        sensor.nearest + sensor.margin,
+        sensor.farthest - sensor.margin - config.max_undershoot,
+    )
     angles = pitch - down + step / 2, pitch + up - step / 2, left + right - 2 * step
     rounded = [round(float(metres), 3) for metres in lengths]
     edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
@@ -40,7 +45,7 @@ def without_nearest(camera: kernels.CameraView, metres: float) -> kernels.Camera
     return camera._replace(near=camera.near + metres, lower_edge=lower_edge)
 
 
-def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: VisibilityConfig) -> float:
+def expected_sight_length(walls: MaskLayer, seen: MaskLayer, cell: float, config: VisibilityConfig) -> float:
     """Length of unknown ground that a ray is expected to see through, m, rounded; longer in a hall than among walls.
 
     Args:

@@ -52,7 +52,7 @@ def any_mark(words):
 
 
 @njit(cache=True, nogil=True)
-def fold(words, log_odds, hit, miss, min_log_odds, max_log_odds):
+def update_log_odds(words, log_odds, hit, miss, min_log_odds, max_log_odds):
     """Add a scan's marks to the log-odds of the same voxels.
 
     Args:
@@ -66,11 +66,13 @@ def fold(words, log_odds, hit, miss, min_log_odds, max_log_odds):
             for k in range(words.shape[2]):
                 word = words[i, j, k]
                 if word != 0:
-                    _fold_word(word, log_odds[i, j, k * WORD : (k + 1) * WORD], hit, miss, min_log_odds, max_log_odds)
+                    _update_word(
+                        word, log_odds[i, j, k * WORD : (k + 1) * WORD], hit, miss, min_log_odds, max_log_odds
+                    )
 
 
 @njit(cache=True)
-def _fold_word(word, log_odds, hit, miss, min_log_odds, max_log_odds):
+def _update_word(word, log_odds, hit, miss, min_log_odds, max_log_odds):
     for n in range(WORD):
         mark = (word >> np.uint64(8 * n)) & np.uint64(0xFF)
         if mark != 0:

@@ -15,13 +15,13 @@ from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid, check_memory
 from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.config import MetricMapConfig
-from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
+from pipeline.metric_map.grid_kernels import WORD, any_mark, update_log_odds
 from pipeline.metric_map.updates import Scan, Updater
 from pipeline.transforms import FARTHEST, POSE, are_poses
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: the probability that it is free
 
-LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
+LOG_ODDS_PER_UNIT = 0.1  # Log-odds per unit of the map's int8 values
 COLUMN = 8  # Side of the columns that are rebuilt, voxels
 
 
@@ -96,7 +96,9 @@ class MetricMap:
         T_grid_camera = _rigid(T_map_camera)
         T_grid_camera[:3, 3] -= self.corner
         ends = np.zeros((0, 3), np.float32) if returns is None else returns - self.corner.astype(np.float32)
-        self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends))
+        self._add_scan(
+            self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends)
+        )
 
     def stride(self, intrinsics: Intrinsics) -> int:
         """Subsampling step that leaves three pixels across a voxel at maximum range, which suffice for free space."""
@@ -118,7 +120,7 @@ class MetricMap:
             raise InputError(f"the origin of a point cloud must be {limits}, not {start.tolist()}")
         cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
-            self._fold(self._updater.trace(cloud, start - self.corner))
+            self._add_scan(self._updater.trace(cloud, start - self.corner))
 
     def voxel_index(self, points: ArrayLike) -> Cells:
         """(N, 3) indices of the voxels that contain points (N, 3) in ``map``, m."""
@@ -136,7 +138,7 @@ class MetricMap:
         """A copy of the voxels from index ``lower`` (inclusive) to ``upper`` (exclusive).
 
         Returns:
-            (nx, ny, nz) int8 log-odds in units of LOG_ODDS: > 0 occupied, < 0 free, 0 unknown.
+            (nx, ny, nz) int8 log-odds in units of LOG_ODDS_PER_UNIT: > 0 occupied, < 0 free, 0 unknown.
 
         Raises:
             InputError: the copy would take too much memory.
@@ -146,7 +148,7 @@ class MetricMap:
         return self._log_odds.read(lower, shape)
 
     def log_odds_at(self, index: Cells) -> NDArray[np.int8]:
-        """(N,) int8 log-odds, in units of LOG_ODDS, of voxels with indices (N, 3)."""
+        """(N,) int8 log-odds, in units of LOG_ODDS_PER_UNIT, of voxels with indices (N, 3)."""
         return self._log_odds.at(index)
 
     def set_log_odds(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
@@ -237,7 +239,7 @@ class MetricMap:
         centres = [self.voxel_centre(np.argwhere(mask) + first) for first, mask in chosen]
         return np.concatenate([np.zeros((0, 3), np.float32), *centres])
 
-    def _fold(self, scan: Scan) -> None:
+    def _add_scan(self, scan: Scan) -> None:
         if self._rebuilding is not None:
             scan.marks[~self._are_rebuilt(scan.lower, scan.marks.shape)] = 0
         words = scan.marks.view(np.uint64)  # Eight marks each
@@ -249,7 +251,7 @@ class MetricMap:
         self._log_odds.reserve(key for key, _, _ in marked)
         c = self.config
         for key, part, in_block in marked:
-            fold(part, self._log_odds[key][in_block], c.hit, c.miss, c.min_log_odds, c.max_log_odds)
+            update_log_odds(part, self._log_odds[key][in_block], c.hit, c.miss, c.min_log_odds, c.max_log_odds)
 
 
 def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:

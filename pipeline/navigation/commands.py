@@ -36,9 +36,9 @@ class Approach(Velocity):
         return float(self.stretch.poses[self.at, 2])
 
     @property
-    def left(self) -> float:
+    def remaining_length(self) -> float:
         """Remaining length of the stretch, m."""
-        return self.stretch.length - float(self.stretch.along[self.at])
+        return self.stretch.length - float(self.stretch.distances_along[self.at])
 
 
 STOP = Velocity()

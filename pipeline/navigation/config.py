@@ -91,14 +91,14 @@ class ObstacleCheckConfig:
     """How the robot checks its path for obstacles that the map does not show.
 
     Attributes:
-        every: distance driven between two checks, m.
+        distance_between_checks: distance driven between two checks, m.
         turn: angle by which an arc turns the camera between two checks, rad; keyframes are taken about as often.
         ahead: distance from the robot's centre beyond which obstacles are ignored, m.
         min_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
             thickest dust at most 17.
     """
 
-    every: float = 0.4
+    distance_between_checks: float = 0.4
     turn: float = radians(15)
     ahead: float = 2.0
     min_returns: int = 50

@@ -188,7 +188,7 @@ class DrivenLeg:
     outcome: Outcome
 
 
-def of_leg(outcome: Outcome) -> Outcome:
+def leg_outcome(outcome: Outcome) -> Outcome:
     """The outcome of a leg, given the outcome of its drive; it is ``REACHED`` if the drive was done early."""
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
@@ -320,7 +320,7 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
         # If the turn fails, the leg has failed.
         outcome = self._supervised(self._turn_to(heading), send)
-        self.legs[-1].outcome = of_leg(outcome)
+        self.legs[-1].outcome = leg_outcome(outcome)
         return outcome
 
     def _is_elsewhere(self, start: Place | None) -> bool:
@@ -379,7 +379,7 @@ class Navigator:
         outcome = self._turn_towards(stretch, send)
         if outcome is Outcome.REACHED:
             outcome = self._supervised(self._along(stretch, speeds, is_passed), send, stretch.length)
-        self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))
+        self.legs.append(DrivenLeg(stretch.poses[-1, :2], leg_outcome(outcome)))
         return outcome
 
     def _turn_towards(self, stretch: Stretch, send: Send) -> Outcome:
@@ -518,8 +518,8 @@ class Navigator:
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
         """The part of a stretch, in ``odom``, that the robot needs to brake, from the pose of index ``at``."""
-        brakes = stretch.along[at] + self._braking_distance + self._config.follower.position_tolerance
-        end = int(np.searchsorted(stretch.along, brakes)) + 1
+        brakes = stretch.distances_along[at] + self._braking_distance + self._config.follower.position_tolerance
+        end = int(np.searchsorted(stretch.distances_along, brakes)) + 1
         return Stretch(stretch.poses[:end], stretch.backwards).after(at).moved(inverse(self._T_map_odom))
 
     @property

@@ -29,11 +29,11 @@ class ObstacleCheck:
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
         # At the last look: remaining length of the stretch, m, and direction of travel, rad
-        self._left, self._direction = np.inf, 0.0
+        self._remaining_length, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
         """Whether to look again: on a new stretch, after some distance, or when an arc has turned the camera."""
-        is_far = self._left - command.left >= self._config.every
+        is_far = self._remaining_length - command.remaining_length >= self._config.distance_between_checks
         has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.turn
         is_new = command.stretch is not self._stretch
         return (is_new or is_far or has_turned) and not self._is_too_near(command)
@@ -47,7 +47,8 @@ class ObstacleCheck:
 
         Obstacles are returns whose height above the mapped ground is between half the body's height and the headroom.
         """
-        self._stretch, self._left, self._direction = command.stretch, command.left, command.direction
+        self._stretch, self._direction = command.stretch, command.direction
+        self._remaining_length = command.remaining_length
         ground = self._traversability
         robot = ground.robot
         path = self._extended(command.path)
@@ -65,7 +66,7 @@ class ObstacleCheck:
 
     def _is_too_near(self, command: Approach) -> bool:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""
-        return command.left + self._traversability.robot.half_length < self._sensor.nearest
+        return command.remaining_length + self._traversability.robot.half_length < self._sensor.nearest
 
     def _extended(self, path: Places) -> Places:
         """(N, 2) m, the path of the front of the footprint, up to its end or to ``ahead`` m from the robot."""

@@ -38,7 +38,7 @@ class SpeedLimit:
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
         turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
         speeds = np.minimum(self._on_ground(poses), turning)
-        return braked(speeds, stretch.along, self._deceleration)
+        return braked(speeds, stretch.distances_along, self._deceleration)
 
     def _on_ground(self, poses: Places) -> Values:
         """(N,) maximum speeds, m/s, allowed at poses (N, 3) by the ground and the people there."""

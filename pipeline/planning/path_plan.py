@@ -23,13 +23,13 @@ class PathPlan:
     """A path to a goal: straight drives and turns in place.
 
     Attributes:
-        way_points: (N, 3) ends of the drives, the goal last, m.
+        waypoints: (N, 3) ends of the drives, the goal last, m.
         backwards: (N,) which of the drives are backwards.
         nodes: ids of the nodes that the route passes, in order.
         length: horizontal length of the path from the robot's position, m.
     """
 
-    way_points: Places
+    waypoints: Places
     backwards: Mask
     nodes: list[int]
     length: float
@@ -103,10 +103,10 @@ def plan_path(
     Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree, the route passes through each of
     them, unless a single straight drive reaches the goal. On the roadmap, the route is that found by the search over
     poses, which is faster and need not pass through the nodes. Returns None if no route leads to the goal;
-    :func:`obstacle_to` gives the reason.
+    :func:`unreachable_reason` gives the reason.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
-    if obstacle_to(paths, goal) is not None:
+    if unreachable_reason(paths, goal) is not None:
         return None
     start, way = required(paths.start), paths.straightened_path_to(goal, heading)
     nodes = _nodes_between(topology, traversability, start, goal) if len(way.places) > 1 else []
@@ -132,7 +132,7 @@ def _paths_over(
     return legs
 
 
-def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
+def unreachable_reason(paths: PosePaths, goal: ArrayLike) -> str | None:
     """Why the robot cannot drive to a goal (2 or 3,), m, as a line for the log; None if it can."""
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     grid, name = traversability.grid, goal_name(goal)
@@ -171,13 +171,13 @@ def place_name(xy: Place) -> str:
 def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     """The order in which to visit several goals so that the drive from the start of ``paths`` is short.
 
-    Goals that the robot cannot drive to are left out; :func:`obstacle_to` gives the reason.
+    Goals that the robot cannot drive to are left out; :func:`unreachable_reason` gives the reason.
 
     Returns:
         Indices of ``goals``.
     """
     places = [np.asarray(goal, np.float64)[:2] for goal in goals]
-    wanted = [k for k, place in enumerate(places) if obstacle_to(paths, place) is None]
+    wanted = [k for k, place in enumerate(places) if unreachable_reason(paths, place) is None]
     there = [paths, *(PosePaths(paths.traversability, places[k], caution=paths.caution) for k in wanted)]
     seconds = np.zeros((len(wanted) + 1, len(wanted) + 1))
     for row, ways in zip(seconds, there, strict=False):

@@ -75,7 +75,9 @@ class PosePaths:
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
         if self.heading is not None:
             return np.column_stack([cells, np.full(len(cells), nearest_heading(self.heading))])
-        row, heading = np.nonzero(bits(self.traversability.free[tuple(cells.T)][:, 0].astype(np.uint16) * 257))
+        row, heading = np.nonzero(
+            heading_mask(self.traversability.free[tuple(cells.T)][:, 0].astype(np.uint16) * 257)
+        )
         return np.column_stack([cells[row], heading])
 
     def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
@@ -181,7 +183,7 @@ class PosePaths:
         """(N,) whether the robot can reach, and stand at, cells with headings (N, 3), which may be off the grid."""
         inside = self._grid.holds(states[:, :2])
         i, j, heading = np.where(inside[:, None], states, 0).T
-        return np.asarray(inside & bits(self.headings[i, j])[np.arange(len(states)), heading])
+        return np.asarray(inside & heading_mask(self.headings[i, j])[np.arange(len(states)), heading])
 
     def nearest(self, places: Places) -> int | None:
         """Index of the position (N, 2) cheapest to reach; None if none is reachable or any is off the grid."""
@@ -249,7 +251,7 @@ class PosePaths:
         return states[::-1]
 
 
-def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
+def heading_mask(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
     """(..., 16) which of the 16 bits of ``headings`` (...) are set."""
     return (headings[..., None] >> np.arange(HEADINGS, dtype=np.uint16)) & 1 == 1
 

@@ -24,14 +24,14 @@ class ArcConfig:
 
     Attributes:
         radii: radii of the arcs, in the order in which they are tried, m.
-        widest: maximum angle of an arc, rad; for larger angles, the robot turns in place.
-        straight: angle between two lines below which the robot needs no arc, rad.
+        max_angle: maximum angle of an arc, rad; for larger angles, the robot turns in place.
+        min_angle: minimum angle of an arc, rad; for smaller angles, the robot needs none.
         spacing: distance between successive poses of a stretch, m.
     """
 
     radii: tuple[float, ...] = (0.6, 0.45, 0.3, 0.2)
-    widest: float = float(np.radians(120))
-    straight: float = float(np.radians(5))
+    max_angle: float = float(np.radians(120))
+    min_angle: float = float(np.radians(5))
     spacing: float = 0.02
 
 
@@ -58,14 +58,14 @@ class Stretch:
         return float(self.poses[-1, 2]) + np.pi * self.backwards
 
     @cached_property
-    def along(self) -> Values:
+    def distances_along(self) -> Values:
         """(N,) distances of the poses from the first along the stretch, m."""
         return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.poses[:, :2], axis=0), axis=1)))
 
     @property
     def length(self) -> float:
         """Length of the stretch, m."""
-        return float(self.along[-1])
+        return float(self.distances_along[-1])
 
     def nearest(self, place: Place, after: int) -> int:
         """Index of the pose nearest to a position (2,), m, among the poses on the half metre from index ``after``."""
@@ -80,13 +80,12 @@ class Stretch:
         """Distance to the end and offset to the left, m, of a position (2,), m, next to the pose of index ``at``."""
         x, y, direction = self.poses[at]
         (a, b), off = _unit(direction), place - (x, y)
-        return self.length - float(self.along[at] + a * off[0] + b * off[1]), float(a * off[1] - b * off[0])
+        return self.length - float(self.distances_along[at] + a * off[0] + b * off[1]), float(a * off[1] - b * off[0])
 
     def curvature_at(self, at: int, ahead: float) -> float:
         """Curvature ``ahead`` m past the pose of index ``at``, 1/m."""
-        return float(
-            self.curvature[np.searchsorted(self.along, self.along[at] + ahead).clip(max=len(self.poses) - 1)]
-        )
+        index = np.searchsorted(self.distances_along, self.distances_along[at] + ahead)
+        return float(self.curvature[index.clip(max=len(self.poses) - 1)])
 
     def after(self, at: int) -> "Stretch":
         """The rest of the stretch from the pose of index ``at``; at least two poses."""
@@ -97,10 +96,10 @@ class Stretch:
         moved = transform_points(T, np.column_stack([self.poses[:, :2], np.zeros(len(self.poses))]))[:, :2]
         return Stretch(np.column_stack([moved, self.poses[:, 2] + yaw_of(T)]), self.backwards)
 
-    def leads_to(self, other: "Stretch", widest: float) -> bool:
-        """Whether another stretch continues in the same direction, with a turn of less than ``widest`` rad."""
+    def leads_to(self, other: "Stretch", max_angle: float) -> bool:
+        """Whether another stretch continues in the same direction, with a turn of less than ``max_angle`` rad."""
         angle = wrap_angle(other.poses[0, 2] - self.poses[-1, 2])
-        return self.backwards == other.backwards and bool(abs(angle) < widest)
+        return self.backwards == other.backwards and bool(abs(angle) < max_angle)
 
     def and_then(self, other: "Stretch") -> "Stretch":
         """This stretch joined to the one that follows."""
@@ -110,11 +109,12 @@ class Stretch:
     def curvature(self) -> Values:
         """(N,) curvatures, 1/m, positive to the left; the last pose has the curvature of the one before it."""
         turned = wrap_angle(np.diff(self.poses[:, 2]))
-        return np.append(turned, turned[-1]) / np.append(np.diff(self.along), self.along[-1] - self.along[-2])
+        lengths = np.diff(self.distances_along)
+        return np.append(turned, turned[-1]) / np.append(lengths, lengths[-1])
 
 
 def stretches_of(
-    way_points: Places,
+    waypoints: Places,
     backwards: Mask,
     start: Place,
     heading: float | None,
@@ -124,7 +124,7 @@ def stretches_of(
     """The stretches of a path; between two stretches, the robot turns in place or reverses its direction.
 
     Args:
-        way_points: (N, 2) waypoints, m.
+        waypoints: (N, 2) positions, m, the end of the path last.
         backwards: (N,) which waypoints the robot drives to backwards.
         start: (3,) x and y, m, and heading, rad, of the robot at the start.
         heading: heading of the robot at the end, rad; None for any. Without an arc to it, the last stretch ends with
@@ -135,8 +135,8 @@ def stretches_of(
     result: list[Stretch] = []
     number = 0
     for back, group in groupby(backwards.tolist()):
-        places = way_points[number : (number := number + len(list(group)))]
-        end = None if heading is None or number < len(way_points) else heading + np.pi * back
+        places = waypoints[number : (number := number + len(list(group)))]
+        end = None if heading is None or number < len(waypoints) else heading + np.pi * back
         for poses in _Bends(fits, config).round(start + np.array([0, 0, np.pi * back]), places, end):
             result.append(Stretch(poses, back))
         if result:
@@ -189,7 +189,7 @@ class _Bends:
                 self._now.append(arc)
                 return arc[-1, :2]
         self._line(here, corner)
-        if abs(angle) > self._config.straight:
+        if abs(angle) > self._config.min_angle:
             self._stop()
         return corner
 
@@ -197,7 +197,7 @@ class _Bends:
         """An arc from a pose whose end points straight at a position; None if no arc fits."""
         for radius in self._radii(float(wrap_angle(_direction(start[:2], target) - start[2]))):
             angle = _angle_to(start, target, radius)
-            if angle is None or abs(angle) > self._config.widest:
+            if angle is None or abs(angle) > self._config.max_angle:
                 continue
             arc = self._arc(start, angle, radius)
             if self._fits(np.vstack([arc, self._straight(arc[-1, :2], target)])):
@@ -212,7 +212,7 @@ class _Bends:
         return None if back is None else back[::-1] + np.array([0, 0, np.pi])
 
     def _radii(self, angle: float) -> Sequence[float]:
-        is_arc = self._config.straight < abs(angle) <= self._config.widest
+        is_arc = self._config.min_angle < abs(angle) <= self._config.max_angle
         return self._config.radii if is_arc else ()
 
     def _arc(self, pose: Place, angle: float, radius: float) -> Places:

@@ -157,11 +157,11 @@ def path(step: Step) -> rr.LineStrips3D:
     """The path from the robot to the next viewpoint, and a short line along its heading; none without a plan."""
     strips = []
     if step.plan is not None:
-        strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.way_points]))
+        strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.waypoints]))
     if step.plan is not None and step.viewpoint is not None:
         yaw = step.viewpoint.heading
         heading = np.array([np.cos(yaw), np.sin(yaw), 0]) / 3
-        strips.append(step.plan.way_points[-1] + np.array([np.zeros(3), heading]))
+        strips.append(step.plan.waypoints[-1] + np.array([np.zeros(3), heading]))
     return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=2 * LINE)
 
 

@@ -131,7 +131,7 @@ class Router:
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
         end = order[0] if seeing is None else seeing
         plan = required(plan_path(self.topology, self.paths, centres[end]))
-        way = np.vstack([self._traversability.on_ground(required(self.paths.start)[None]), plan.way_points])
+        way = np.vstack([self._traversability.on_ground(required(self.paths.start)[None]), plan.waypoints])
         ends = pairwise(way[:, :2])
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in ends]
         trace = self._traversability.on_ground(np.vstack(parts))

@@ -127,7 +127,7 @@ class EpisodeScore(Sink):
         self._frontiers_left = len(step.frontiers)
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
-                step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
+                step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.waypoints[-1, :2])
             )
 
     def finish(self, result: Result) -> None:

@@ -17,7 +17,7 @@ from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.grid_map import best_of_blocks
 from pipeline.localisation.config import KeyframePolicy
-from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
+from pipeline.planning.pose_paths import PosePaths, heading_mask, nearest_heading
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from sarsim.ground_truth.true_surface import GroundTruthSurface
@@ -102,7 +102,7 @@ class Oracle(ViewTours):
         """
         headings = self.paths(0).headings
         cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
-        n, m = np.nonzero(bits(headings[tuple(cells.T)]))
+        n, m = np.nonzero(heading_mask(headings[tuple(cells.T)]))
         return np.vstack(
             [self.start, np.column_stack([self.ground.grid.centre_of(cells[n]), wrap_angle(HEADING_ANGLES[m])])]
         )

@@ -151,7 +151,7 @@ class LaneDrive(Sink):
         goals = Goals([np.array([towards * self._lane.goal, 0.0])])
         self._explorer.mission.goals = goals
         explore(self._explorer)
-        is_reached = any(visit.obstacle is None for visit in goals.visits)
+        is_reached = any(visit.failure_reason is None for visit in goals.visits)
         return ARRIVED_AT if is_reached else "held" if self._explorer.is_held else "given_up"
 
     def close(self) -> None:

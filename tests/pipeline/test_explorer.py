@@ -151,7 +151,7 @@ def test_goals_that_were_seen_come_before_views_and_views_only_as_long_as_goals_
     np.testing.assert_allclose(viewpoint.position, (1.2, 0.0))
     explorer.pilot.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
     assert explorer.step().viewpoint.gain > 0
-    assert len(explorer.mission.goals.left) == 1
+    assert len(explorer.mission.goals.remaining) == 1
     explorer.mission.may_explore = False  # which limits exploring, not the way to a goal
     assert explorer.step().viewpoint is not None
     explorer.mission.goals = Goals([])
@@ -163,5 +163,5 @@ def test_a_step_can_be_redirected_to_a_viewpoint_from_outside(explorer):
     other = Viewpoint(np.array([1.2, 0.0]), 0.0, True, 0.0)
     redirected = explorer.redirect(step, other)
     assert redirected.viewpoint is other and redirected.keyframe is step.keyframe
-    np.testing.assert_allclose(redirected.plan.way_points[-1, :2], other.position, atol=0.05)
+    np.testing.assert_allclose(redirected.plan.waypoints[-1, :2], other.position, atol=0.05)
     assert explorer.redirect(step, replace(other, position=np.array([50.0, 0.0]))).plan is None

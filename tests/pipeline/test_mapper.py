@@ -17,7 +17,7 @@ from pipeline.labels import Label
 from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
-from pipeline.planning.pose_paths import bits
+from pipeline.planning.pose_paths import heading_mask
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.transforms import from_yaw, yaw_of
@@ -100,7 +100,7 @@ def test_a_robot_set_down_between_walls_that_it_cannot_see_turns_there_and_stays
     mapper = set_down(cell, *np.arange(8) * np.pi / 4, reach=(0.8, 4.0))
     ground = mapper.traversability
     assert ground.grid.at(ground.turnable, (0.0, 0.0))
-    cells, headings = np.split(np.argwhere(bits(ground.free[..., 0].astype(np.uint16))), [2], axis=1)
+    cells, headings = np.split(np.argwhere(heading_mask(ground.free[..., 0].astype(np.uint16))), [2], axis=1)
     angles = HEADING_ANGLES[headings[:, 0]]
     reach = PIONEER.half_length * np.abs([np.cos(angles), np.sin(angles)])
     reach += PIONEER.half_width * np.abs([np.sin(angles), np.cos(angles)])

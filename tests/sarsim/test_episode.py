@@ -161,7 +161,7 @@ def put_in_the_way(episode: Episode, step: Step) -> None:
     """Move the geom once 1.6 m along the first drive forward that is longer than that: an arc may lead there."""
     data = episode.robot.physics.data
     if step.plan and data.mocap_pos[0, 0] > 8:
-        places = np.vstack([step.keyframe.T_map_base[:2, 3], step.plan.way_points[:, :2]])
+        places = np.vstack([step.keyframe.T_map_base[:2, 3], step.plan.waypoints[:, :2]])
         for start, drive, backs in zip(places, np.diff(places, axis=0), step.plan.backwards, strict=False):
             if (length := np.linalg.norm(drive)) > 2 and not backs:
                 data.mocap_pos[0, :2] = start + 1.6 * drive / length

@@ -16,7 +16,7 @@ from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
 from pipeline.labels import COLOURS, Label
-from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.metric_map.metric_map import LOG_ODDS_PER_UNIT, MetricMap
 
 REACH = -int(np.iinfo(np.int16).min)  # Reach of an OctoMap octree, with 16 levels, from the origin, voxels
 CLAMP = np.finfo(np.float64).eps  # OctoMap's lower limit of probabilities, less than any in the map
@@ -66,7 +66,7 @@ def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Poin
     tree.setClampingThresMin(CLAMP)
     tree.setClampingThresMax(1 - CLAMP)
     places = (index + 0.5) * metric_map.voxel_size
-    log_odds = (metric_map.log_odds_at(index) * LOG_ODDS).tolist()
+    log_odds = (metric_map.log_odds_at(index) * LOG_ODDS_PER_UNIT).tolist()
     for place, value in zip(places, log_odds, strict=True):
         tree.updateNode(place, value, True)
     return places

@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from pipeline.arrays import Directions, Places, Points, Pose, Values
 from pipeline.files import MAX_MEMORY, atomic_write, read_bytes
-from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.metric_map.metric_map import LOG_ODDS_PER_UNIT, MetricMap
 from pipeline.plugins.league.brief import MissionBrief
 from pipeline.transforms import inverse, transform_points
 
@@ -70,7 +70,7 @@ def write_cloud(
     Raises:
         InputError: the file cannot be written.
     """
-    confidence = expit(LOG_ODDS * metric_map.log_odds_at(metric_map.voxel_index(points)))
+    confidence = expit(LOG_ODDS_PER_UNIT * metric_map.log_odds_at(metric_map.voxel_index(points)))
     T = inverse(T_map_league)
     moved, normals = transform_points(T, points), _normals(points, cameras, neighbours) @ T[:3, :3].T
     comments = (brief.team, f"{brief.start:%Y-%m-%d %H:%M:%S}", brief.name)

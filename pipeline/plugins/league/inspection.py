@@ -14,7 +14,7 @@ from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
 from pipeline.keyframes import UNIT, AnchoredPlaces, KeyframeObservation, Keyframes
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.planning.pose_paths import bits
+from pipeline.planning.pose_paths import heading_mask
 from pipeline.plugins.league.config import InspectionConfig
 from pipeline.transforms import transform_places, wrap_angle
 
@@ -97,7 +97,7 @@ class Inspection(Strategy):
         places = context.traversability.on_ground(context.traversability.grid.centre_of(cells))
         cameras = places + _height(context.frame)
         ahead = np.abs(wrap_angle(_bearings(left, places)[..., None] - HEADING_ANGLES)).argmin(axis=2)
-        seconds = np.where(bits(paths.headings[tuple(cells.T)]), paths.seconds_to(cells), np.inf)
+        seconds = np.where(heading_mask(paths.headings[tuple(cells.T)]), paths.seconds_to(cells), np.inf)
         cost = np.where(self._shows(left, places, context.frame), seconds[np.arange(len(cells)), ahead], np.inf)
         for index in np.argsort(cost, axis=None, kind="stable"):
             wall, place = np.unravel_index(index, cost.shape)

@@ -16,7 +16,7 @@ from pipeline.grid_map import Grid, check_memory
 from pipeline.lettering import IN_MIDDLE, width_of, write
 from pipeline.metric_map.io.plans import write_geotiff
 from pipeline.metric_map.io.ros_map import LETHAL, costs
-from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.metric_map.metric_map import LOG_ODDS_PER_UNIT, MetricMap
 from pipeline.plugins.league.pois import PointOfInterest
 from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS, pixels
 from pipeline.transforms import inverse, transform_points
@@ -45,7 +45,7 @@ def searched_ground(ground: Traversability, metric_map: MetricMap, places: Place
     i, j = np.nonzero(cost >= 0)
     points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
     confidence = np.zeros(grid.shape)
-    confidence[i, j] = expit(LOG_ODDS * np.abs(metric_map.log_odds_at(metric_map.voxel_index(points))))
+    confidence[i, j] = expit(LOG_ODDS_PER_UNIT * np.abs(metric_map.log_odds_at(metric_map.voxel_index(points))))
     return SearchedGround(grid, cost == LETHAL, confidence)
 
 

@@ -96,7 +96,7 @@ class MapTopics:
         values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
         self._send("/map", time, messages.occupancy_grid(time, traversability.grid, values))
         self._send("/path", time, messages.path(time, mapper.keyframes.poses[:, :3, 3]))
-        way = np.zeros((0, 3)) if plan is None else np.vstack([keyframe.T_map_base[:3, 3], plan.way_points])
+        way = np.zeros((0, 3)) if plan is None else np.vstack([keyframe.T_map_base[:3, 3], plan.waypoints])
         self._send("/plan", time, messages.path(time, way))
         self._send("/markers", time, self._markers(mapper, time))
 

@@ -55,14 +55,14 @@ def drive(world, goals, share=1.0, here=START, most=100):
 def test_goals_are_visited_in_a_short_order(world):
     goals = Goals([(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (-1.0, -1.4)])
     assert drive(world, goals) == [(-1.0, -1.4), (-1.0, 0.0), (1.0, 1.0), (1.5, -1.5)]
-    assert not goals.left
-    assert all(visit.obstacle is None for visit in goals.visits)
+    assert not goals.remaining
+    assert all(visit.failure_reason is None for visit in goals.visits)
 
 
 def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(world):
     goals = Goals([(9.0, 9.0), (-1.0, -1.4), (0.02, -1.0), (np.nan, 0.0)])
     assert drive(world, goals) == [(-1.0, -1.4)]
-    outcomes = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
+    outcomes = {tuple(visit.goal): visit.failure_reason for visit in goals.visits}
     assert outcomes[-1.0, -1.4] is None
     assert "(9.00, 9.00) m" in str(outcomes[9.0, 9.0])
     assert "in a wall" in outcomes[0.02, -1.0]
@@ -72,13 +72,13 @@ def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(wo
 def test_a_robot_that_is_held_gives_a_goal_up(world):
     goals = Goals([(-1.0, -1.4)], config=PATIENT)
     assert len(drive(world, goals, share=0.0)) == PATIENCE
-    assert "given up" in str(goals.visits[0].obstacle)
+    assert "given up" in str(goals.visits[0].failure_reason)
 
 
 def test_a_robot_that_comes_nearer_is_patient(world):
     goals = Goals([(-1.0, -1.4)], config=PATIENT)
     assert len(drive(world, goals, share=0.15)) > PATIENCE
-    assert goals.visits[0].obstacle is None
+    assert goals.visits[0].failure_reason is None
 
 
 def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
@@ -86,23 +86,23 @@ def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
     monkeypatch.setattr(mission, "order_goals", lambda *given: [next(turns) % len(given[1])] if given[1] else [])
     goals = Goals([(-1.0, -1.4), (1.5, -1.5)], config=PATIENT)
     assert len(drive(world, goals, share=0.0)) <= 2 * PATIENCE
-    assert all("given up" in str(visit.obstacle) for visit in goals.visits)
+    assert all("given up" in str(visit.failure_reason) for visit in goals.visits)
 
 
 def test_home_may_be_beside_where_the_robot_can_drive(world):
     corner = (-2.9, -1.9)
     refused, snapped = Goals([corner]), Goals([corner], may_be_near=True)
     assert drive(world, refused) == []
-    assert "too close" in str(refused.visits[0].obstacle)
+    assert "too close" in str(refused.visits[0].failure_reason)
     (place,) = drive(world, snapped)
     assert np.linalg.norm(np.array(place) - corner) <= 0.5
-    assert snapped.visits[0].obstacle is None
+    assert snapped.visits[0].failure_reason is None
 
 
 def test_a_goal_where_the_robot_stands_is_reached_without_a_drive(world):
     goals = Goals([(START[0] + 0.07, START[1])])
     assert drive(world, goals) == []
-    assert goals.visits[0].obstacle is None
+    assert goals.visits[0].failure_reason is None
 
 
 def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
@@ -110,9 +110,9 @@ def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
     context = context_at(world, START)
     goals.observe(context)
     assert goals.next_viewpoint(context) is None
-    assert len(goals.left) == 1
+    assert len(goals.remaining) == 1
     goals.refuse()
-    assert "(9.00, 9.00) m" in str(goals.visits[0].obstacle)
+    assert "(9.00, 9.00) m" in str(goals.visits[0].failure_reason)
 
 
 def test_each_goal_has_its_own_way_and_time(world):
@@ -135,7 +135,7 @@ def test_a_mission_turns_back_on_the_way_to_goals_in_time(world):
 def test_a_goal_is_refused_when_the_episode_ends_before_any_step():
     goals = Goals([(1.0, 2.0)])
     goals.refuse()
-    assert "(1.00, 2.00) m" in goals.visits[0].obstacle
+    assert "(1.00, 2.00) m" in goals.visits[0].failure_reason
 
 
 class Shown:

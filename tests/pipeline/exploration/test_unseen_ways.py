@@ -38,7 +38,7 @@ def test_no_way_leads_out_of_a_closed_room_nor_into_its_wall(goal):
     goals.observe(here)
     assert goals.next_viewpoint(here) is None and not goals.may_open
     goals.refuse()
-    assert goals.visits[0].obstacle
+    assert goals.visits[0].failure_reason
 
 
 def test_a_goal_that_walls_enclose_is_not_approached():
@@ -69,7 +69,7 @@ def test_ground_that_no_view_shows_is_given_up(short):
     goals.is_tight = True
     assert goals.may_open  # since no hazard is in the way
     goals.refuse()
-    assert goals.visits[0].obstacle
+    assert goals.visits[0].failure_reason
 
 
 def test_of_two_unseen_goals_the_nearer_comes_first():

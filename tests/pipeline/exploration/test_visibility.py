@@ -167,7 +167,7 @@ def test_mean_free_path_is_pi_times_the_area_over_the_perimeter(size):
 def test_rays_are_expected_to_go_farther_in_a_hall_than_among_walls():
     config, nothing = VisibilityConfig(), np.zeros((400, 400), np.bool_)
     among_walls, hall, open_ground = (
-        visibility.expected_depth(walls, seen, 0.05, config)
+        visibility.expected_sight_length(walls, seen, 0.05, config)
         for walls, seen in (room(1.2), room(12.0), (nothing, ~nothing))
     )
 

@@ -23,17 +23,17 @@ class Follower(Navigator):
         super().__init__(robot.model, robot.control_period, config)
         self.robot = robot
 
-    def way(self, way_points, heading=None, backwards=None, arcs: bool = False) -> list[Stretch]:
+    def way(self, waypoints, heading=None, backwards=None, arcs: bool = False) -> list[Stretch]:
         """The way from where the robot is through points (N, 2), with arcs or without."""
         if self.motion is None:
             self.moved(self.robot.drive(Velocity()))
-        T, backwards = self.T_map_base, np.zeros(len(way_points), np.bool_) if backwards is None else backwards
+        T, backwards = self.T_map_base, np.zeros(len(waypoints), np.bool_) if backwards is None else backwards
         start = np.append(T[:2, 3], yaw_of(T))
-        return stretches_of(np.asarray(way_points, float), backwards, start, heading, lambda poses: arcs)
+        return stretches_of(np.asarray(waypoints, float), backwards, start, heading, lambda poses: arcs)
 
     def drive(
         self,
-        way_points,
+        waypoints,
         heading=None,
         backwards=None,
         arcs: bool = False,
@@ -41,7 +41,7 @@ class Follower(Navigator):
         **kwargs,
     ) -> bool:
         """Drive through way points; True if all of them, and the heading, were reached."""
-        way = self.way(way_points, heading, backwards, arcs)
+        way = self.way(waypoints, heading, backwards, arcs)
         return self.follow(Course(way, heading, **kwargs), partial(self.send, watch=watch)) is Outcome.REACHED
 
     def send(self, command: Velocity, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE) -> Verdict:

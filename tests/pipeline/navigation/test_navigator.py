@@ -23,10 +23,10 @@ coordinates = st.floats(-3, 3)
 
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=3), st.floats(-np.pi, np.pi))
-def test_it_reaches_its_way_points_and_its_heading(way_points, heading):
+def test_it_reaches_its_waypoints_and_its_heading(waypoints, heading):
     robot = KinematicRobot()
-    assert Follower(robot).drive(np.array(way_points), heading)
-    assert np.linalg.norm(robot.T[:2, 3] - way_points[-1]) < 0.06
+    assert Follower(robot).drive(np.array(waypoints), heading)
+    assert np.linalg.norm(robot.T[:2, 3] - waypoints[-1]) < 0.06
     assert abs(wrap_angle(yaw_of(robot.T) - heading)) < np.deg2rad(3)
 
 

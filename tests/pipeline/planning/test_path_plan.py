@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.planning.path_plan import obstacle_to, order_goals, plan_path
+from pipeline.planning.path_plan import order_goals, plan_path, unreachable_reason
 from pipeline.planning.pose_paths import PosePaths
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
@@ -22,7 +22,7 @@ def test_a_goal_in_sight_is_driven_to_straight(u_turn):
     plan = plan_path(topology, PosePaths(traversability, (-2, -1.5)), (-1, 0.5))
     assert plan is not None
     assert plan.nodes == []
-    np.testing.assert_allclose(plan.way_points, [[-1, 0.5, 0]], atol=1e-6)
+    np.testing.assert_allclose(plan.waypoints, [[-1, 0.5, 0]], atol=1e-6)
 
 
 @pytest.mark.parametrize("goal", [(1.0, -1.5), (2.5, 0.0), (0.6, 0.5)])
@@ -32,11 +32,11 @@ def test_a_goal_behind_a_wall_is_reached_over_nodes(u_turn, goal):
     plan = plan_path(topology, paths, goal)
     assert plan is not None
     assert plan.nodes
-    way = np.vstack([[paths.start], plan.way_points[:, :2]])
+    way = np.vstack([[paths.start], plan.waypoints[:, :2]])
     assert np.isfinite(traversability.line_seconds(way[:-1], way[1:])).all()
     assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     assert plan.length <= 1.25 * np.linalg.norm(np.diff(paths.path_to(goal), axis=0), axis=1).sum()
-    assert len(plan.backwards) == len(plan.way_points)
+    assert len(plan.backwards) == len(plan.waypoints)
 
 
 def test_on_the_tree_the_way_leads_over_its_nodes():
@@ -46,7 +46,7 @@ def test_on_the_tree_the_way_leads_over_its_nodes():
     assert plan is not None
     assert plan.nodes
     for node in plan.nodes:
-        assert np.linalg.norm(plan.way_points - topology.nodes[node].position, axis=1).min() < 0.01
+        assert np.linalg.norm(plan.waypoints - topology.nodes[node].position, axis=1).min() < 0.01
 
 
 def test_the_quicker_side_of_an_island_is_taken():
@@ -56,7 +56,7 @@ def test_the_quicker_side_of_an_island_is_taken():
     for side in (-1, 1):
         plan = plan_path(topology, PosePaths(traversability, (-1.8, 0.3 * side)), (1.8, 0.4 * side))
         assert plan is not None
-        assert (side * plan.way_points[:-1, 1] > 0.6).all()
+        assert (side * plan.waypoints[:-1, 1] > 0.6).all()
 
 
 def test_where_the_map_contradicts_a_way_there_is_none(u_turn):
@@ -80,14 +80,14 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
         (np.nan, 0.0): "(nan, 0.00)",
     }
     for goal, reason in reasons.items():
-        message = obstacle_to(paths, goal)
+        message = unreachable_reason(paths, goal)
         assert message is not None
         assert reason in message
         assert "\n" not in message
         assert plan_path(topology, paths, goal) is None
-    assert obstacle_to(paths, (0.0, 0.0)) is None
+    assert unreachable_reason(paths, (0.0, 0.0)) is None
     lost = PosePaths(traversability, (30.0, 30.0))
-    assert "the robot cannot leave its current position" in str(obstacle_to(lost, (0.0, 0.0)))
+    assert "the robot cannot leave its current position" in str(unreachable_reason(lost, (0.0, 0.0)))
     assert plan_path(topology, lost, (0.0, 0.0)) is None
 
 

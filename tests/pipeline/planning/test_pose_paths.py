@@ -12,7 +12,7 @@ from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.traversability import assess, assess_map
 from pipeline.grid_map import Grid
 from pipeline.planning import pose_paths_kernels as kernels
-from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading, simplify
+from pipeline.planning.pose_paths import PosePaths, heading_mask, nearest_heading, simplify
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
@@ -50,7 +50,7 @@ def scattered(blocks):
 
 def stands_in(traversability):
     """(nx, ny, 16) where enough room is left around the robot with each heading."""
-    return bits(traversability.free[..., 0].astype(np.uint16) * 257)
+    return heading_mask(traversability.free[..., 0].astype(np.uint16) * 257)
 
 
 def graph_of(traversability):
@@ -116,7 +116,7 @@ def test_a_search_up_to_a_horizon_gives_the_same_as_a_whole_one(blocks, heading,
 def test_the_poses_named_before_the_search_are_those_that_it_reaches(blocks, heading):
     traversability = scattered(blocks)
     paths = PosePaths(traversability, (1.025, 1.025), float(pose_kernels.HEADING_ANGLES[heading]))
-    named = bits(paths.headings)
+    named = heading_mask(paths.headings)
     np.testing.assert_array_equal(named, np.isfinite(paths.seconds) & stands_in(traversability))
 
 

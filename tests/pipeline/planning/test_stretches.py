@@ -112,5 +112,5 @@ def test_one_stretch_goes_on_with_another():
     assert not first.leads_to(third, 0.1)
     both = first.and_then(second)
     assert both.length == pytest.approx(2)
-    assert all(a < b for a, b in pairwise(both.along))
+    assert all(a < b for a, b in pairwise(both.distances_along))
     assert isinstance(both, Stretch)

@@ -28,16 +28,16 @@ def plan_back(ground: Traversability, track: list[tuple[float, float, float]]) -
 @pytest.mark.parametrize(("last", "is_backwards"), [([], True), ([(2.5, 0.0, np.pi / 2), (2.5, 0.0, np.pi)], False)])
 def test_the_robot_goes_back_along_its_track_without_turning_round(cut, last, is_backwards):
     plan = plan_back(cut, TRACK + last)
-    assert (np.diff(plan.way_points[:, 0]) < 0).all() and not plan.way_points[:, 1].any()
-    assert 0 < plan.way_points[-1, 0] < 0.8
+    assert (np.diff(plan.waypoints[:, 0]) < 0).all() and not plan.waypoints[:, 1].any()
+    assert 0 < plan.waypoints[-1, 0] < 0.8
     assert (plan.backwards == is_backwards).all()
-    assert plan.length == pytest.approx(2.5 - plan.way_points[-1, 0])
+    assert plan.length == pytest.approx(2.5 - plan.waypoints[-1, 0])
 
 
 def test_a_track_with_a_corner_is_followed_back_round_it(cut):
     north = [(2.5, y, np.pi / 2) for y in (0.0, 0.25, 0.5)]
     plan = plan_back(cut, TRACK + north)
-    np.testing.assert_allclose(plan.way_points[:3, :2], [(2.5, 0.25), (2.5, 0), (2.25, 0)], atol=1e-6)
+    np.testing.assert_allclose(plan.waypoints[:3, :2], [(2.5, 0.25), (2.5, 0), (2.25, 0)], atol=1e-6)
     assert plan.backwards.all()
 
 

@@ -92,10 +92,10 @@ def test_plans_go_over_nodes_and_up_the_ramp_head_on(ramp_world):
     traversability, _, _, topology = ramp_world
     plan = plan_path(topology, PosePaths(traversability, (2.0, 1.2)), (2.5, 0.0))
     assert plan is not None
-    way = np.vstack([[(2.0, 1.2)], plan.way_points[:, :2]])
+    way = np.vstack([[(2.0, 1.2)], plan.waypoints[:, :2]])
     assert np.isfinite(traversability.line_seconds(way[:-1], way[1:])).all()
     assert way[:, 0].min() < -0.2
-    assert plan.way_points[-1, 2] == pytest.approx(RISE, abs=0.01)
+    assert plan.waypoints[-1, 2] == pytest.approx(RISE, abs=0.01)
     assert plan.length == pytest.approx(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
 

@@ -13,7 +13,7 @@ from pipeline.arrays import Place
 from pipeline.navigation.commands import STOP, Outcome, Send, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
-from pipeline.navigation.navigator import STILL, DrivenLeg, Navigator, of_leg
+from pipeline.navigation.navigator import STILL, DrivenLeg, Navigator, leg_outcome
 from pipeline.planning.path_plan import place_name
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.config import Nav2Config
@@ -138,7 +138,7 @@ class Nav2Navigator(Navigator):
             heading = yaw_of(self.T_map_base) if heading is None else heading
             length = sum(stretch.length for stretch in way)
             outcome = self._go_to(np.append(end, heading), length, send)
-        self.legs.append(DrivenLeg(end, of_leg(outcome)))
+        self.legs.append(DrivenLeg(end, leg_outcome(outcome)))
         return outcome
 
     def _go_to(self, place: Place, length: float, send: Send) -> Outcome:

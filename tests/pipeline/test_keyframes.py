@@ -135,7 +135,7 @@ def test_a_keyframes_box_holds_its_view_its_points_and_what_was_driven_near_it()
     for _ in range(2):
         ((low, high),) = keyframes.boxes()
         places = [keyframes.seen[0].points_at(T), T[None, :3, 3]]
-        places += [keyframes.seen[0].view(REACH) @ T[:3, :3].T + T[:3, 3]]
+        places += [keyframes.seen[0].view_frustum(REACH) @ T[:3, :3].T + T[:3, 3]]
         places += [e.track @ T[:3, :3].T + T[:3, 3] for _, e in keyframes.ground]
         for points in places:
             assert ((points >= low) & (points <= high)).all()

@@ -383,7 +383,7 @@ def test_what_is_not_given_of_the_cameras_pose_is_as_recorded(tmp_path: Path) ->
         ((None, None, 0.5, None, -3.0, None), recorded._replace(z=0.5, pitch=-3.0)),
         ((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), CameraPose(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)),
     ):
-        found = camera_pose(open_recording(config), replace(config, camera=numbers))
+        found = camera_pose(open_recording(config), replace(config, camera_pose=numbers))
         assert found is not None
         np.testing.assert_allclose(found, expected.T_base_camera, atol=1e-9)
     assert camera_pose(open_recording(config), config) is None

@@ -21,7 +21,7 @@ from tests.sarsim.dataset.small import InProcess
 OWN = "class Own:\n    pass\n"
 
 
-def driven(job: SweepJob, settings: Mapping[str, Any]) -> Any:
+def run_and_score(job: SweepJob, settings: Mapping[str, Any]) -> Any:
     """An episode that is made up: a class of one's own fails."""
     if ":" in job.method:
         raise ValueError("no")
@@ -35,7 +35,7 @@ def driven(job: SweepJob, settings: Mapping[str, Any]) -> Any:
 def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SweepSettings:
     (tmp_path / "mine_too.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(episodes, "driven", driven)
+    monkeypatch.setattr(episodes, "run_and_score", run_and_score)
     monkeypatch.setattr("sarsim.commands.sweep.make_engine", lambda name, workers: InProcess())
     return SweepSettings(methods=("random_walk", "mine_too:Own"), seeds=(0, 1), out=tmp_path / "out", workers=1)
 

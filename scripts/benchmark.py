@@ -24,7 +24,7 @@ from sarsim.commands.settings import run_one_of, save_settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.benchmarks.settings import SUBJECTS, SubjectSettings
-from scripts.results import plan, table_of, tables_of
+from scripts.results import pages_config, table_of, tables_of
 
 
 def benchmark(settings: SubjectSettings, subject: str) -> None:
@@ -33,7 +33,9 @@ def benchmark(settings: SubjectSettings, subject: str) -> None:
         check_folder_of("json", settings.json)
     result = import_module(f"scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
     words = result.details.get("words", {})
-    tables = [] if is_verbose() else tables_of(plan()["pages"].get(subject, {"tables": []}), result.figures, words)
+    tables = (
+        [] if is_verbose() else tables_of(pages_config()["pages"].get(subject, {"tables": []}), result.figures, words)
+    )
     tables = tables or [every_figure(subject, result.figures)]
     origin = f"{processor()}, {instructions()}"
     Console().print(*(Markdown(text) for text in tables), *result.notes, origin, sep="\n", highlight=False)

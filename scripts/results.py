@@ -26,8 +26,8 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
+from pipeline.rescue_report.figures import figure_text
 from pipeline.rescue_report.figures import figures as flat
-from pipeline.rescue_report.figures import number
 from sarsim.commands.provenance import machine, state_of_code
 from sarsim.commands.settings import run_with_settings
 from sarsim.flags import Given
@@ -78,25 +78,25 @@ class Results:
 
 def results(settings: Results) -> None:
     """Measure each page without figures for this state of the code, and write all pages and README's table."""
-    known = plan()["pages"]
+    known = pages_config()["pages"]
     if settings.claims:
         check_claims()
         return
     if unknown := set(settings.pages) - known.keys():
         raise InputError(f"{', '.join(sorted(unknown))}: no such results page; use {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
-        renew(name, known[name], settings)
+        measure_page(name, known[name], settings)
         write_pages()
     write_pages()
 
 
-def plan() -> dict[str, Any]:
+def pages_config() -> dict[str, Any]:
     """The content of pages.yaml: the content and the measurement of each page, and README's rows and claims."""
     content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
     return content
 
 
-def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
+def measure_page(name: str, page: Mapping[str, Any], settings: Results) -> None:
     """Measure a page unless it has figures for this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
@@ -181,7 +181,7 @@ def write_pages() -> None:
 
 def generated_pages() -> dict[Path, str]:
     """The text of every file that is generated from figures."""
-    content = plan()
+    content = pages_config()
     pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
     written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
     before, _, rest = README.read_text().partition(MARKERS[0])
@@ -298,7 +298,7 @@ def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
     first.
     """
     columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
-    shown = {name: number(value) for name, value in figures.items()} | dict(words)
+    shown = {name: figure_text(value) for name, value in figures.items()} | dict(words)
     rows = []
     for label, row in table.get("rows", {}).items() if "by" not in table else rows_by(table["by"], figures):
         names = [cell.format(row=row, column=column) for column in columns.values()]
@@ -354,7 +354,7 @@ def value_of(claim: Mapping[str, Any], figures: Mapping[str, float], otherwise: 
     if claim["figure"] not in figures:
         return otherwise
     value = figures[claim["figure"]]
-    return ("no", "yes")[value == 1] if claim.get("is_true") else number(value)
+    return ("no", "yes")[value == 1] if claim.get("is_true") else figure_text(value)
 
 
 def expected(claim: Mapping[str, Any]) -> str:
@@ -366,7 +366,7 @@ def expected(claim: Mapping[str, Any]) -> str:
 
 def check_claims() -> None:
     """Run the commands of all claims, report which claims hold, and end with status 1 unless all do."""
-    content, failed = plan(), 0
+    content, failed = pages_config(), 0
     for name, group in groupby(content["claims"], lambda claim: claim["page"]):
         figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
         for claim in group:

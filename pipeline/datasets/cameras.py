@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.arrays import Depth, Pose, Rgb
 from pipeline.datasets.links import FrameTree
 from pipeline.datasets.messages import Message, pose_matrix
-from pipeline.datasets.pinhole import Pinhole
+from pipeline.datasets.pinhole import ImageRectifier
 from pipeline.errors import InputError, required
 from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 from pipeline.transforms import inverse
@@ -108,7 +108,7 @@ class RgbdCamera:
         path: Path,
         depth: ImageSource,
         colour: ImageSource | None,
-        links: FrameTree,
+        frame_tree: FrameTree,
         calibration: Calibration | None = None,
     ):
         """Determine how depth must be registered to colour.
@@ -117,30 +117,31 @@ class RgbdCamera:
             path: the recording or a topic, for error messages.
             depth: source of the depth images.
             colour: source of the colour images; None if there are none.
-            links: the transforms between the frames of the cameras.
+            frame_tree: the transforms between the frames of the cameras.
             calibration: calibration of both cameras, without distortion, that replaces their camera_info.
 
         Raises:
             InputError: intrinsics are missing or invalid, or the images of two cameras have different sizes and no
                 transform connects the cameras.
         """
-        self._path, self._depth = path, Pinhole(path, depth.info, calibration, is_rectified(depth.topic))
+        self._path, self._depth = path, ImageRectifier(path, depth.info, calibration, is_rectified(depth.topic))
         self.frame, self.note, self._colour = depth.frame, "", self._depth
         self._T_colour_depth: Pose | None = None
         if calibration is not None or colour is None:
             return
         if colour.info is not None:
-            self._colour = Pinhole(path, colour.info, None, is_rectified(colour.topic))
-            self._register(depth.frame, colour.frame, links)
-        elif depth.frame and colour.frame and not _is_same(links, depth.frame, colour.frame):
+            self._colour = ImageRectifier(path, colour.info, None, is_rectified(colour.topic))
+            self._register(depth.frame, colour.frame, frame_tree)
+        elif depth.frame and colour.frame and not _is_same(frame_tree, depth.frame, colour.frame):
             frames = f"depth is in the frame {depth.frame}, colour in {colour.frame}"
             self.note = f"{frames}; without a camera_info for colour, depth is assumed to be registered to colour"
 
-    def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
+    def _register(self, of_depth: str, of_colour: str, frame_tree: FrameTree) -> None:
         """Find the transform with which depth must be registered to colour, if it is not registered."""
-        T = links.between(links.named(of_colour), links.named(of_depth)) if of_colour and of_depth else None
+        named = frame_tree.named
+        T = frame_tree.between(named(of_colour), named(of_depth)) if of_colour and of_depth else None
         is_one = self._depth.is_like(self._colour)
-        if is_one and (T is None or _is_same(links, of_depth, of_colour)):
+        if is_one and (T is None or _is_same(frame_tree, of_depth, of_colour)):
             return
         cameras = f"depth is from {_name(of_depth, self._depth)}, colour from {_name(of_colour, self._colour)}"
         if T is not None:
@@ -175,13 +176,13 @@ class RgbdCamera:
         return metres, rgb
 
 
-def _is_same(links: FrameTree, frame: str, other: str) -> bool:
+def _is_same(frame_tree: FrameTree, frame: str, other: str) -> bool:
     """Whether two frames are known to coincide."""
-    T = links.between(links.named(frame), links.named(other))
+    T = frame_tree.between(frame_tree.named(frame), frame_tree.named(other))
     return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
 
 
-def _name(frame: str, camera: Pinhole) -> str:
+def _name(frame: str, camera: ImageRectifier) -> str:
     return f"{frame or 'an unnamed camera'} ({camera})"
 
 

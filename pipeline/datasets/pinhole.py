@@ -15,7 +15,7 @@ MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second
 SAME = 1e-3  # Maximum relative difference between the focal lengths of one camera on two topics
 
 
-class Pinhole:
+class ImageRectifier:
     """Rectifies images according to a camera_info.
 
     Attributes:
@@ -56,11 +56,11 @@ class Pinhole:
             self._distortion = K, d
             self._find_maps((1, 1))  # to raise an error as early as possible
 
-    def is_like(self, other: "Pinhole") -> bool:
+    def is_like(self, other: "ImageRectifier") -> bool:
         """Whether another camera has the same intrinsics, and images of the same size."""
         return self.fits(other) and bool(np.allclose(self._values, other._values, rtol=SAME, atol=0.5))
 
-    def fits(self, other: "Pinhole") -> bool:
+    def fits(self, other: "ImageRectifier") -> bool:
         """Whether another camera's images are of the same size, as far as that is known."""
         return None in (self._size, other._size) or self._size == other._size
 

@@ -62,8 +62,8 @@ def read_ros_bag(
         beside = _NonImageData(reader, chosen)
         span = reader.duration / NANO
     depth, colour = beside.sources(chosen)
-    camera = RgbdCamera(path, depth, colour, beside.links, calibration)
-    mount = beside.links.mount(camera.frame)
+    camera = RgbdCamera(path, depth, colour, beside.frame_tree, calibration)
+    mount = beside.frame_tree.mount(camera.frame)
     recording = Recording(
         path, lambda: _frames(recording, chosen, camera, mount.T_base_camera, span, config.buffered)
     )
@@ -81,8 +81,8 @@ def read_ros_bag(
         recording.take_sensor([*beside.devices, chosen.depth, *frames, path.resolve().name])
     for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
-    if recording.odometry is None and beside.links.moves:
-        found = f"neither nav_msgs/Odometry nor transforms from odom, only {beside.links}"
+    if recording.odometry is None and beside.frame_tree.moves:
+        found = f"neither nav_msgs/Odometry nor transforms from odom, only {beside.frame_tree}"
         recording.note(f"no odometry: the bag contains {found}")
     return recording
 
@@ -232,7 +232,7 @@ class _NonImageData:
         self.steps: set[float] = set()
         self.true_poses: list[tuple[float, Pose]] = []
         self._odometry: list[tuple[float, Pose]] = []
-        self.links = FrameTree()
+        self.frame_tree = FrameTree()
         self._accelerations: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
         self._first = topics.first
@@ -240,7 +240,7 @@ class _NonImageData:
             s for name, kind in topics.kinds.items() if kind == EXTRINSIC_TYPE and (s := stream_of(name))
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
-            self.links.set_transform(*extrinsic(name, _first(reader, name)))
+            self.frame_tree.set_transform(*extrinsic(name, _first(reader, name)))
         self.devices: list[str] = []
         self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
@@ -276,14 +276,14 @@ class _NonImageData:
         if stream := self._stream(topic):
             return ImageSource(topic, info, stream)
         frames = [m.header.frame_id for m in (info, self._first[topic]) if m is not None]
-        return ImageSource(topic, info, next((frame for frame in frames if self.links.knows(frame)), frames[0]))
+        return ImageSource(topic, info, next((frame for frame in frames if self.frame_tree.knows(frame)), frames[0]))
 
     def _stream(self, topic: str) -> str:
         """The frame of a RealSense stream, whose messages do not name it; empty for other topics."""
         return next((stream.strip("/") for stream in self._streams if topic.startswith(f"{stream}/")), "")
 
     def _take_odometry(self, message: Message, time: float) -> None:
-        self.links.base = message.child_frame_id
+        self.frame_tree.base = message.child_frame_id
         self._odometry.append((time, _pose(message.pose.pose)))
 
     def _take_device(self, message: Message, time: float) -> None:
@@ -296,11 +296,11 @@ class _NonImageData:
 
     def _take_tf(self, message: Message, time: float) -> None:
         for link in message.transforms:
-            self.links.take(link, time)
+            self.frame_tree.take(link, time)
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
         """The odometry of the robot that carries a camera, from its topic or else the transforms from ``odom``."""
-        return self._odometry or self.links.odometry(camera)
+        return self._odometry or self.frame_tree.odometry(camera)
 
     def trajectory(self, name: str, poses: list[tuple[float, Pose]]) -> Trajectory | None:
         """A trajectory of poses with times, s, without those that are not finite; None if none is left."""
@@ -316,9 +316,9 @@ class _NonImageData:
         felt = np.array(
             [a for time, a in self._accelerations if time <= self._accelerations[0][0] + at_rest]
         ).reshape(-1, 3)
-        links, imu = self.links, self._imu_frame
-        in_base = links.mount(camera).T_base_camera is not None
-        T = links.T_base(imu, camera) if in_base else links.between(links.named(camera), links.named(imu))
+        tree, imu = self.frame_tree, self._imu_frame
+        in_base = tree.mount(camera).T_base_camera is not None
+        T = tree.T_base(imu, camera) if in_base else tree.between(tree.named(camera), tree.named(imu))
         felt = felt[np.isfinite(felt).all(axis=1)]
         mean = felt.mean(axis=0) if len(felt) else np.zeros(3)
         if T is None or not mean.any():

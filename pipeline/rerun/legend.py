@@ -9,7 +9,7 @@ from pipeline.rerun import drawings
 from pipeline.rerun.find_drawings import FIND_COLOUR
 from pipeline.rerun.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
-GROUND, INK = (24, 27, 31), (235, 235, 235)
+BACKGROUND, INK = (24, 27, 31), (235, 235, 235)
 SIZE, LINE, PATCH, GAP = 17, 27, 16, 9
 """Height of the letters, of a line and of a patch of colour, and the gap between patch and text, pixels."""
 MEANINGS = {
@@ -33,7 +33,7 @@ def legend() -> Rgb:
     """The legend, in two columns."""
     rows = (len(MEANINGS) + 1) // 2
     column = 3 * GAP + PATCH + max(width_of(meaning, SIZE) for meaning in MEANINGS)
-    picture = np.full((rows * LINE + GAP, 2 * column + GAP, 3), GROUND, np.uint8)
+    picture = np.full((rows * LINE + GAP, 2 * column + GAP, 3), BACKGROUND, np.uint8)
     for k, (meaning, colour) in enumerate(MEANINGS.items()):
         x, y = k // rows * column + 2 * GAP, k % rows * LINE + GAP
         picture[y : y + PATCH, x : x + PATCH] = colour

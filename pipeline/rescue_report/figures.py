@@ -13,6 +13,6 @@ def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
         yield name, content
 
 
-def number(value: float) -> str:
+def figure_text(value: float) -> str:
     """A figure to three significant digits or, if 1000 or more, as an integer."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -15,17 +15,17 @@ class SegmentsConfig:
         cell: edge length of the cells in which a segment was seen, m.
         flatness: maximum distance from the plane of a segment, m, of the corners of the box of another segment that
             continues it, less half the thickness of the box.
-        checkpoint: number of members between saved states. When a keyframe moves, members are merged again from the
-            last state saved before the keyframe's first member.
+        checkpoint_interval: number of members between saved states. When a keyframe moves, members are merged again
+            from the last state saved before the keyframe's first member.
     """
 
     angle: float = radians(20)
     cell: float = 0.05
     flatness: float = 0.05
-    checkpoint: int = 64
+    checkpoint_interval: int = 64
 
     def __post_init__(self) -> None:
         if not 0 < self.angle < radians(90):
             raise InputError(f"segments.angle = {self.angle}: must be greater than 0 and less than a right angle")
         require_positive("segments", self, "cell", "flatness")
-        require_at_least(1, "segments", self, "checkpoint")
+        require_at_least(1, "segments", self, "checkpoint_interval")

@@ -137,7 +137,7 @@ class Segments:
         self._touching: list[Segment] = []
         self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []
-        # Keyframe pose of each member added so far, and the state saved before every ``checkpoint``-th member.
+        # Keyframe pose of each member added so far, and the state saved every ``checkpoint_interval`` members.
         self._poses: list[Pose] = []
         self._kept: list[tuple[list[Segment], NDArray[np.int64]]] = []
 
@@ -165,7 +165,7 @@ class Segments:
 
     def rebuild(self, poses: Poses) -> None:
         """Rebuild all segments, as if each keyframe had had its pose in ``poses`` from the start."""
-        every = self.config.checkpoint
+        every = self.config.checkpoint_interval
         at = [poses[member.keyframe] for member in self.members]
         is_same = [np.array_equal(old, new) for old, new in zip(self._poses, at, strict=False)]
         if False in is_same:
@@ -179,7 +179,7 @@ class Segments:
 
     def _add(self, number: int, T_map_base: Pose) -> None:
         """Add a member, merged with all segments that it touches; after each merger, it may touch further ones."""
-        if number % self.config.checkpoint == 0:
+        if number % self.config.checkpoint_interval == 0:
             self._kept.append((list(self._touching), self._bounds))
         self._poses.append(T_map_base)
         new = Segment.placed(self.members[number], number, T_map_base, self.config)

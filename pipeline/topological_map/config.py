@@ -11,7 +11,7 @@ class TopologicalMapConfig:
 
     Attributes:
         sight: maximum distance at which a node sees ground, m.
-        spare: maximum number of unseen cells that are not worth a node; 4 cells of 5 cm are 1 dm².
+        max_uncovered_cells: maximum number of unseen cells that are not worth a node; 4 cells of 5 cm are 1 dm².
         snap: maximum distance by which a node is moved to a position where the robot can stand and turn, m.
         place_gain: minimum area of ground that a position by the thesis's rules must add to become a node, m².
         before_ramp: distance of the robot at a node from the bottom edge of an inclined ramp, m, so that it does not
@@ -20,7 +20,7 @@ class TopologicalMapConfig:
     """
 
     sight: float = 2.0
-    spare: int = 4
+    max_uncovered_cells: int = 4
     snap: float = 0.3
     place_gain: float = 1.0
     before_ramp: float = 0.2
@@ -28,5 +28,5 @@ class TopologicalMapConfig:
 
     def __post_init__(self) -> None:
         require_positive("topological_map", self, "sight")
-        require_at_least(0, "topological_map", self, "spare", "snap", "place_gain", "before_ramp")
+        require_at_least(0, "topological_map", self, "max_uncovered_cells", "snap", "place_gain", "before_ramp")
         require_at_least(1, "topological_map", self, "max_detour")

@@ -72,7 +72,7 @@ class NodeSet:
 
     Attributes:
         nodes: the nodes by id.
-        free: networkx graph of all straight drives between nodes, with ``weight``, s, and ``length``, m.
+        drive_graph: networkx graph of all straight drives between nodes, with ``weight``, s, and ``length``, m.
         cover: which cells the nodes see.
         links: which straight lines can be driven.
     """
@@ -82,7 +82,7 @@ class NodeSet:
     def __init__(self, config: TopologicalMapConfig) -> None:
         self._config = config
         self.nodes: dict[int, Node] = {}
-        self.free = nx.Graph()
+        self.drive_graph = nx.Graph()
         self.cover = NodeCover(config)
         self._next_id = 0
         self._moved: list[Place] = []
@@ -135,7 +135,7 @@ class NodeSet:
     def remove(self, node: int) -> None:
         """Remove a node and its edges."""
         del self.nodes[node]
-        self.free.remove_node(node)
+        self.drive_graph.remove_node(node)
         self.cover.remove(node)
 
     def links_from(self, places: Places, without: Collection[int] = ()) -> list[list[int]]:
@@ -149,7 +149,7 @@ class NodeSet:
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
         # This does not use networkx, which takes twenty times as long if nodes are left out.
-        near = dict(self.free.adjacency())
+        near = dict(self.drive_graph.adjacency())
         parts = list[set[int]]()
         left = near.keys() - set(without)
         while left:
@@ -166,7 +166,7 @@ class NodeSet:
         linked = self.links_from(xy[None])[0]
         self.nodes[node] = Node(node, label, self.cover.traversability.on_ground(xy[None])[0])
         self.cover.add(node, xy)
-        self.free.add_node(node)
+        self.drive_graph.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
     def _retest(self, changed: MaskLayer) -> None:
@@ -183,7 +183,7 @@ class NodeSet:
         touched &= (np.minimum(places[i], places[j])[:, :2] <= high).all(axis=1)
         free = self.links.are_free(places[i[touched]], places[j[touched]])
         pairs = np.stack([ids[i[touched]], ids[j[touched]]], axis=1)
-        self.free.remove_edges_from(pairs[~free].tolist())
+        self.drive_graph.remove_edges_from(pairs[~free].tolist())
         self._add_edges(pairs[free])
 
     def _add_edges(self, pairs: Cells) -> None:
@@ -191,4 +191,4 @@ class NodeSet:
         length = np.linalg.norm((ends - starts)[:, :2], axis=1)
         seconds = drive_seconds(self.links.traversability, starts, ends)
         for (a, b), m, s in zip(pairs.tolist(), length, seconds, strict=True):
-            self.free.add_edge(a, b, weight=float(s), length=float(m))
+            self.drive_graph.add_edge(a, b, weight=float(s), length=float(m))

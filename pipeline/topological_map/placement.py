@@ -126,7 +126,7 @@ class Placement:
     def cover_rest(self) -> None:
         """Add nodes for the cells that no node sees, starting with the node with the greatest gain."""
         cover = self._cover
-        spare = self._config.spare
+        spare = self._config.max_uncovered_cells
         visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
         while len(visible.places):
             gains = cover.gains(visible)
@@ -181,7 +181,7 @@ class Placement:
         # Remove nodes that add hardly any ground to that of the others and connect nothing, those that see least
         # first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            is_spare = len(cover.lost_without([n])) <= self._config.spare
+            is_spare = len(cover.lost_without([n])) <= self._config.max_uncovered_cells
             if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
@@ -222,7 +222,7 @@ class Placement:
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
         """(K, 2) positions that can replace two nodes: first the thesis's, then by the number of cells seen."""
         sight = self._config.sight
-        spare = self._config.spare
+        spare = self._config.max_uncovered_cells
         cell = self._cover.grid.cell
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)

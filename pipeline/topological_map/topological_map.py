@@ -71,11 +71,11 @@ class TopologicalMap:
         placement.join()
         placement.thin_out({n for n in nodes.nodes if n not in old or nodes.cover.is_near(n, changed)})
         # Choose the drives along which paths are planned.
-        self.tree = collision_free_tree(nodes.free)
+        self.tree = collision_free_tree(nodes.drive_graph)
         self.graph = self.tree
         if self.kind == "roadmap" and len(nodes.nodes) > 1:
-            drives = nodes.free.copy()
-            self._passages.renew(nodes.nodes, nodes.links, nodes.free, changed)
+            drives = nodes.drive_graph.copy()
+            self._passages.renew(nodes.nodes, nodes.links, nodes.drive_graph, changed)
             self._passages.add_to(drives)
             self.graph = roadmap(self.tree, drives, self._config.max_detour)
 

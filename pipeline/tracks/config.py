@@ -12,8 +12,8 @@ class Confirmation:
     Attributes:
         confidence: the mean over detections and misses must exceed this; 0.5 means more likely real than not.
         evidence: minimum sum of the confidences.
-        whole: visible size of most objects of the kind, m; anything smaller may be part of another object.
-        evidence_of_part: minimum sum of the confidences if less than ``whole`` is seen.
+        full_size: visible size of most objects of the kind, m; anything smaller may be part of another object.
+        evidence_of_part: minimum sum of the confidences if less than ``full_size`` is seen.
         misses: maximum number of misses per detection, exclusive; None for no limit.
         baseline: minimum distance between the two camera positions farthest apart, m, because from a single position,
             the edge of an object may look like another object.
@@ -21,13 +21,15 @@ class Confirmation:
 
     confidence: float = 0.0
     evidence: float = 0.0
-    whole: float = 0.0
+    full_size: float = 0.0
     evidence_of_part: float = 0.0
     misses: float | None = None
     baseline: float = 0.0
 
     def __post_init__(self) -> None:
-        require_at_least(0, "confirmation", self, "confidence", "evidence", "whole", "evidence_of_part", "baseline")
+        require_at_least(
+            0, "confirmation", self, "confidence", "evidence", "full_size", "evidence_of_part", "baseline"
+        )
         if self.misses is not None:
             require_positive("confirmation", self, "misses")
 
@@ -46,7 +48,7 @@ class PeopleConfig:
     """
 
     confirmation: Confirmation = Confirmation(
-        evidence=0.75, whole=0.85, evidence_of_part=1.2, misses=1.0, baseline=0.3
+        evidence=0.75, full_size=0.85, evidence_of_part=1.2, misses=1.0, baseline=0.3
     )
     evidence_to_look: float = 0.5
 
@@ -64,7 +66,7 @@ class ObjectConfig:
             the largest signs.
         readable: minimum side length at which signs and codes are reliably read, pixels; the default is two pixels
             per module of a small QR code.
-        of_person: maximum distance from a person at which a find belongs to that person, m.
+        max_person_distance: maximum distance from a person at which a find belongs to that person, m.
         is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
         has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
             not decoded is not reported.
@@ -74,14 +76,14 @@ class ObjectConfig:
     confirmation: Confirmation = Confirmation(confidence=0.5)
     across: float = 0.3
     readable: float = 60.0
-    of_person: float = 0.0
+    max_person_distance: float = 0.0
     is_flat: bool = False
     has_checksum: bool = False
     extents: tuple[Extents, ...] = ()
 
     def __post_init__(self) -> None:
         require_positive("a kind of finds", self, "across", "readable")
-        require_at_least(0, "a kind of finds", self, "of_person")
+        require_at_least(0, "a kind of finds", self, "max_person_distance")
         if not all(extent > 0 for form in self.extents for extent in form):
             raise InputError(f"a kind of finds.extents = {self.extents}: must be greater than 0")
 
@@ -107,5 +109,5 @@ class TracksConfig:
     """How people and heat are tracked, and when they are looked at again; readers have settings for other kinds."""
 
     victim: PeopleConfig = PeopleConfig()
-    heat: ObjectConfig = ObjectConfig(of_person=0.4)
+    heat: ObjectConfig = ObjectConfig(max_person_distance=0.4)
     reobservation: ReobservationConfig = ReobservationConfig()

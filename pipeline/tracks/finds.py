@@ -43,7 +43,9 @@ class Finds(Tracks):
     def reported(self) -> list[Find]:
         """The finds to report; a person's heat is one find, and shapes that belong to a person are left out."""
         found = [track.find() for track in self.confirmed]
-        reach = {kind: policy.of_person for kind, policy in self._policies.items() if policy.of_person}
+        reach = {
+            kind: policy.max_person_distance for kind, policy in self._policies.items() if policy.max_person_distance
+        }
         if not any(find.kind in reach for find in found):
             return found  # checking whether people are confirmed takes long, and this is called at every step
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))

@@ -272,7 +272,7 @@ class Track:
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False
         # Distances and sizes come last, because they take longest, and this is called several times a step.
-        if self.baseline < least.baseline or (self.evidence < least.evidence_of_part and self.size < least.whole):
+        if self.baseline < least.baseline or (self.evidence < least.evidence_of_part and self.size < least.full_size):
             return False
         return self.policy.has_shape(self)
 

@@ -16,19 +16,19 @@ class DetectorConfig:
         max_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
             the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
             people, all have more.
-        witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even with a minimum this
-            low, the network sees people in hardly any image without people, and two networks rarely make the same
-            mistake.
+        min_corroboration: minimum confidence of a box of the COCO network that corroborates a suspect. Even with a
+            minimum this low, the network sees people in hardly any image without people, and two networks rarely make
+            the same mistake.
     """
 
     confidence: float = 0.25
     suppressing_iou: float = 0.45
     size: tuple[int, int] = (512, 384)
     max_hints: int = 7
-    witness: float = 0.05
+    min_corroboration: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in "confidence", "witness":
+        for name in "confidence", "min_corroboration":
             if not 0 < (value := getattr(self, name)) < 1:
                 raise InputError(f"victims.detector.{name} = {value:g}: must be greater than 0 and less than 1")
         require_at_least(0, "victims.detector", self, "suppressing_iou", "max_hints")
@@ -41,14 +41,14 @@ class HeatConfig:
     """Which regions are warm.
 
     Attributes:
-        warmer: minimum temperature above the median of the image, °C: clothes on a living person are 6 to 8 °C warmer
-            than the air in a room, and the noise of an uncooled camera is 0.05 °C.
+        min_temperature_excess: minimum temperature above the median of the image, °C: clothes on a living person are
+            6 to 8 °C warmer than the air in a room, and the noise of an uncooled camera is 0.05 °C.
     """
 
-    warmer: float = 5.0
+    min_temperature_excess: float = 5.0
 
     def __post_init__(self) -> None:
-        require_positive("victims.heat", self, "warmer")
+        require_positive("victims.heat", self, "min_temperature_excess")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.files import check_hash, read_bytes, read_text
 from pipeline.victims.boxes import ScoredBoxes
-from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
+from pipeline.victims.opencv_network import OpenCvNetwork, checked_network, kinds_of
 
 WHOLE = re.compile(
     "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"
@@ -77,7 +77,7 @@ class DarknetNetwork(OpenCvNetwork):
         kinds = kinds_of(cfg, _class_count(cfg, sections), names, where)
         check_hash(weights)
         content = read_bytes(weights)
-        network = tried(f"{cfg}, {weights}", partial(cls, sections, content, header_size(content, weights)))
+        network = checked_network(f"{cfg}, {weights}", partial(cls, sections, content, header_size(content, weights)))
         network.kinds = kinds
         return network
 

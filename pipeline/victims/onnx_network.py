@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.files import check_hash, read_bytes
 from pipeline.victims.boxes import ScoredBoxes
-from pipeline.victims.opencv_network import OpenCvNetwork, kinds_of, tried
+from pipeline.victims.opencv_network import OpenCvNetwork, checked_network, kinds_of
 
 GRIDS = (8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32)
 """Pixels per cell of the grids that detectors of the YOLO family have."""
@@ -43,7 +43,7 @@ class OnnxNetwork(OpenCvNetwork):
         """
         check_hash(path)
         content = read_bytes(path)
-        network = tried(str(path), partial(cls, content, input_size(content, path)), REMEDY)
+        network = checked_network(str(path), partial(cls, content, input_size(content, path)), REMEDY)
         network.kinds = kinds_of(path, network.layout()[1], names, where)
         return network
 

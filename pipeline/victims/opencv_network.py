@@ -73,7 +73,7 @@ class OpenCvNetwork(ABC):
 Network = TypeVar("Network", bound=OpenCvNetwork)
 
 
-def tried(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
+def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
     """Make a network after it was tried in a separate process, and run it once.
 
     Args:

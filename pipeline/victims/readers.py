@@ -111,7 +111,7 @@ def _read(
 
 def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) -> Iterator[Reading]:
     """The warm regions of a thermal image (h, w), °C, as readings in the colour image, ``height`` pixels high."""
-    warm = np.isfinite(thermal) & (thermal > np.nanmedian(thermal) + config.warmer)
+    warm = np.isfinite(thermal) & (thermal > np.nanmedian(thermal) + config.min_temperature_excess)
     scale = height / thermal.shape[0]
     contours, _ = cv2.findContours(warm.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     for contour in contours:

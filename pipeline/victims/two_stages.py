@@ -81,7 +81,7 @@ class TwoStages:
             if not witnessed[number]:
                 corner, square = surroundings(image, suspect[0])
                 # A suspect nearly fills its square; people this large are found on the coarsest grid.
-                view = moved(self._coco.boxes(square, VIEW, self._config.witness, heads=1), corner)
+                view = moved(self._coco.boxes(square, VIEW, self._config.min_corroboration, heads=1), corner)
                 seen = joined([seen, view])
                 witnessed[number] = self._are_witnessed(suspect, view) or (
                     _is_wide(suspect[0]) and self._are_witnessed(suspect, moved(self._lying(square), corner))
@@ -90,7 +90,7 @@ class TwoStages:
 
     def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
         """Which (N, 4) suspects are corroborated in the whole image, and all boxes seen in it."""
-        least = self._config.witness
+        least = self._config.min_corroboration
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
 
@@ -100,12 +100,12 @@ class TwoStages:
         return joined(
             (turned_back(boxes, turns, image.shape), scores)
             for turns, side in sides
-            for boxes, scores in [self._coco.boxes(side, VIEW, self._config.witness, heads=1)]
+            for boxes, scores in [self._coco.boxes(side, VIEW, self._config.min_corroboration, heads=1)]
         )
 
     def _are_witnessed(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
         """(N,) whether each of (N, 4) suspects overlaps a box that was seen."""
-        boxes, _ = self._best(seen, self._config.witness)
+        boxes, _ = self._best(seen, self._config.min_corroboration)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
 
     def _best(self, found: ScoredBoxes, min_confidence: float) -> ScoredBoxes:

@@ -23,7 +23,7 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.scoring.coverage import Coverage
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.pictures.layout import DIM, GROUND, IMAGES, INK, blank
+from scripts.pictures.layout import BACKGROUND, DIM, IMAGES, INK, blank
 
 STEP, SHOWN, LAST = 1.5, 130, 3500
 """Time of the episode between two images, s; display time of each image, and of the last, ms."""
@@ -159,7 +159,7 @@ def painted(
         layer[v[in_sight], u[in_sight]] = colours[in_sight]
     opacity = PAINT * layer.any(axis=2, keepdims=True)
     picture = np.ascontiguousarray((picture * (1 - opacity) + layer * opacity).astype(np.uint8))
-    picture[(depth <= 0) | (depth >= SKY)] = GROUND
+    picture[(depth <= 0) | (depth >= SKY)] = BACKGROUND
     line, far = in_picture(robot, track + np.array([0, 0, BEHIND]))
     u, v = line.astype(int).clip(0, np.array(OVERVIEW) - 1).T
     in_sight = far < depth[v, u] + BEHIND
@@ -184,7 +184,7 @@ def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, exp
     image = blank(OVERVIEW[0] + SIDE, CUT[1] - CUT[0])
     image[:, : OVERVIEW[0]] = picture[slice(*CUT)]
     tall = SIDE * view.shape[0] // view.shape[1]
-    view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(GROUND, np.uint8))
+    view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(BACKGROUND, np.uint8))
     image[:tall, OVERVIEW[0] :] = cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)
     left, line = OVERVIEW[0] + 16, tall + 37
     minutes, seconds = divmod(int(time), 60)

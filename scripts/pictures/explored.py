@@ -11,16 +11,16 @@ from pathlib import Path
 from pipeline.errors import InputError
 from scripts.benchmarks.exploration import GROUND_ONLY, NEAREST_FRONTIER
 from scripts.benchmarks.runs import arena_name
-from scripts.pictures.layout import GROUND, INK, save
+from scripts.pictures.layout import BACKGROUND, INK, save
 from scripts.pictures.rescue_report import in_browser
 
 ACROSS, WIDTH, HEIGHT = 5, 300, 250
 """Maps in a row; width and height of a map with its caption, pixels."""
 STYLE = f"""
-body {{ margin: 0; background: rgb{GROUND}; display: grid; grid-template-columns: repeat({ACROSS}, {WIDTH}px); }}
+body {{ margin: 0; background: rgb{BACKGROUND}; display: grid; grid-template-columns: repeat({ACROSS}, {WIDTH}px); }}
 figure {{ margin: 0; padding: 4px; width: {WIDTH}px; height: {HEIGHT}px; display: flex; flex-direction: column; }}
 figcaption {{ color: rgb{INK}; font-size: 15px; overflow: hidden; white-space: nowrap; }}
-.drawing {{ flex: 1; min-height: 0; background: rgb{GROUND}; }}
+.drawing {{ flex: 1; min-height: 0; background: rgb{BACKGROUND}; }}
 .drawing .unknown, .tick, .number, .label {{ display: none; }}
 """
 

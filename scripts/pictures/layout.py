@@ -12,7 +12,7 @@ from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.lettering import width_of, write
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
-GROUND, INK, DIM = (24, 27, 31), (235, 235, 235), (160, 165, 170)
+BACKGROUND, INK, DIM = (24, 27, 31), (235, 235, 235), (160, 165, 170)
 """RGB of the background, of text, and of less important text."""
 GAP, LETTERS = 8, 18
 """Gap between pictures, and height of letters, pixels."""
@@ -36,7 +36,7 @@ def stacked(*pictures: Rgb, gap: int = GAP) -> Rgb:
 
 def blank(width: int, height: int) -> Rgb:
     """An empty picture in the background's colour."""
-    return np.full((height, width, 3), GROUND, np.uint8)
+    return np.full((height, width, 3), BACKGROUND, np.uint8)
 
 
 def titled(picture: Rgb, title: str, size: int = LETTERS) -> Rgb:
@@ -49,7 +49,7 @@ def titled(picture: Rgb, title: str, size: int = LETTERS) -> Rgb:
 def captioned(picture: Rgb, text: str, size: int = LETTERS) -> Rgb:
     """The picture with a text on a patch of background in its upper left corner."""
     picture = picture.copy()
-    picture[: round(1.6 * size), : width_of(text, size) + size] = GROUND
+    picture[: round(1.6 * size), : width_of(text, size) + size] = BACKGROUND
     write(picture, (size // 2, round(1.15 * size)), text, size, INK)
     return picture
 
@@ -66,7 +66,7 @@ def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
 
 def on_ground(picture: Rgb) -> Rgb:
     """A rendered picture with the background's colour in place of the black where the renderer drew nothing."""
-    return np.where(picture.any(axis=2, keepdims=True), picture, np.array(GROUND, np.uint8))
+    return np.where(picture.any(axis=2, keepdims=True), picture, np.array(BACKGROUND, np.uint8))
 
 
 def scaled(picture: Rgb, factor: float) -> Rgb:

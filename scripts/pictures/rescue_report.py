@@ -13,12 +13,12 @@ from PIL import Image
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
-from scripts.pictures.layout import GROUND, save, scaled
+from scripts.pictures.layout import BACKGROUND, save, scaled
 
 HEIGHT, WIDTHS, GAP = 1500, (1180, 420), 24
 """Size of the two windows, and the gap between and around them, pixels."""
 FACTOR = 0.66
-WINDOWS = """<body style="margin:{gap}px;display:flex;gap:{gap}px;background:rgb{ground}">{frames}</body>"""
+WINDOWS = """<body style="margin:{gap}px;display:flex;gap:{gap}px;background:rgb{background}">{frames}</body>"""
 WINDOW = """<iframe src="{page}" width="{width}" height="{height}" scrolling="no" style="border:0"></iframe>"""
 
 
@@ -26,7 +26,7 @@ def draw(folder: Path) -> None:
     """Draw the report of the run in a folder."""
     page = (folder / "report.html").resolve().as_uri()
     frames = "".join(WINDOW.format(page=page, width=width, height=HEIGHT) for width in WIDTHS)
-    windows = WINDOWS.format(gap=GAP, ground=GROUND, frames=frames)
+    windows = WINDOWS.format(gap=GAP, background=BACKGROUND, frames=frames)
     size = sum(WIDTHS) + 3 * GAP, HEIGHT + 2 * GAP
     save("rescue-report.jpg", scaled(in_browser(windows, *size), FACTOR), 82)
 

@@ -15,7 +15,7 @@ from pipeline.planning.pose_paths import PosePaths
 from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
-from scripts.pictures.layout import GROUND, INK, beside, save
+from scripts.pictures.layout import BACKGROUND, INK, beside, save
 
 CELL = 8
 """Pixels per cell."""
@@ -30,7 +30,7 @@ class Picture:
 
     def __init__(self, traversability: Traversability):
         """Paint the ground: unknown, known, hazards, traversable, ramps."""
-        ground = np.full((*traversability.grid.shape, 3), GROUND, np.uint8)
+        ground = np.full((*traversability.grid.shape, 3), BACKGROUND, np.uint8)
         ground[~np.isnan(traversability.elevation)] = KNOWN
         ground[traversability.traversable] = TRAVERSABLE
         ground[traversability.traversable & traversability.ramp] = RAMP
@@ -52,7 +52,7 @@ class Picture:
     def node(self, node: dict[str, Any]) -> None:
         """Draw a node in the colour of its label."""
         middle = self._pixels(np.array([node["position"]]))[0].tolist()
-        cv2.circle(self.image, middle, 11, GROUND, -1, cv2.LINE_AA)
+        cv2.circle(self.image, middle, 11, BACKGROUND, -1, cv2.LINE_AA)
         cv2.circle(self.image, middle, 9, COLOURS[Label[node["label"].upper()]].tolist(), -1, cv2.LINE_AA)
 
     def _pixels(self, points: NDArray[np.floating]) -> NDArray[np.int32]:

@@ -15,11 +15,11 @@ from scripts.results import (
     claim_row,
     holds,
     kept,
+    measure_page,
     measured_at,
-    plan,
+    pages_config,
     readme_row,
     record_of,
-    renew,
     table_of,
     with_folder,
 )
@@ -95,7 +95,7 @@ def test_figures_of_this_state_are_not_measured_again(
     monkeypatch.setattr(results, "state_of_code", lambda: new)
     monkeypatch.setattr(results, "measured", measured)
     (tmp_path / "camera.json").write_text(json.dumps(RECORD | {"commit": old}))
-    renew("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results(again=again, flags="--frames 8"))
+    measure_page("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results(again=again, flags="--frames 8"))
     assert commands == ["benchmark.py camera --frames 8"] * 2 * runs
     record = json.loads((tmp_path / "camera.json").read_text())
     assert record["commit"] == new
@@ -136,7 +136,7 @@ def test_all_claims_of_a_command_are_checked_by_one_run(
         return {"figures": {"times": 3.0, "error": 0.6}}
 
     content = {"pages": {"camera": {"command": "benchmark.py camera"}}, "claims": [LEAST, MOST]}
-    monkeypatch.setattr(results, "plan", lambda: content)
+    monkeypatch.setattr(results, "pages_config", lambda: content)
     monkeypatch.setattr(results, "measured", measured)
     with pytest.raises(SystemExit):
         check_claims()
@@ -147,6 +147,6 @@ def test_all_claims_of_a_command_are_checked_by_one_run(
 
 
 def test_every_claim_held_when_its_page_was_measured() -> None:
-    for claim in plan()["claims"]:
+    for claim in pages_config()["claims"]:
         record = record_of(claim["page"])
         assert record and holds(claim, record["figures"]), claim["claim"]

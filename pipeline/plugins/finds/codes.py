@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Pixels
 from pipeline.plugins.finds.config import CodesConfig
-from pipeline.plugins.finds.squares import Pyramid, Squares, corners_in, rectified
+from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, corners_in, rectified
 from pipeline.tracks.find import Reading, is_same
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
@@ -29,7 +29,7 @@ class CodeReader:
         self._in_images, self._in_squares = cv2.QRCodeDetectorAruco(), cv2.QRCodeDetector()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
-    def read(self, squares: Squares) -> list[Reading]:
+    def read(self, squares: SquareCandidates) -> list[Reading]:
         """The codes in an image, decoded ones first.
 
         QR codes are searched for in the image and in rectified squares with as many changes of grey level as a code,

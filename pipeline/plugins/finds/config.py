@@ -19,12 +19,12 @@ class SquaresConfig:
         saturation_offset: offset above the mean saturation beyond which a pixel is coloured, in levels from 0 to 255.
         hue_step: step from one colour mask to the next, 256ths of the circle of hues.
         hue_width: range of hues in a colour mask, 256ths of the circle.
-        coloured: saturation, out of 255, above which a pixel has a hue.
+        min_saturation: saturation, out of 255, above which a pixel has a hue.
         faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
         tolerances: maximum errors of the polygon that approximates an outline, as fractions of the outline's length,
             tried in turn until the polygon has at most four corners.
         filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
-        aslant: maximum ratio of two sides, which is that of a square seen at 70° to its normal.
+        max_side_ratio: maximum ratio of two sides, which is that of a square seen at 70° to its normal.
         oblong: ratio of two sides above which signs are expected side by side only along the longer side.
         same: maximum difference between the centres and sizes of outlines of the same square, as a fraction of the
             diagonal.
@@ -40,12 +40,12 @@ class SquaresConfig:
     saturation_offset: int = 16
     hue_step: int = 16
     hue_width: int = 32
-    coloured: int = 64
+    min_saturation: int = 64
     faint_edge: int = 32
     sure_edge: int = 96
     tolerances: tuple[float, ...] = (0.02, 0.04, 0.06)
     filled: float = 0.88
-    aslant: float = 3.0
+    max_side_ratio: float = 3.0
     oblong: float = 1.5
     same: float = 0.1
     smallest: float = 0.05
@@ -98,7 +98,7 @@ class ShapesConfig:
         stride: distance between the rows and columns that are searched, pixels.
         noise: minimum height by which a pixel stands out, standard deviations of the depth.
         hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
-        coloured: saturation, out of 255, above which a pixel of such a hue is red.
+        min_saturation: saturation, out of 255, above which a pixel of such a hue is red.
         spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations; 97%
             of the objects are less than two above the median.
         confidence: minimum confidence of an object, exclusive.
@@ -107,7 +107,7 @@ class ShapesConfig:
     stride: int = 2
     noise: float = 3.0
     hue: int = 16
-    coloured: int = 127
+    min_saturation: int = 127
     spreads: float = 2.0
     confidence: float = 0.5
 
@@ -130,8 +130,12 @@ class FindsConfig:
     hazmat_sign: ObjectConfig = ObjectConfig(is_flat=True, extents=((0.2, 0.2, 0.02),))
     qr_code: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
     april_tag: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
-    fire_extinguisher: ObjectConfig = ObjectConfig(confirmation=SHAPE, of_person=0.15, extents=((0.45, 0.16, 0.14),))
-    door_lever: ObjectConfig = ObjectConfig(confirmation=SHAPE, of_person=0.15, extents=((0.22, 0.14, 0.06),))
+    fire_extinguisher: ObjectConfig = ObjectConfig(
+        confirmation=SHAPE, max_person_distance=0.15, extents=((0.45, 0.16, 0.14),)
+    )
+    door_lever: ObjectConfig = ObjectConfig(
+        confirmation=SHAPE, max_person_distance=0.15, extents=((0.22, 0.14, 0.06),)
+    )
 
     @property
     def kinds(self) -> dict[str, ObjectConfig]:

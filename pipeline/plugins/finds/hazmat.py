@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Pixels
 from pipeline.plugins.finds.config import HazmatConfig
 from pipeline.plugins.finds.patch_network import PatchNetwork
-from pipeline.plugins.finds.squares import Pyramid, Squares, rectified
+from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, rectified
 from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
 
 SIGN = "hazmat_sign"
@@ -28,7 +28,7 @@ class HazmatReader:
         """A reader with the weights of a safetensors file; InputError as for :meth:`PatchNetwork.load`."""
         return cls(PatchNetwork.load(weights, len(HAZMAT_CLASSES), side=SIGN_SIDE), config)
 
-    def read(self, squares: Squares) -> list[Reading]:
+    def read(self, squares: SquareCandidates) -> list[Reading]:
         """The signs among the squares of an image, the most confident first."""
         quads = squares.quads
         if not len(quads):

@@ -133,7 +133,7 @@ def _is_red(rgb: Rgb, config: ShapesConfig) -> PixelMask:
     """The pixels with a bottle's hue, in any light."""
     hue, saturation, _ = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV_FULL))
     # Hues wrap around, and so do sums of unsigned bytes.
-    return (hue + np.uint8(config.hue) < 2 * config.hue) & (saturation > config.coloured)
+    return (hue + np.uint8(config.hue) < 2 * config.hue) & (saturation > config.min_saturation)
 
 
 def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> list[NDArray[np.int64]]:

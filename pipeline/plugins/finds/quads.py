@@ -48,7 +48,7 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)
     for first in range(0, most + 1, config.hue_step):
         # Hues wrap around, and so do differences of unsigned bytes.
-        is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
+        is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.min_saturation)
         if np.count_nonzero(is_one) >= config.min_side**2:
             yield np.where(is_one, most, 0).astype(np.uint8)
     thresholds = config.faint_edge, config.sure_edge
@@ -91,7 +91,7 @@ def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
         return None
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
     is_full = config.filled < cv2.contourArea(corners) / area < 1 / config.filled
-    return corners if is_full and sides.max() < config.aslant * sides.min() else None
+    return corners if is_full and sides.max() < config.max_side_ratio * sides.min() else None
 
 
 def _distinct(quads: NDArray[np.float32], same: float) -> NDArray[np.intp]:

@@ -11,7 +11,7 @@ from pipeline.plugins.finds.codes import CodeReader
 from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.hazmat import HazmatReader
 from pipeline.plugins.finds.shapes import ShapeReader
-from pipeline.plugins.finds.squares import Squares
+from pipeline.plugins.finds.squares import SquareCandidates
 from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
 from pipeline.victims.detection import Detection
 from pipeline.victims.readers import not_among
@@ -38,7 +38,7 @@ class FindReaders:
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """The readings in a frame, given a detector's boxes in its image."""
         shapes = self._shapes.read(frame)
-        squares = Squares.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
+        squares = SquareCandidates.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
         return [*shapes, *not_among(self._read(squares, detections), shapes)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
@@ -47,9 +47,9 @@ class FindReaders:
         Raises:
             InputError: the image is empty or of another type.
         """
-        return self._read(Squares.of(rgb, self._config.squares), detections)
+        return self._read(SquareCandidates.of(rgb, self._config.squares), detections)
 
-    def _read(self, squares: Squares, detections: Sequence[Detection]) -> list[Reading]:
+    def _read(self, squares: SquareCandidates, detections: Sequence[Detection]) -> list[Reading]:
         others = [d for d in detections if d.kind in FIND_KINDS]
         signs = self._hazmat.read(squares)
         boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]

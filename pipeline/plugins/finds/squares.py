@@ -19,7 +19,7 @@ PATCH, SURROUNDINGS = 64, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Squares:
+class SquareCandidates:
     """An image and the possible squares in it.
 
     Attributes:
@@ -38,7 +38,7 @@ class Squares:
         return Pyramid(self.image)
 
     @classmethod
-    def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "Squares":
+    def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "SquareCandidates":
         """The squares in an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
         image, scale = _bounded(rgb, config.max_pixels)
         return cls(image, scale, find_quads(image, config))

@@ -106,7 +106,7 @@ class MissionBrief:
         return f"RoboCup{self.start.year}-{team}-{name}"
 
     @property
-    def plan_name(self) -> str:
+    def map_2d_name(self) -> str:
         """File name of the 2D map, Rescue Robot League 2026D."""
         return f"{self.stem}.tiff"
 

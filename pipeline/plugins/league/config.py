@@ -40,8 +40,8 @@ class InspectionConfig:
         highest: maximum height of a piece above the ground, m; signs and other finds hang no higher.
         sign: side of a typical sign, such as the hazmat signs that the leagues print, m.
         readable: minimum width of such a sign in the image for it to be readable, pixels.
-        before: distance from a wall to the points that represent it, m. The points on its two sides are then farther
-            apart than ``spacing``.
+        standoff: distance from a wall to the points that represent it, m. The points on its two sides are then
+            farther apart than ``spacing``.
         spacing: spacing of these points, m; a point this close to one that was read or aimed at needs no inspection.
         depth: length in front of a wall over which a line of sight is not checked, m.
         beside_camera: length at the camera over which a line of sight is not checked, m, because the robot will be
@@ -54,7 +54,7 @@ class InspectionConfig:
     highest: float = 2.0
     sign: float = 0.2
     readable: float = 60.0
-    before: float = 0.3
+    standoff: float = 0.3
     spacing: float = 0.3
     depth: float = 0.3
     beside_camera: float = 0.3

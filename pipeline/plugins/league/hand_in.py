@@ -79,14 +79,14 @@ def hand_in(
     way, robot = driven[:, :3, 3], ground.robot
     cameras, T = way + np.array([0.0, 0.0, robot.headroom]), league_frame(driven[0], robot.half_length)
     pois = points_of_interest(finds, T, brief.start)
-    plan, cloud, listed = files = [target / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name)]
+    map_2d, cloud, listed = files = [target / name for name in (brief.map_2d_name, brief.cloud_name, brief.pois_name)]
     neighbours = config.normal_neighbours
     if codes := codes_among(finds, T):
         files.append(target / brief.codes_name)
     run_all(
         lambda: write_pois(listed, brief, pois),
         lambda: write_cloud(cloud, brief, *_surface(semantic_map, metric_map), cameras, metric_map, T, neighbours),
-        lambda: write_league_map(plan, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),
+        lambda: write_league_map(map_2d, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),
         *(partial(write_codes, path, codes) for path in files[3:]),
     )
     return files

@@ -65,9 +65,9 @@ class WallPieces(NamedTuple):
         return frame.intrinsics.fx * self.config.sign * np.maximum(cosines, 0) / distances
 
     @property
-    def before(self) -> NDArray[np.float64]:
+    def points_in_front(self) -> NDArray[np.float64]:
         """(N, 3) m, the point in front of each piece that represents it."""
-        return self.points + self.config.before * self.normals
+        return self.points + self.config.standoff * self.normals
 
 
 class Inspection(Strategy):
@@ -117,8 +117,8 @@ class Inspection(Strategy):
         is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_fov)
         camera = place[0] + _height(context.frame)
         is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
-        before = left.where(is_aimed).before
-        self._aimed.append(AnchoredPlaces.anchored(before, context.poses, len(context.poses) - 1))
+        aimed = left.where(is_aimed).points_in_front
+        self._aimed.append(AnchoredPlaces.anchored(aimed, context.poses, len(context.poses) - 1))
 
     def _is_free(self, camera: Place, point: Place) -> bool:
         """Whether nothing is between a camera and a point on a wall."""
@@ -131,11 +131,12 @@ class Inspection(Strategy):
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)
         is_read = walls.sides >= self._walls.readable
-        done = np.concatenate([walls.before[is_read], AnchoredPlaces.joined(self._aimed).at(context.poses)])[:, :2]
+        aimed = AnchoredPlaces.joined(self._aimed).at(context.poses)
+        done = np.concatenate([walls.points_in_front[is_read], aimed])[:, :2]
         left = walls.where(~is_read)
         if len(done) and len(left.points):
-            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > self._walls.spacing)
-        _, first = np.unique(np.floor(left.before[:, :2] / self._walls.spacing), axis=0, return_index=True)
+            left = left.where(cKDTree(done).query(left.points_in_front[:, :2])[0] > self._walls.spacing)
+        _, first = np.unique(np.floor(left.points_in_front[:, :2] / self._walls.spacing), axis=0, return_index=True)
         return left.where(first)
 
     def _shows(self, walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:

@@ -50,7 +50,7 @@ def searched_ground(ground: Traversability, metric_map: MetricMap, places: Place
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class LeagueMap:
     """A 2D map in the league's frame: x to the right, y up.
 
     Attributes:
@@ -68,7 +68,7 @@ class Plan:
 
 def draw_league_map(
     title: str, ground: SearchedGround, T_map_league: Pose, path: Places, pois: Sequence[PointOfInterest]
-) -> Plan:
+) -> LeagueMap:
     """Draw the 2D map.
 
     Args:
@@ -84,17 +84,19 @@ def draw_league_map(
     driven = transform_points(inverse(T_map_league), path)
     searched = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
     corners = transform_points(inverse(T_map_league), np.column_stack([searched, np.zeros(len(searched))]))
-    plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
-    _draw_ground(plan, ground, T_map_league)
-    _draw_start(plan, driven[0])
+    league_map = _empty_map(
+        np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title)
+    )
+    _draw_ground(league_map, ground, T_map_league)
+    _draw_start(league_map, driven[0])
     # Drawn over the start, because the path of a robot that could not leave its start is a dot there.
-    line = plan.pixel_of(driven)[:, None].astype(np.int32)
-    cv2.polylines(plan.image, [line], False, MAP_COLOURS["path"], pixels("path"))
+    line = league_map.pixel_of(driven)[:, None].astype(np.int32)
+    cv2.polylines(league_map.image, [line], False, MAP_COLOURS["path"], pixels("path"))
     for poi in pois:
         if poi.type in MAP_COLOURS:
-            _draw_find(plan, poi)
-    _draw_scale(plan, title)
-    return plan
+            _draw_find(league_map, poi)
+    _draw_scale(league_map, title)
+    return league_map
 
 
 def write_league_map(
@@ -105,11 +107,11 @@ def write_league_map(
     Raises:
         InputError: the file cannot be written, or the image would take too much memory.
     """
-    plan = draw_league_map(path.name, ground, T_map_league, driven, pois)
-    write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
+    league_map = draw_league_map(path.name, ground, T_map_league, driven, pois)
+    write_geotiff(path, league_map.image, LENGTHS["pixel"], league_map.corner)
 
 
-def _empty_plan(points: Places, letters: int) -> Plan:
+def _empty_map(points: Places, letters: int) -> LeagueMap:
     """A checkerboard around points, wide enough for a title of ``letters`` letters next to the scale."""
     pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
@@ -120,18 +122,18 @@ def _empty_plan(points: Places, letters: int) -> Plan:
     x = np.floor((corner[0] + (np.arange(width) + 0.5) * pixel) / LENGTHS["checker"])
     y = np.floor((corner[1] - (np.arange(height) + 0.5) * pixel) / LENGTHS["checker"])
     is_dark = ((x[None] + y[:, None]) % 2).astype(np.uint8)
-    return Plan(np.array([MAP_COLOURS["light"], MAP_COLOURS["dark"]], np.uint8)[is_dark], corner)
+    return LeagueMap(np.array([MAP_COLOURS["light"], MAP_COLOURS["dark"]], np.uint8)[is_dark], corner)
 
 
-def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: Pose) -> None:
+def _draw_ground(league_map: LeagueMap, ground: SearchedGround, T_map_league: Pose) -> None:
     """Draw the searched area in greys that show its confidence, the grid on it, and the walls."""
-    confidence, is_wall = (_as_seen(plan, layer, ground.grid, T_map_league) for layer in _layers(ground))
+    confidence, is_wall = (_as_seen(league_map, layer, ground.grid, T_map_league) for layer in _layers(ground))
     is_known = confidence > 0
-    plan.image[is_known] = confidence[is_known, None]
-    step, first = pixels("grid"), plan.pixel_of(np.zeros(2))
+    league_map.image[is_known] = confidence[is_known, None]
+    step, first = pixels("grid"), league_map.pixel_of(np.zeros(2))
     for lines in (np.s_[first[1] % step :: step], np.s_[:, first[0] % step :: step]):
-        plan.image[lines][is_known[lines]] = MAP_COLOURS["grid"]
-    plan.image[is_wall > 0] = MAP_COLOURS["walls"]
+        league_map.image[lines][is_known[lines]] = MAP_COLOURS["grid"]
+    league_map.image[is_wall > 0] = MAP_COLOURS["walls"]
 
 
 def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -141,54 +143,55 @@ def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8
     return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
 
 
-def _as_seen(plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
-    """(H, W) values of a layer (nx, ny), whose grid is in ``map``, at a plan's pixels; 0 outside the grid."""
+def _as_seen(league_map: LeagueMap, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
+    """(H, W) values of a layer (nx, ny), whose grid is in ``map``, at a map's pixels; 0 outside the grid."""
     pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
-    x, y = plan.corner + np.array([pixel, -pixel]) / 2
+    x, y = league_map.corner + np.array([pixel, -pixel]) / 2
     of_pixels = np.array([[pixel, 0, x], [0, -pixel, y], [0, 0, 1]])
     to_cells = np.array([[1, 0, -grid.origin[0]], [0, 1, -grid.origin[1]], [0, 0, grid.cell]]) / grid.cell
     M = (to_cells @ flat @ of_pixels)[:2]
     M[:, 2] -= 0.5  # OpenCV's pixel centres are at integers
     flags: Any = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    return cv2.warpAffine(np.ascontiguousarray(layer.T), M, plan.image.shape[1::-1], flags=flags).astype(np.uint8)
+    size = league_map.image.shape[1::-1]
+    return cv2.warpAffine(np.ascontiguousarray(layer.T), M, size, flags=flags).astype(np.uint8)
 
 
-def _draw_start(plan: Plan, start: Points) -> None:
+def _draw_start(league_map: LeagueMap, start: Points) -> None:
     """Draw an arrow that points up, at the robot's centre at the start."""
-    x, y = plan.pixel_of(start).tolist()
+    x, y = league_map.pixel_of(start).tolist()
     half = pixels("arrow", 0.5)
     side = half // 2
     tips = np.array([(0, -half), (-side, half), (0, side), (side, half)], np.int32)
-    cv2.fillPoly(plan.image, [tips + np.array([x, y], np.int32)], MAP_COLOURS["start"])
+    cv2.fillPoly(league_map.image, [tips + np.array([x, y], np.int32)], MAP_COLOURS["start"])
 
 
-def _draw_find(plan: Plan, poi: PointOfInterest) -> None:
+def _draw_find(league_map: LeagueMap, poi: PointOfInterest) -> None:
     """Draw a tag as a disc with its number, other finds as a diamond with the first two letters of the name."""
-    x, y = plan.pixel_of(poi.position).tolist()
+    x, y = league_map.pixel_of(poi.position).tolist()
     if poi.type == "ar_code":
         radius, text = pixels("disc", 0.5), poi.name
-        cv2.circle(plan.image, (x, y), radius, MAP_COLOURS[poi.type], cv2.FILLED)
+        cv2.circle(league_map.image, (x, y), radius, MAP_COLOURS[poi.type], cv2.FILLED)
     else:
         radius, text = pixels("diamond", 0.5), poi.name[:2]
         tips = np.array([(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)], np.int32)
-        cv2.fillPoly(plan.image, [tips], MAP_COLOURS[poi.type])
+        cv2.fillPoly(league_map.image, [tips], MAP_COLOURS[poi.type])
     size = radius * min(1 / CAPITALS, radius / max(1, width_of(text, radius)))
-    write(plan.image, (x, y), text, size, MAP_COLOURS["text"], IN_MIDDLE, is_smooth=False)
+    write(league_map.image, (x, y), text, size, MAP_COLOURS["text"], IN_MIDDLE, is_smooth=False)
 
 
-def _draw_scale(plan: Plan, title: str) -> None:
+def _draw_scale(league_map: LeagueMap, title: str) -> None:
     """Draw the file's name at the top left; the scale and the axes, x up and y left, at the top right."""
-    letter, right, axis = pixels("title"), plan.image.shape[1] - pixels("margin", 0.5), pixels("axis")
-    _write(plan, (letter, 2 * letter), title, letter, "file_name")
+    letter, right, axis = pixels("title"), league_map.image.shape[1] - pixels("margin", 0.5), pixels("axis")
+    _write(league_map, (letter, 2 * letter), title, letter, "file_name")
     first = right - pixels("scale")
-    plan.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
-    _write(plan, (first, 2 * letter - 3), "1 m", letter / 2, "scale")
+    league_map.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
+    _write(league_map, (first, 2 * letter - 3), "1 m", letter / 2, "scale")
     foot = (right, 3 * letter + axis)
     for name, tip in (("x", (right, foot[1] - axis)), ("y", (right - axis, foot[1]))):
-        cv2.arrowedLine(plan.image, foot, tip, MAP_COLOURS["scale"], 2)
-        _write(plan, (tip[0] + 3, tip[1] - 8), name, letter / 2, "scale")
+        cv2.arrowedLine(league_map.image, foot, tip, MAP_COLOURS["scale"], 2)
+        _write(league_map, (tip[0] + 3, tip[1] - 8), name, letter / 2, "scale")
 
 
-def _write(plan: Plan, at: tuple[int, int], text: str, height: float, element: str) -> None:
+def _write(league_map: LeagueMap, at: tuple[int, int], text: str, height: float, element: str) -> None:
     """Write a text with capitals of a height, pixels, in exactly the colour that the rules give to the element."""
-    write(plan.image, at, text, height / CAPITALS, MAP_COLOURS[element], is_smooth=False)
+    write(league_map.image, at, text, height / CAPITALS, MAP_COLOURS[element], is_smooth=False)

@@ -35,13 +35,13 @@ class LiveConfig:
         idle: maximum time between two calls of a node's ``idle``, s.
         odometry_queue: number of messages of a topic that are queued while a program computes, and of odometry poses
             that are kept; enough for a few seconds of odometry.
-        queue: number of messages of a topic that are queued for a listener, which is ROS's default, and of images
+        queue: number of messages of a topic that are queued for a subscriber, which is ROS's default, and of images
             that are kept.
         min_speed, min_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
         min_distance, min_turn: minimum motion that shows that a robot follows commands, m and rad.
         min_period: minimum control period, s.
-        hold: time on the robot's clock after which the robot is stopped if there is no new command, because the
-            pipeline is computing, s. A frame may be older than the newest odometry by half of this time.
+        command_timeout: time on the robot's clock after which the robot is stopped if there is no new command,
+            because the pipeline is computing, s. A frame may be older than the newest odometry by half of this time.
         starting: number of odometry messages from which their period is estimated.
         trajectory: how long odometry is valid.
         depth_range: nearest and farthest depth that the camera measures, m. None: those of the camera that topics or
@@ -60,7 +60,7 @@ class LiveConfig:
     min_distance: float = 0.02
     min_turn: float = radians(3)
     min_period: float = 0.04
-    hold: float = 0.2
+    command_timeout: float = 0.2
     starting: int = 5
     trajectory: TrajectoryConfig = TrajectoryConfig()
     depth_range: tuple[float, float] | None = None

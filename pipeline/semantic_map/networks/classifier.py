@@ -89,7 +89,7 @@ def segment(
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
     shifts = [(start + grid / grids) * config.size for grid in range(grids)]
-    blocks = [block for shift in shifts for block in cut(points, camera, config, shift, network.fewest, rng)]
+    blocks = [block for shift in shifts for block in cut(points, camera, config, shift, network.min_points, rng)]
     for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
         if not np.isfinite(logits).all():
             raise InputError(

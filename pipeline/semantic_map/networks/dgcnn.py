@@ -61,7 +61,7 @@ class Dgcnn(PointNetwork):
         self.classifier = nn.Linear(last, classes, bias=False)
 
     @property
-    def fewest(self) -> int:
+    def min_points(self) -> int:
         """Minimum number of points of a block, which is the number of neighbours of a point."""
         return self.k
 

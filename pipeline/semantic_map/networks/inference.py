@@ -35,7 +35,7 @@ class AsWritten:
             if isinstance(layers, nn.Sequential):
                 _fold(layers)
         self._device = next(network.parameters()).device
-        self.classes, self.fewest = network.classes, network.fewest
+        self.classes, self.min_points = network.classes, network.min_points
 
     def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """(N, channels) float32 points to (N, classes) float32 logits.

@@ -37,7 +37,7 @@ class PointNetwork(nn.Module, ABC):
         """(P, channels) float32 points of blocks with ``sizes`` points each, P in total, to (P, classes) logits."""
 
     @property
-    def fewest(self) -> int:
+    def min_points(self) -> int:
         """Minimum number of points of a block."""
         return 1
 
@@ -78,11 +78,11 @@ class BlockClassifier(Protocol):
 
     Attributes:
         classes: number of classes.
-        fewest: minimum number of points of a block.
+        min_points: minimum number of points of a block.
     """
 
     classes: int
-    fewest: int
+    min_points: int
 
     def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """(N, channels) float32 points of a block to (N, classes) float32 logits.
@@ -97,8 +97,8 @@ class BlockClassifier(Protocol):
 
 def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:
     """Raise InputError if (N, C) points are too few, have a wrong number of channels, or are not finite."""
-    if points.ndim != 2 or points.shape[1] != network.channels or len(points) < network.fewest:
-        wanted = f"(N, {network.channels}) with N at least {network.fewest}"
+    if points.ndim != 2 or points.shape[1] != network.channels or len(points) < network.min_points:
+        wanted = f"(N, {network.channels}) with N at least {network.min_points}"
         raise InputError(f"{network.NAME}: a block must have shape {wanted}, not {points.shape}")
     if not np.isfinite(points).all():
         raise InputError(f"{network.NAME}: a block must not contain NaN or infinite values")

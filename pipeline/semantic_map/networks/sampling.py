@@ -36,7 +36,7 @@ class BlockSampler:
         self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, min_points: int, config: TrainingConfig
     ) -> None:
         """The blocks of a batch come from the clouds in turn; each has at least ``min_points`` points."""
-        self._clouds, self._blocks, self._fewest = clouds, blocks, min_points
+        self._clouds, self._blocks, self._min_points = clouds, blocks, min_points
         self._size, self._seed, self._augmentation = config.batch, config.seed, config.augmentation
 
     def batch(self, number: int) -> Batch:
@@ -71,7 +71,7 @@ class BlockSampler:
         share = rng.uniform(self._augmentation.thinnest, 1)
         most = min(max(round(share * len(index)), 1), self._blocks.points)
         index = rng.permutation(index)[:most]
-        return np.append(index, rng.choice(index, max(self._fewest - most, 0))), centre
+        return np.append(index, rng.choice(index, max(self._min_points - most, 0))), centre
 
 
 def augmented(

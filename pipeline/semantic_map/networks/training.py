@@ -77,7 +77,7 @@ class TrainingWorker:
         """Whether this process is the one that validates and writes."""
         return self.rank == 0
 
-    def agreed(self, value: float) -> float:
+    def broadcast(self, value: float) -> float:
         """The value of process 0, in every process."""
         shared = torch.tensor(value, dtype=torch.float64, device=self.device)
         if self.count > 1:
@@ -150,7 +150,7 @@ class Training:
             if isinstance(layer, nn.Dropout):
                 layer.p = 0.0  # the published 0.5 suits longer training runs
         self.network = network.to(worker.device).train()
-        self._sampler = BlockSampler(known, self._blocks, network.fewest, config)
+        self._sampler = BlockSampler(known, self._blocks, network.min_points, config)
         self._weights = class_weights(known).to(worker.device)
         self._optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate)
         self.step = 0
@@ -192,13 +192,13 @@ class Training:
                     coming = pool.submit(self._draw, self.step + 1)  # during this step
                     self._losses.append(self._learn(shared, batch))
                     self.step += 1
-                    self.spent = self.worker.agreed(self.spent + process_time() - start)
+                    self.spent = self.worker.broadcast(self.spent + process_time() - start)
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
                         if self.worker.leads:
                             self._validate()
                         # Wait for process 0 by a broadcast, in which that process only sends. After a barrier, a
                         # process that leaves at once can interrupt another's last receive.
-                        self.worker.agreed(0.0)
+                        self.worker.broadcast(0.0)
                     elif self.step % SAVE_EVERY == 0:
                         self._save()
                     report(self)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from pipeline.rescue_report.figures import number
+from pipeline.rescue_report.figures import figure_text
 from sarsim.commands.sweeps.episodes import Row
 from sarsim.commands.sweeps.statistics import Estimate, estimate
 from sarsim.scoring.progress import mean_up_to
@@ -152,7 +152,7 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
 
 def text(found: Estimate) -> str:
     """An estimate with its interval, if it has one, as text; – for values that are not finite."""
-    value, low, high = (number(value) if np.isfinite(value) else "–" for value in found)
+    value, low, high = (figure_text(value) if np.isfinite(value) else "–" for value in found)
     return value if value == "–" or low == high else f"{value} ({low}–{high})"
 
 

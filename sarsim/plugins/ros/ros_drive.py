@@ -175,7 +175,7 @@ class RosDrive(ExplorerRun):
     def _send(self, topic: str, time: float, message: Message) -> None:
         """Send data in sarsim's frame ``map``, unless the robot has its own, because Nav2 would mix up the two."""
         if not self._has_other_map:
-            self._node.send(topic, time, message)
+            self._node.publish(topic, time, message)
 
     @cached_property
     def _has_other_map(self) -> bool:

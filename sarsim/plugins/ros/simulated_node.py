@@ -71,15 +71,15 @@ class SimulatedNode:
                 make_folder(config.out)
             refused.pop_all()
         self.commands = 0
-        self._topics = RobotTopics(node.send)
+        self._topics = RobotTopics(node.publish)
         self._command, self._commanded = Velocity(), -np.inf
         self._begin, self._wall = self.robot.time, node.now()
         self._next_frame, self._has_camera = self.robot.time, False
         self._true_frames: deque[tuple[float, TrueFrame]] = deque(maxlen=KEPT)
         self._keyframes: list[float] = []
         self._name = "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
-        node.listen(COMMANDS, self._obey, self._name)
-        node.listen(KEYFRAMES, lambda data: self._keyframes.append(time_of(data)), "geometry_msgs/msg/PoseStamped")
+        node.subscribe(COMMANDS, self._obey, self._name)
+        node.subscribe(KEYFRAMES, lambda data: self._keyframes.append(time_of(data)), "geometry_msgs/msg/PoseStamped")
 
     def _obey(self, data: bytes) -> None:
         self._command, self._commanded = command_of(decode(data, self._name)), self.robot.time
@@ -118,7 +118,7 @@ class SimulatedNode:
         topics.motion(motion)
         for plugin in self._plugins:
             for topic, time, message in plugin.measurements():
-                self._node.send(topic, time, message)
+                self._node.publish(topic, time, message)
         topics.joints(motion.time, Joints(WHEELS, *self.robot.wheels))
         topics.odometry(OdometrySample(motion.time, motion.T_odom_base, motion.twist))
         if motion.time >= self._next_frame - 1e-6:
@@ -132,7 +132,7 @@ class SimulatedNode:
         frame = self.robot.sense()
         if not self._has_camera:
             link = transform(frame.time, BASE, CAMERA, frame.T_base_camera)
-            self._node.send("/camera/transform", frame.time, link)
+            self._node.publish("/camera/transform", frame.time, link)
             self._has_camera = True
         self._topics.frame(replace(frame, label=None))
         self._true_frames.append((frame.time, required(self.robot.true_frame)))

@@ -20,7 +20,7 @@ POSE_SIGMAS = (0.02, 0.02, 0.0, 0.0, 0.0, 0.005)
 
 
 @dataclass(eq=False)
-class Replay:
+class TourLocalisation:
     """The results of localisation on a tour.
 
     Attributes:
@@ -43,9 +43,9 @@ class Replay:
         return moved_along(np.array(self.online), self.keyframes, self.slam.poses)
 
 
-def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> Replay:
+def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> TourLocalisation:
     """Localise every frame of a tour; after the robot was carried, its localisation is given an approximate pose."""
-    run = Replay(Slam(closes_loops, config=config))
+    run = TourLocalisation(Slam(closes_loops, config=config))
     slam = run.slam
     rng = np.random.default_rng(0)
     for n, frame in enumerate(tour.frames()):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Poses, Values
 from pipeline.localisation.pose_graph import ConstraintKind
 from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative, rms
-from scripts.benchmarks.loops.replay import Replay
+from scripts.benchmarks.loops.replay import TourLocalisation
 from scripts.benchmarks.loops.revisits import AGAIN
 from scripts.benchmarks.loops.tours import Tour
 
@@ -24,7 +24,7 @@ APART = 10, 50, 200
 PAIRS = 60  # Approximate number of relative poses compared for each of these numbers
 
 
-def scores(tour: Tour, run: Replay, stretches: list[Indices]) -> dict[str, Any]:
+def scores(tour: Tour, run: TourLocalisation, stretches: list[Indices]) -> dict[str, Any]:
     """The figures of a tour; ``stretches`` are the stretches of revisit from :func:`revisits`."""
     way, true = distances_driven(tour.true), tour.true[run.keyframes]
     graph, path = run.slam.graph, float(way[-1])
@@ -79,7 +79,7 @@ def offsets(
     return np.linalg.norm(kept[:, 3:], axis=1), np.linalg.norm(kept[:, :3], axis=1)
 
 
-def _nees_by_length(tour: Tour, run: Replay, distances: Values) -> dict[str, list[float]]:
+def _nees_by_length(tour: Tour, run: TourLocalisation, distances: Values) -> dict[str, list[float]]:
     """The NEES, per dimension, of the newest pose at each correction, by the name of the path's length."""
     frames, poses, covariances = map(np.array, zip(*run.stated, strict=True))
     values = each_nees(errors_of(tour.true[frames], poses), covariances)
@@ -89,7 +89,7 @@ def _nees_by_length(tour: Tour, run: Replay, distances: Values) -> dict[str, lis
     }
 
 
-def _relative_nees(true: Poses, run: Replay) -> dict[str, list[float]]:
+def _relative_nees(true: Poses, run: TourLocalisation) -> dict[str, list[float]]:
     """The NEES, per dimension, of final relative poses of keyframes, by the number of keyframes between them."""
     graph, found = run.slam.graph, dict[str, list[float]]()
     for apart in APART:

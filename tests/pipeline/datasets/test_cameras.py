@@ -16,7 +16,7 @@ from pipeline.datasets.cameras import (
     registered,
 )
 from pipeline.datasets.links import FrameTree
-from pipeline.datasets.pinhole import Pinhole
+from pipeline.datasets.pinhole import ImageRectifier
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.plugins.ros import messages
@@ -80,10 +80,10 @@ def info(k: Intrinsics, frame: str, **values: Any) -> Any:
     return message
 
 
-def camera(depth: Any, colour: Any | None, links: FrameTree | None = None) -> RgbdCamera:
+def camera(depth: Any, colour: Any | None, frame_tree: FrameTree | None = None) -> RgbdCamera:
     of_colour = None if colour is None else ImageSource("/rgb/image_raw", colour, colour.header.frame_id)
     of_depth = ImageSource("/depth/image_raw", depth, depth.header.frame_id)
-    return RgbdCamera(Path("bag"), of_depth, of_colour, links or FrameTree())
+    return RgbdCamera(Path("bag"), of_depth, of_colour, frame_tree or FrameTree())
 
 
 def linked(T: np.ndarray, prefix: str = "") -> FrameTree:
@@ -122,17 +122,21 @@ def test_without_transforms_it_is_said_that_depth_is_not_registered() -> None:
 def test_colour_of_another_frame_without_camera_info_is_said() -> None:
     source = ImageSource("/rgb/image_raw", None, "rgb")
     of_depth = ImageSource("/depth/image_raw", info(DEPTH, "depth"), "depth")
-    for links, is_said in ((FrameTree(), True), (linked(from_yaw(0.05, 0, 0, 0)), True), (linked(np.eye(4)), False)):
-        assert ("rgb" in RgbdCamera(Path("bag"), of_depth, source, links).note) == is_said
+    for frame_tree, is_said in (
+        (FrameTree(), True),
+        (linked(from_yaw(0.05, 0, 0, 0)), True),
+        (linked(np.eye(4)), False),
+    ):
+        assert ("rgb" in RgbdCamera(Path("bag"), of_depth, source, frame_tree).note) == is_said
 
 
 @pytest.mark.parametrize(
-    ("frames", "links"),
+    ("frames", "frame_tree"),
     [(("rgb", "rgb"), FrameTree()), (("depth", "rgb"), FrameTree()), (("depth", "rgb"), linked(np.eye(4)))],
 )
-def test_registered_depth_stays_as_it_is(frames: tuple[str, str], links: FrameTree) -> None:
+def test_registered_depth_stays_as_it_is(frames: tuple[str, str], frame_tree: FrameTree) -> None:
     nearly = Intrinsics(160, 120, DEPTH.fx + 0.05, DEPTH.fy, DEPTH.cx + 0.2, DEPTH.cy)
-    pair = camera(info(DEPTH, frames[0]), info(nearly, frames[1]), links)
+    pair = camera(info(DEPTH, frames[0]), info(nearly, frames[1]), frame_tree)
     depth = seen_by(DEPTH, np.eye(4))
     np.testing.assert_array_equal(pair.images(depth, images(DEPTH))[0], depth)
     assert not pair.note and pair.intrinsics == DEPTH
@@ -142,14 +146,14 @@ def test_rectified_images_are_left_as_they_are_and_have_the_intrinsics_of_p() ->
     P = np.array([[130.0, 0, 78, 0], [0, 131.0, 61, 0], [0, 0, 1, 0]])
     raw = info(DEPTH, "rgb", d=np.array([0.1, -0.2, 0.01, 0.0, 0.0]), p=P.ravel())
     image = seen_by(DEPTH, np.eye(4))
-    rectified = Pinhole(Path("bag"), raw, is_rectified=True)
+    rectified = ImageRectifier(Path("bag"), raw, is_rectified=True)
     np.testing.assert_array_equal(rectified.rectified("depth", image), image)
     assert rectified.intrinsics == Intrinsics(160, 120, 130.0, 131.0, 78.5, 61.5)
-    straightened = Pinhole(Path("bag"), raw)
+    straightened = ImageRectifier(Path("bag"), raw)
     assert not np.array_equal(straightened.rectified("depth", image), image)
     assert straightened.intrinsics == DEPTH
     none = info(DEPTH, "rgb", p=np.zeros(12))  # of drivers that fill in K alone
-    assert Pinhole(Path("bag"), none, is_rectified=True).intrinsics == DEPTH
+    assert ImageRectifier(Path("bag"), none, is_rectified=True).intrinsics == DEPTH
 
 
 @pytest.mark.parametrize(
@@ -171,7 +175,7 @@ def test_binning_and_the_region_of_interest_shift_the_intrinsics() -> None:
     whole = Intrinsics(640, 480, 560.0, 568.0, 322.0, 242.0)
     roi = messages.make("sensor_msgs/RegionOfInterest", 80, 40, 400, 480, False)  # x, y, height, width
     part = info(whole, "rgb", binning_x=2, binning_y=4, roi=roi)
-    k = Pinhole(Path("bag"), part).intrinsics
+    k = ImageRectifier(Path("bag"), part).intrinsics
     assert (k.width, k.height) == (240, 100)
     # A place of the sensor is seen at the same place by both.
     points = np.array([(0.1, -0.05, 1.0), (-0.2, 0.02, 1.4)])

@@ -227,7 +227,7 @@ def test_what_is_seen_after_a_correction_stays_where_it_was_seen() -> None:
 @settings(max_examples=20, deadline=None)
 def test_a_fold_that_begins_where_keyframes_moved_makes_what_a_whole_one_makes(drawn) -> None:
     order, *poses = drawn
-    at, segments = np.tile(np.eye(4), (3, 1, 1)), Segments(config=SegmentsConfig(checkpoint=2))
+    at, segments = np.tile(np.eye(4), (3, 1, 1)), Segments(config=SegmentsConfig(checkpoint_interval=2))
     for keyframe, patches in enumerate(FRAMES):
         segments.update(patches, keyframe, at[keyframe])
     for keyframe, moved in zip(order, poses, strict=False):

@@ -5,7 +5,7 @@ import numpy as np
 from pipeline.victims.config import HeatConfig
 from pipeline.victims.readers import warm_regions
 
-CONFIG = HeatConfig(warmer=5.0)
+CONFIG = HeatConfig(min_temperature_excess=5.0)
 
 
 def test_what_is_warm_is_outlined_in_the_colour_image_and_noise_is_not():

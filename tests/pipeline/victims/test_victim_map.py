@@ -108,7 +108,7 @@ def test_two_frames_from_different_places_confirm() -> None:
 
 
 SMALL = PeopleConfig(
-    confirmation=Confirmation(evidence=0.75, whole=0.3, evidence_of_part=1.2, misses=1.0, baseline=0.3)
+    confirmation=Confirmation(evidence=0.75, full_size=0.3, evidence_of_part=1.2, misses=1.0, baseline=0.3)
 )
 
 

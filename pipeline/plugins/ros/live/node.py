@@ -20,7 +20,7 @@ from pipeline.plugins.ros.messages import encode, type_of
 
 
 class RosNode:
-    """Sends and receives messages until it is closed; it listens in a separate thread.
+    """Publishes and receives messages until it is closed; it listens in a separate thread.
 
     Attributes:
         idle: function that is called repeatedly in the listening thread.
@@ -78,17 +78,17 @@ class RosNode:
                 publisher.wait_for_all_acked(timeout)
         self._stack.close()
 
-    def send(self, topic: str, time: float, message: Message) -> None:
-        """Send a message, unless its type is not installed; ``time`` is not used."""
+    def publish(self, topic: str, time: float, message: Message) -> None:
+        """Publish a message, unless its type is not installed; ``time`` is not used."""
         if topic not in self._publishers:
             self.advertise(topic, type_of(message))
         if self._publishers[topic] is not None:
             self._publishers[topic].publish(encode(message))
 
     def advertise(self, topic: str, name: str) -> None:
-        """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
+        """Announce a topic of messages of the type ``package/msg/Name``, so that subscribers can connect.
 
-        Messages are sent reliably, which suits every listener, because with best effort, parts of images get lost
+        Messages are sent reliably, which suits every subscriber, because with best effort, parts of images get lost
         even on one machine.
         """
         qos, kind = import_module("rclpy.qos"), interface(name)
@@ -96,11 +96,11 @@ class RosNode:
         profile = qos.QoSProfile(depth=1 if topic in LATCHED else self._config.queue, durability=durability)
         self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
 
-    def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
+    def subscribe(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
         """Subscribe to a topic.
 
         Args:
-            topic: name of the topic; if no type is given, a node must already offer it.
+            topic: name of the topic; if no type is given, a node must already publish it.
             take: called with the CDR of each message, in the listening thread, so it must not take long.
             name: name of the type, ``package/msg/Name``.
 
@@ -112,11 +112,11 @@ class RosNode:
         if kind is None:
             package = name.partition("/")[0]
             raise InputError(f"{topic}: message type {name} is not installed; install the ROS package {package}")
-        is_offered = bool(self.publishers(topic))
+        is_published = bool(self.publishers(topic))
         profile = qos.QoSProfile(
             depth=self._config.odometry_queue,
-            reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if is_offered else qos.ReliabilityPolicy.BEST_EFFORT,
-            durability=qos.DurabilityPolicy.BEST_AVAILABLE if is_offered else qos.DurabilityPolicy.VOLATILE,
+            reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if is_published else qos.ReliabilityPolicy.BEST_EFFORT,
+            durability=qos.DurabilityPolicy.BEST_AVAILABLE if is_published else qos.DurabilityPolicy.VOLATILE,
         )
 
         def heard(data: bytes) -> None:
@@ -148,15 +148,15 @@ class RosNode:
         return True
 
     def types(self) -> dict[str, list[str]]:
-        """Types of the messages that are sent or listened to, by topic."""
+        """Types of the messages that are published or subscribed to, by topic."""
         return dict(self._node.get_topic_names_and_types())
 
     def publishers(self, topic: str) -> list[str]:
-        """Names of the nodes that send on a topic."""
+        """Names of the nodes that publish a topic."""
         return [info.node_name for info in self._node.get_publishers_info_by_topic(topic)]
 
-    def listeners(self, topic: str) -> list[str]:
-        """Names of the nodes that listen to a topic."""
+    def subscribers(self, topic: str) -> list[str]:
+        """Names of the nodes that subscribe to a topic."""
         return [info.node_name for info in self._node.get_subscriptions_info_by_topic(topic)]
 
 

@@ -60,7 +60,7 @@ class RosRobot:
             config: time limits, and the slowest commands that a robot follows.
 
         Raises:
-            InputError: a necessary topic, listener or transform is missing.
+            InputError: a necessary topic, subscriber or transform is missing.
         """
         self.model, self.topics = model, topics
         self._on_motion, self._config = on_motion, config
@@ -82,7 +82,7 @@ class RosRobot:
         node.idle = self._rest
 
     def _find(self, wait: float) -> None:
-        """Wait up to ``wait`` s longer than patience for all necessary topics, and listen to them."""
+        """Wait up to ``wait`` s longer than patience for all necessary topics, and subscribe to them."""
         node, topics, senses = self._node, self.topics, self._senses
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 
@@ -100,23 +100,23 @@ class RosRobot:
                 raise InputError(f"{topic}: several nodes publish it ({', '.join(publishers)}); stop all but one")
         self._prepare_commands()
         types = node.types()
-        self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
-        self._listen(topics.color, senses.take_colour(types[topics.color][0]))
-        self._listen(topics.camera_info, senses.take_info)
-        self._listen(topics.odom, senses.take_odometry)
-        self._listen_to_others()
+        self._subscribe(topics.depth, senses.take_depth(types[topics.depth][0]))
+        self._subscribe(topics.color, senses.take_colour(types[topics.color][0]))
+        self._subscribe(topics.camera_info, senses.take_info)
+        self._subscribe(topics.odom, senses.take_odometry)
+        self._subscribe_to_others()
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
 
     def _missing_receivers(self) -> list[str]:
         """The missing receivers of the robot's commands."""
-        return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
+        return [] if self._node.subscribers(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
         kinds = self._node.types()[self.topics.cmd_vel]
         self._kind = STAMPED if STAMPED in kinds else "geometry_msgs/msg/Twist"
         self._node.advertise(self.topics.cmd_vel, self._kind)
 
-    def _listen_to_others(self) -> None:
+    def _subscribe_to_others(self) -> None:
         """Listen to topics that not every robot has: inertial data, transforms, camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
@@ -136,7 +136,7 @@ class RosRobot:
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.publishers(topic):
-                    self._listen(topic, take)
+                    self._subscribe(topic, take)
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
 
     def _others(self, needed: Sequence[str]) -> str:
@@ -150,18 +150,18 @@ class RosRobot:
             topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.publishers(topic)
         )
 
-    def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
+    def _subscribe(self, topic: str, take: Callable[[bytes], None]) -> None:
         def heard(data: bytes) -> None:
             self._heard[topic] = self._node.now()
             take(data)
 
-        self._node.listen(topic, heard)
+        self._node.subscribe(topic, heard)
         self._heard.setdefault(topic, -np.inf)
 
     def _camera_pose(self) -> Pose:
-        links, frame = self._senses.links, self._camera.frame
-        self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
-        T, self._senses.T_driven_base, note = links.mount(frame)
+        frame_tree, frame = self._senses.frame_tree, self._camera.frame
+        self._node.wait(lambda: frame_tree.mount(frame).T_base_camera is not None, self._patience)
+        T, self._senses.T_driven_base, note = frame_tree.mount(frame)
         if T is None:
             raise InputError(f"{note}; give the camera's pose with --camera-pose X Y Z ROLL PITCH YAW, m and °")
         if note:
@@ -169,16 +169,16 @@ class RosRobot:
         return T
 
     def sense(self) -> Frame:
-        """The newest frame, at most half of ``hold`` older than the odometry at the time of the call.
+        """The newest frame, at most half of ``command_timeout`` older than the odometry at the time of the call.
 
-        Until the frame arrives, the last command of a moving robot is repeated, for at most ``hold``.
+        Until the frame arrives, the last command of a moving robot is repeated, for at most ``command_timeout``.
 
         Raises:
             InputError: a topic fell silent, or the images cannot be used.
         """
-        senses, start, hold = self._senses, self._senses.time, self._config.hold
-        after = max(start - hold / 2, self._frame_time)
-        while self._last != Velocity() and not self._sees(after) and senses.time - start < hold:
+        senses, start, timeout = self._senses, self._senses.time, self._config.command_timeout
+        after = max(start - timeout / 2, self._frame_time)
+        while self._last != Velocity() and not self._sees(after) and senses.time - start < timeout:
             self.drive(self._last)
         self._wait(lambda: self._sees(after))
         with self._node.received:
@@ -213,7 +213,7 @@ class RosRobot:
     @property
     def has_map(self) -> bool:
         """Whether any node publishes the pose of the robot's ``odom`` in a map."""
-        return self._senses.links.has_parent(self._senses.odom_frame)
+        return self._senses.frame_tree.has_parent(self._senses.odom_frame)
 
     def stop(self) -> None:
         """Command the robot to stop."""
@@ -224,12 +224,12 @@ class RosRobot:
         self._last, self._commanded = command, self._senses.time
         time = max(0.0, self._senses.time)
         message = messages.velocity_stamped(time, command) if self._kind == STAMPED else messages.velocity(command)
-        self._node.send(self.topics.cmd_vel, time, message)
+        self._node.publish(self.topics.cmd_vel, time, message)
 
     def _rest(self) -> None:
         """Stop a robot that gets no commands because the pipeline is computing; called as the node's ``idle``."""
         silence = self._senses.time - self._commanded
-        if not self._is_driving and self._last != Velocity() and silence > self._config.hold:
+        if not self._is_driving and self._last != Velocity() and silence > self._config.command_timeout:
             self._send(Velocity())
 
     def _check_obeyed(self, command: Velocity, motion: Motion, elapsed: float) -> None:

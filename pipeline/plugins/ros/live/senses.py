@@ -29,7 +29,7 @@ class SensorReceiver:
     """Receives messages, and returns the newest frame and motion.
 
     Attributes:
-        links: transforms between the frames of the robot.
+        frame_tree: transforms between the frames of the robot.
         info: the camera_info of the depth images.
         colour_info: the camera_info of the colour images; None if there is none.
         odom_frame: name of the frame in which the odometry is given.
@@ -40,7 +40,7 @@ class SensorReceiver:
 
     def __init__(self, half_width: float, config: LiveConfig):
         """Start without messages; ``half_width`` is the distance from the robot's centre to its wheels, m."""
-        self.links = FrameTree()
+        self.frame_tree = FrameTree()
         self.info: Message | None = None
         self.colour_info: Message | None = None
         self.sensor: SensorModel | None = None
@@ -79,7 +79,7 @@ class SensorReceiver:
         time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
         T = pose_matrix(pose.position, pose.orientation)
         if np.isfinite(T).all() and (not self._poses or time > self._poses[-1][0]):
-            self.links.base, self.odom_frame = message.child_frame_id, message.header.frame_id or ODOM
+            self.frame_tree.base, self.odom_frame = message.child_frame_id, message.header.frame_id or ODOM
             self._poses.append((time, T))
             self._twist = np.array([twist.linear.x, twist.angular.z])
 
@@ -94,11 +94,11 @@ class SensorReceiver:
     def take_transforms(self, data: bytes) -> None:
         """Receive a TFMessage."""
         for link in decode(data, "tf2_msgs/msg/TFMessage").transforms:
-            self.links.take(link)
+            self.frame_tree.take(link)
 
     def take_transform(self, data: bytes) -> None:
         """Receive a TransformStamped."""
-        self.links.take(decode(data, "geometry_msgs/msg/TransformStamped"))
+        self.frame_tree.take(decode(data, "geometry_msgs/msg/TransformStamped"))
 
     @property
     def time(self) -> float:
@@ -125,8 +125,8 @@ class SensorReceiver:
         """Whether the cameras of depth and colour, and the transform between them, are known."""
         if self.info is None or self.colour_info is None:
             return False
-        frames = [self.links.named(info.header.frame_id) for info in (self.colour_info, self.info)]
-        return self.links.between(*frames) is not None
+        frames = [self.frame_tree.named(info.header.frame_id) for info in (self.colour_info, self.info)]
+        return self.frame_tree.between(*frames) is not None
 
     def camera(self, depth: str, colour: str) -> RgbdCamera:
         """The camera of the depth and colour images of two topics.
@@ -139,7 +139,7 @@ class SensorReceiver:
             ImageSource(topic, info, info.header.frame_id if info else "")
             for topic, info in ((depth, self.info), (colour, self.colour_info))
         )
-        camera = RgbdCamera(Path(depth), of_depth, of_colour, self.links)
+        camera = RgbdCamera(Path(depth), of_depth, of_colour, self.frame_tree)
         self._camera_frame = camera.frame
         named = camera_named([depth, of_depth.frame, of_colour.frame])
         if named is not None or any(self._given_sensor):
@@ -178,7 +178,7 @@ class SensorReceiver:
         time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist
         if self._imu_samples:
-            R = self.links.T_base(self.imu_frame, self._camera_frame)
+            R = self.frame_tree.T_base(self.imu_frame, self._camera_frame)
             mean = np.mean(self._imu_samples, axis=0)
             self._inertial, self._imu_samples = mean if R is None else mean @ R[:3, :3].T, []
         by_odometry = np.array([[0.0, 0.0, omega], g * T[2, :3]])

@@ -45,7 +45,7 @@ class FastDgcnn:
         if network.k > MAX_NEIGHBOURS:
             raise InputError(f"DGCNN with k = {network.k} neighbours: k must be at most {MAX_NEIGHBOURS}")
         self._network, self.k = network, network.k
-        self.classes, self.fewest = network.classes, network.fewest
+        self.classes, self.min_points = network.classes, network.min_points
         self._threads = Threads(threads or torch.get_num_threads())
         self._conv1, self._conv2, self._conv3 = (
             [_Layer.of(cast(nn.Sequential, layer)) for layer in conv.layers] for conv in network.edge_convs

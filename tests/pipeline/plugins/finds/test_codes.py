@@ -7,7 +7,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.plugins.finds.codes import CodeReader
 from pipeline.plugins.finds.config import SquaresConfig
-from pipeline.plugins.finds.squares import Squares
+from pipeline.plugins.finds.squares import SquareCandidates
 from pipeline.tracks.find import Reading, plain_text
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 
@@ -15,7 +15,7 @@ READER = CodeReader()
 
 
 def read(image: np.ndarray) -> list[Reading]:
-    return READER.read(Squares.of(image, SquaresConfig()))
+    return READER.read(SquareCandidates.of(image, SquaresConfig()))
 
 
 def photo(code: np.ndarray, side: int, turn: float = 0.0, at: tuple[int, int] = (200, 150)) -> np.ndarray:
@@ -60,7 +60,7 @@ def test_a_code_is_read_from_the_side_and_with_two_pixels_a_module(width, height
 def test_a_blank_square_is_no_code():
     image = np.full((300, 400, 3), 150, np.uint8)
     cv2.rectangle(image, (100, 100), (180, 180), (250, 250, 250), -1)
-    assert len(Squares.of(image, SquaresConfig()).quads)
+    assert len(SquareCandidates.of(image, SquaresConfig()).quads)
     assert read(image) == []
 
 

@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.plugins.finds.config import SquaresConfig
 from pipeline.plugins.finds.hazmat import HazmatReader
 from pipeline.plugins.finds.patch_network import PatchNetwork
-from pipeline.plugins.finds.squares import Pyramid, Squares, rectified
+from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, rectified
 from sarsim.arenas.things.hazmat import sign_face
 from sarsim.assets import asset
 
@@ -23,8 +23,8 @@ def reader() -> HazmatReader:
     return HazmatReader.load(WEIGHTS)
 
 
-def squares_of(image: np.ndarray) -> Squares:
-    return Squares.of(image, SquaresConfig())
+def squares_of(image: np.ndarray) -> SquareCandidates:
+    return SquareCandidates.of(image, SquaresConfig())
 
 
 def wall_with(*signs: tuple[str, tuple[float, float], float, float]) -> np.ndarray:

@@ -66,9 +66,9 @@ def room_pois():
 def hand_in_room(folder, points=None, brief=BRIEF):
     """Write the three files into a folder; returns their paths."""
     points = room_points() if points is None else points
-    plan, cloud, pois = (folder / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name))
-    write_league_map(plan, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
+    map_2d, cloud, pois = (folder / name for name in (brief.map_2d_name, brief.cloud_name, brief.pois_name))
+    write_league_map(map_2d, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
     colours = np.full(points.shape, 200, np.uint8)
     write_cloud(cloud, brief, points, colours, np.array([[0, 0, 0.6]]), room_map(), T_MAP_LEAGUE, 20)
     write_pois(pois, brief, room_pois())
-    return plan, cloud, pois
+    return map_2d, cloud, pois

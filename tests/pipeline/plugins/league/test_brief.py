@@ -8,7 +8,7 @@ from pipeline.plugins.league.brief import MissionBrief, Penalties, Rewards
 
 def test_names_of_files():
     brief = MissionBrief(team="Team-1", name="lab", start=datetime(2026, 1, 26, 14, 30, 5))
-    assert brief.plan_name == "RoboCup2026-Team_1-lab.tiff"
+    assert brief.map_2d_name == "RoboCup2026-Team_1-lab.tiff"
     assert brief.pois_name == "RoboCup2026-Team_1-lab-14-30-05-pois.csv"
 
 

@@ -71,8 +71,8 @@ def test_the_frame_of_a_turned_robot():
 
 
 def test_what_can_be_written_is(mapper, tmp_path):
-    in_the_way = tmp_path / "handed_in" / BRIEF.plan_name
+    in_the_way = tmp_path / "handed_in" / BRIEF.map_2d_name
     in_the_way.mkdir(parents=True)
-    with pytest.raises(InputError, match=BRIEF.plan_name):
+    with pytest.raises(InputError, match=BRIEF.map_2d_name):
         handed_in(tmp_path, mapper)
     assert {path.suffix for path in in_the_way.parent.iterdir() if path.is_file()} == {".csv", ".ply"}

@@ -42,7 +42,8 @@ def test_without_any_file_there_is_nothing_to_judge(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "what"), [(BRIEF.plan_name, "2D map"), (BRIEF.cloud_name, "3D map"), (BRIEF.pois_name, "list of finds")]
+    ("name", "what"),
+    [(BRIEF.map_2d_name, "2D map"), (BRIEF.cloud_name, "3D map"), (BRIEF.pois_name, "list of finds")],
 )
 def test_a_missing_file_is_reported(folder, name, what):
     (folder / name).unlink()
@@ -53,8 +54,8 @@ def test_a_missing_file_is_reported(folder, name, what):
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (BRIEF.plan_name, "map.tiff"),
-        (BRIEF.plan_name, "RoboCup2026-Other-lab.tiff"),
+        (BRIEF.map_2d_name, "map.tiff"),
+        (BRIEF.map_2d_name, "RoboCup2026-Other-lab.tiff"),
         (BRIEF.cloud_name, "RoboCup2025-Team_B_-lab.ply"),
         (BRIEF.pois_name, "pois.csv"),
         (BRIEF.pois_name, BRIEF.pois_name.replace("14-30", "15-30")),
@@ -106,7 +107,7 @@ def test_extras_out_of_range_are_reported(folder, old, new, fault):
 
 @pytest.fixture
 def picture(good):
-    with Image.open(good / BRIEF.plan_name) as file:
+    with Image.open(good / BRIEF.map_2d_name) as file:
         return np.array(file)
 
 

@@ -14,8 +14,8 @@ def cloud(count, seed=0):
     return np.random.default_rng(seed).uniform([-2, -1, 0], [1.5, 2, 1.2], (count, 3)).astype(np.float32)
 
 
-def blocks(points, config=None, shift=0.0, fewest=20, seed=0):
-    return list(cut(points, CAMERA, config or BlockConfig(), shift, fewest, np.random.default_rng(seed)))
+def blocks(points, config=None, shift=0.0, min_points=20, seed=0):
+    return list(cut(points, CAMERA, config or BlockConfig(), shift, min_points, np.random.default_rng(seed)))
 
 
 def test_channels_are_relative_to_block_and_camera() -> None:

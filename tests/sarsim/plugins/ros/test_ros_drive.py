@@ -139,7 +139,7 @@ def test_an_interrupted_drive_of_nav2_ends_and_a_robot_with_a_map_gets_no_other(
 ) -> None:
     pair = Pair(tmp_path, nav2=True)
     link = messages.transforms(pair.wire.time, {("map", "odom"): np.eye(4)})
-    End(pair.wire, "slam").send("/tf", pair.wire.time, link)
+    End(pair.wire, "slam").publish("/tf", pair.wire.time, link)
     assert pair.nav2
     assert not pair.drive.run(lambda: bool(pair.nav2 and pair.nav2.goals))
     assert pair.nav2.ends == [GoalEnd.CANCELED]

@@ -89,13 +89,13 @@ class End:
         self.wire.kinds[topic] = name
         self.wire.publishers.setdefault(topic, []).append(self.name)
 
-    def send(self, topic: str, time: float, message: Any) -> None:
+    def publish(self, topic: str, time: float, message: Any) -> None:
         for name, _, changed in self.wire.change(topic, time, message):
             if self.name not in self.wire.publishers.get(name, []):
                 self.advertise(name, type_of(changed))
             self.wire.carry(name, changed)
 
-    def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
+    def subscribe(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
         self.wire.kinds.setdefault(topic, name or "")
         self.wire.takers.setdefault(topic, []).append((self.name, take))
         for message in self.wire.heard.get(topic, [])[-1:] if topic in LATCHED else ():
@@ -114,7 +114,7 @@ class End:
     def publishers(self, topic: str) -> list[str]:
         return self.wire.publishers.get(topic, [])
 
-    def listeners(self, topic: str) -> list[str]:
+    def subscribers(self, topic: str) -> list[str]:
         return [name for name, _ in self.wire.takers.get(topic, [])]
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
@@ -140,8 +140,8 @@ class RoomRobot:
         self.body.T = from_yaw(1.2, 1.0, 0.0, 0.0)
         self.frames: dict[float, Frame] = {}
         self._kind, self._command, self._periods = kind, Velocity(), 0
-        self._topics = RobotTopics(self.end.send, "32FC1")
-        self.end.listen("/cmd_vel", self._obey, kind)
+        self._topics = RobotTopics(self.end.publish, "32FC1")
+        self.end.subscribe("/cmd_vel", self._obey, kind)
 
     def _obey(self, data: bytes) -> None:
         self._command = command_of(decode(data, self._kind))

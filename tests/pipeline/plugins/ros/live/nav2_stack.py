@@ -30,7 +30,7 @@ class Nav2Stack:
         self.accepts = True
         self._anchor, self._since = np.eye(4), 0.0
         self._is_there = False
-        self.end.listen(odom, self._take_odometry)
+        self.end.subscribe(odom, self._take_odometry)
         self.end.serve(name, self._take_goal)
 
     @property
@@ -67,7 +67,7 @@ class Nav2Stack:
             goal.end, goal.why = GoalEnd.ABORTED, "failed to make progress"
         if goal.end is not None:
             command = Velocity()
-        self.end.send("/cmd_vel", time, messages.velocity(command))
+        self.end.publish("/cmd_vel", time, messages.velocity(command))
 
     def _command(self, T: Pose, place: Place) -> Velocity:
         """The next velocity; none where the robot is at its goal."""

@@ -249,5 +249,5 @@ def test_the_nav2_in_the_namespace_of_the_odometry_counts(name: str) -> None:
 
 def test_whether_the_robot_has_another_map_is_said_by_its_transforms(drive: Drive) -> None:
     assert not drive.robot.has_map
-    drive.room.end.send("/tf", 0.0, messages.transforms(0.0, {("map", "odom"): np.eye(4)}))
+    drive.room.end.publish("/tf", 0.0, messages.transforms(0.0, {("map", "odom"): np.eye(4)}))
     assert drive.robot.has_map

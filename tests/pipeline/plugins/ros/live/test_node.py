@@ -44,15 +44,15 @@ def test_messages_arrive_as_they_were_sent(pair: tuple[RosNode, RosNode]) -> Non
     }
     got: dict[str, list[bytes]] = {topic: [] for topic in sent}
     for topic, message in sent.items():
-        robot.send(topic, 1.5, message)
+        robot.publish(topic, 1.5, message)
     # Of transforms there is no type in the packages of PyPI.
     there = [topic for topic in sent if explorer.wait(lambda topic=topic: topic in explorer.types(), LONG / 10)]
     assert set(sent) - {"/tf_static"} <= set(there)
     for topic in there:
-        explorer.listen(topic, got[topic].append)
+        explorer.subscribe(topic, got[topic].append)
     for _ in range(100):
         for topic in there:
-            robot.send(topic, 1.5, sent[topic])
+            robot.publish(topic, 1.5, sent[topic])
         if explorer.wait(lambda: all(got[topic] for topic in there), LONG / 100):
             break
     for topic in there:
@@ -62,10 +62,10 @@ def test_messages_arrive_as_they_were_sent(pair: tuple[RosNode, RosNode]) -> Non
 
 def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
     robot, explorer = pair
-    robot.send("/camera/transform", 0.0, messages.transform(0.0, "base_link", "camera", np.eye(4)))
+    robot.publish("/camera/transform", 0.0, messages.transform(0.0, "base_link", "camera", np.eye(4)))
     assert explorer.wait(lambda: explorer.publishers("/camera/transform") == ["test_robot"], LONG)
     got: list[bytes] = []
-    explorer.listen("/camera/transform", got.append)
+    explorer.subscribe("/camera/transform", got.append)
     assert explorer.wait(lambda: bool(got), LONG)
 
 

@@ -138,7 +138,7 @@ def test_a_transform_says_where_the_camera_is(topic: str) -> None:
     link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
     message = messages.make("tf2_msgs/TFMessage", [link]) if topic == "/tf_static" else link
     wire.change = unchanged
-    room.end.send(topic, 0.0, message)
+    room.end.publish(topic, 0.0, message)
     robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
     np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
 
@@ -228,14 +228,14 @@ def test_inertial_sensors_of_another_name_are_said(caplog: pytest.LogCaptureFixt
 
 
 def test_a_type_that_is_not_installed_is_no_reason_to_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    listen = End.listen
+    subscribe = End.subscribe
 
     def refusing(end: End, topic: str, *args: Any) -> None:
         if topic == "/tf_static":
             raise InputError("/tf_static")
-        listen(end, topic, *args)
+        subscribe(end, topic, *args)
 
-    monkeypatch.setattr(End, "listen", refusing)
+    monkeypatch.setattr(End, "subscribe", refusing)
     assert Pair().robot.drive(Velocity()).time > 0
 
 

@@ -1,1 +1,1 @@
-"""The robot's maps, plans and measurements in Rerun, step by step."""
+"""Recording of the robot's maps, plans and measurements in Rerun, step by step."""

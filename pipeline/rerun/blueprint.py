@@ -23,9 +23,11 @@ _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 
 
 def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
-    """The layout, with the eye above the box from ``low`` to ``high``, (3,) m in ``map``, on its negative y side.
+    """The layout of the viewer, which opens at the newest data and follows them during a run.
 
-    The viewer begins with the newest data: the whole map or, during a run, the newest entries.
+    Args:
+        low, high: opposite corners of the box that the map views show, (3,) m in ``map``; see :func:`eye`.
+        tab: index of the map view that is open.
     """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
@@ -64,9 +66,10 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 
 
 def eye(low: Place, high: Place) -> rrb.EyeControls3D:
-    """The eye, above the box from ``low`` to ``high`` on its negative y side; the box fills the window.
+    """The viewer's eye, which looks at the box from ``low`` to ``high`` from above and from the negative y direction.
 
-    The eye is so high that the strip of ground hidden by a wall is only a third as wide as the wall is high.
+    The box fills the window. The eye is so high that the strip of ground that a wall hides is only a third as wide as
+    the wall is high.
     """
     middle = (low + high) / 2
     away = np.array([0, -1, 3]) * np.linalg.norm((high - low)[:2]) / 4
@@ -96,7 +99,8 @@ def _camera() -> rrb.Vertical:
 def _plots() -> rrb.Tabs:
     hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
     stages = (f"- $origin/time_ms/{stage}" for stage in hidden)
-    # The range is fixed because the first step, which loads compiled code, would flatten the rest.
+    # The range is fixed because the first step, which loads compiled code, takes so long that it would flatten the
+    # rest of the curve.
     times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=(0, 1e3)))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     position = _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m")

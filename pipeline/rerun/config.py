@@ -7,13 +7,13 @@ from pipeline.errors import require_at_least, require_positive
 
 @dataclass(frozen=True)
 class RerunConfig:
-    """Amount of logged data, and time limit of the viewer.
+    """Limits of the amount of logged data, and of the time for completing the recording.
 
     Attributes:
-        grain: spacing of the drawn points of the semantic map and of trajectories, m; all points would make a large
-            file.
+        grain: spacing of the drawn points of the semantic map and of trajectories, m; logging all points would make
+            the file large.
         motion_period: minimum time between two logged poses of the moving robot, s.
-        patience: maximum time that the viewer may take at the start and at the end to receive the data, s.
+        patience: maximum time at the end until the file and the viewer have received all data, s.
     """
 
     grain: float = 0.04

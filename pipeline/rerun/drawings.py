@@ -1,4 +1,4 @@
-"""Maps and plans as Rerun draws them; lengths in m, everything in ``map``."""
+"""Convert images, maps and plans to the data types of Rerun; lengths are in m, positions in ``map``."""
 
 from collections.abc import Sequence
 from math import ceil, sqrt
@@ -41,19 +41,19 @@ ABOVE_GROUND = np.array([0, 0, 0.08])
 
 
 def annotations() -> rr.AnnotationContext:
-    """The table of labels, with names and colours."""
+    """The names and colours of all labels."""
     return rr.AnnotationContext(
         [rr.AnnotationInfo(int(label), PLAIN_NAMES[label], tuple(COLOURS[label])) for label in Label]
     )
 
 
 def transform(T: Pose) -> rr.Transform3D:
-    """A pose as Rerun's transform."""
+    """A pose as a Rerun transform."""
     return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
 
 
 def pinhole(frame: Frame) -> rr.Pinhole:
-    """The camera of a frame, with x to the right, y down and z forward."""
+    """The pinhole model of a frame's camera, with x to the right, y down and z forward."""
     k = frame.intrinsics
     return rr.Pinhole(
         resolution=[k.width, k.height],
@@ -64,13 +64,13 @@ def pinhole(frame: Frame) -> rr.Pinhole:
 
 
 def colour_image(rgb: Rgb) -> rr.EncodedImage:
-    """An image as JPEG."""
+    """A colour image, encoded as JPEG."""
     return rr.EncodedImage(contents=jpeg(rgb), media_type="image/jpeg")
 
 
 def depth_image(frame: Frame) -> rr.EncodedDepthImage:
-    """Depth as a PNG of whole millimetres, 0 = no return; the colour scale covers the camera's range."""
-    # Higher compression levels take five times as long for a tenth less size.
+    """A frame's depth as a PNG in whole mm, 0 = no return; the colour scale ends at the camera's maximum range."""
+    # Higher compression levels take five times as long and reduce the size by only a tenth.
     _, data = cv2.imencode(".png", frame.millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     unit = 1e-3
     return rr.EncodedDepthImage(
@@ -113,7 +113,10 @@ def _voxels(metric_map: MetricMap, centres: Points, **style: Any) -> rr.VoxelGri
 
 
 def labelled_points(semantic_map: SemanticMap, side: float) -> rr.Points3D:
-    """The semantic map, thinned to the oldest point in every cube of ``side`` m; each point covers its cube."""
+    """The semantic map, thinned to the oldest point in every cube with edges of ``side`` m.
+
+    Each point is drawn as large as the sphere around its cube.
+    """
     points = semantic_map.points()
     oldest = first_in_voxels(points, 1 / side)
     return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=side * sqrt(3) / 2)
@@ -136,7 +139,7 @@ def segment_boxes(segments: Segments) -> rr.Boxes3D:
 
 
 def nodes(topology: TopologicalMap) -> rr.Points3D:
-    """The nodes, with their ids, in the colours of the segments on which they lie."""
+    """The nodes of the topological map, with their ids, in the colours of the segments on which they lie."""
     places = np.array([node.position for node in topology.nodes.values()]).reshape(-1, 3)
     return rr.Points3D(
         places + ABOVE_GROUND,
@@ -148,13 +151,16 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
-    """The edges along which paths are planned."""
+    """The edges of the topological map, along which paths are planned."""
     ways = [topology.edge_path(a, b) for a, b in topology.graph.edges]
     return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=LINE)
 
 
 def path(step: Step) -> rr.LineStrips3D:
-    """The path from the robot to the next viewpoint, and a short line along its heading; none without a plan."""
+    """The path from the robot to the next viewpoint, and a short line along the heading at the viewpoint.
+
+    Without a plan, there are no lines.
+    """
     strips = []
     if step.plan is not None:
         strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.waypoints]))
@@ -171,7 +177,7 @@ def frontier_points(frontiers: Places) -> rr.Points3D:
 
 
 def keyframes(poses: Poses) -> rr.Arrows3D:
-    """An arrow at each keyframe's pose, which points forward."""
+    """An arrow at each keyframe's position, along the heading of the robot."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + ABOVE_GROUND,
         vectors=0.12 * poses[:, :3, 0],
@@ -182,7 +188,7 @@ def keyframes(poses: Poses) -> rr.Arrows3D:
 
 
 def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
-    """Lines between the keyframes that loops connect, given the poses of all keyframes."""
+    """Lines between the keyframes that loop closures connect, given the poses of all keyframes."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],
@@ -193,17 +199,17 @@ def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
 
 
 def trajectory(positions: Sequence[ArrayLike], colour: Colour) -> rr.LineStrips3D:
-    """Positions, (3,) m each, as one line."""
+    """The line through positions, (3,) m each."""
     return rr.LineStrips3D([np.array(positions) + ABOVE_GROUND], colors=colour)
 
 
 def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedImage:
-    """Photos with captions, row by row in a square.
+    """Photos with captions, arranged row by row in a square image.
 
     Args:
         photos: each photo's caption, the photo, and the caption's colour.
-        side: side of a photo, caption included, pixels. Sheets are scaled to the size of 3 × 3 photos, because the
-            viewer takes the JPEGs of one entity for a video.
+        side: side of a photo, caption included, pixels. Every sheet is scaled to the size of 3 × 3 photos, because
+            the viewer treats the JPEGs of one entity as the frames of a video.
     """
     cells = [_photo(*photo, side) for photo in photos]
     row = ceil(sqrt(len(cells))) or 1

@@ -13,7 +13,7 @@ FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
 
 
 def marks(finds: Sequence[Find]) -> rr.Points3D:
-    """A labelled point for each find except people's heat, which would cover the people's own boxes and names."""
+    """A labelled point for each find except people's heat, whose points would hide the people's boxes and names."""
     shown = [find for find in finds if not find.of_person]
     return rr.Points3D(
         np.array([find.position for find in shown]).reshape(-1, 3),
@@ -25,12 +25,12 @@ def marks(finds: Sequence[Find]) -> rr.Points3D:
 
 
 def photo_sheet(finds: Sequence[Find], side: int) -> rr.EncodedImage:
-    """The photos of all finds, with ``side`` as for :func:`sheet`."""
+    """A sheet with the photos of all finds; see :func:`sheet` for ``side``."""
     return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)], side)
 
 
 def outlines(readings: Sequence[Reading]) -> rr.LineStrips2D:
-    """The outlines of all readings in an image."""
+    """The outlines of readings in the camera's image, each labelled with the reading's text or kind."""
     return rr.LineStrips2D(
         [np.vstack([reading.corners, reading.corners[:1]]) for reading in readings],
         labels=[plain_text(reading.text or reading.kind) for reading in readings],

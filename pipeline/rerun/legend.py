@@ -1,4 +1,4 @@
-"""The legend of a recording's colours, as an image with its own background that suits any theme."""
+"""The legend of a recording's colours, as an image whose own background makes it legible in any theme."""
 
 import numpy as np
 
@@ -26,11 +26,11 @@ MEANINGS = {
     "rejected detection": REFUSED,
     "sign, code or other find": FIND_COLOUR,
 }
-"""RGB colour for each meaning."""
+"""RGB colour of each meaning."""
 
 
 def legend() -> Rgb:
-    """The legend, in two columns."""
+    """The image of the legend, in two columns."""
     rows = (len(MEANINGS) + 1) // 2
     column = 3 * GAP + PATCH + max(width_of(meaning, SIZE) for meaning in MEANINGS)
     picture = np.full((rows * LINE + GAP, 2 * column + GAP, 3), BACKGROUND, np.uint8)

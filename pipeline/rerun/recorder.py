@@ -27,9 +27,9 @@ from pipeline.victims.victim_map import Victims
 
 APPLICATION = "sarsim"  # Rerun keeps one layout for each application
 GROWTH = 0.05
-"""Relative change in size above which a cloud is logged again; all are logged at the end."""
+"""Relative change in size above which a cloud is logged again; all clouds are logged at the end."""
 PHOTO = 240
-"""Side of a person's or find's photo, caption included, pixels."""
+"""Side of the photo of a person or find, caption included, pixels."""
 Level = Literal["INFO", "WARN", "ERROR"]
 
 
@@ -37,8 +37,8 @@ class Recorder(Sink):
     """Logs the state of the robot's software to a file, and to a viewer if there is one.
 
     Attributes:
-        stream: Rerun's stream, to which others, such as a simulator, may log; its timelines are ``step`` and
-            ``sim_time``.
+        stream: Rerun's stream, to which other components, such as a simulator, may also log; the stream's timelines
+            are ``step`` and ``sim_time``.
         viewer: viewer that shows the recording as it grows; None if there is none.
     """
 
@@ -55,7 +55,7 @@ class Recorder(Sink):
         """Start a recording named after its folder.
 
         Args:
-            path: the file, which is written as the recording grows and can be read at any time.
+            path: path of the file, which grows with the recording and can be read at any time.
             viewer: viewer that shows the recording as it grows.
             layout: layout with which a viewer opens the recording; :func:`blueprint` by default.
             config: parameters of the recording.
@@ -72,7 +72,7 @@ class Recorder(Sink):
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
-        self._shifts = np.zeros(0)  # m, maximum offset of each keyframe's view from its last drawing
+        self._shifts = np.zeros(0)  # Maximum distance that each keyframe's view has moved since it was drawn, m
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
@@ -84,14 +84,14 @@ class Recorder(Sink):
         self.log_pose(motion.time, motion.T_odom_base)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """Log a step of the explorer, and the maps after it."""
+        """Log a step of the explorer, and the maps after this step."""
         self.log_keyframe(step.number, mapper, step.keyframe)
         self.stream.log("world/path_plan", drawings.path(step))
         self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
         self._log_metrics("map/", frontiers=len(step.frontiers))
 
     def log_keyframe(self, index: int, mapper: Mapper, keyframe: Keyframe) -> None:
-        """Log the keyframe of the ``index``-th step, and the maps after it."""
+        """Log the keyframe of the ``index``-th step, and the maps after this step."""
         self._step, self._mapper = index, mapper
         self._move(keyframe.frame.T_odom_base)
         self._set_time(keyframe.frame.time)
@@ -106,14 +106,14 @@ class Recorder(Sink):
         self._log_progress(mapper)
 
     def log_pose(self, time: float, T_odom_base: Pose) -> bool:
-        """Log the robot's pose between steps, at most once per ``motion_period``; True if this one was logged.
+        """Log the robot's pose between steps, at most once per ``motion_period``; True if the pose was logged.
 
         Args:
             time: time of the pose, s.
-            T_odom_base: pose from the odometry; the newest keyframe's correction transforms it to ``map``.
+            T_odom_base: pose from the odometry, which is transformed to ``map`` by the newest keyframe's correction.
         """
         self._move(T_odom_base)
-        # Rounded to the millisecond, because times are sums of many control periods.
+        # Times are sums of many control periods, so rounding errors are removed by rounding to the millisecond.
         if self._moved is not None and round(time - self._moved[0], 3) < self._config.motion_period:
             return False
         self._set_time(time, on_a_step=False)
@@ -127,7 +127,7 @@ class Recorder(Sink):
         return True
 
     def on_correction(self, moves: Moves) -> None:
-        """Log a correction of keyframes; if any of them moved visibly, all clouds are logged with the next step."""
+        """Log a correction of keyframes; if a keyframe moved visibly, all clouds are logged with the next step."""
         self._logged_size.pop("keyframes", None)
         ways, turns = moves.distances, moves.turns
         shifts = np.maximum(ways, turns * moves.reach)
@@ -174,7 +174,7 @@ class Recorder(Sink):
         try:
             self.stream.flush(timeout_sec=self._config.patience)
         except RuntimeError as error:
-            # A window that was closed in the meantime takes no more data, but the file is still complete.
+            # A window that was closed in the meantime accepts no more data, but the file is still complete.
             if self.viewer is None:
                 raise InputError(f"{self._path}: the recording could not be completed: {error}") from error
 
@@ -189,7 +189,7 @@ class Recorder(Sink):
 
     @property
     def T_map_base(self) -> Pose:
-        """Current estimate of the robot's pose; before the first step, ``map`` is the odometry's frame."""
+        """Current estimate of the robot's pose; before the first step, the odometry's frame serves as ``map``."""
         return self._mapper.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
 
     def log_trajectory(self, localisation: Localisation) -> None:
@@ -250,7 +250,7 @@ class Recorder(Sink):
         self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
 
     def _log_clouds(self, mapper: Mapper) -> None:
-        """Log the metric and the semantic map, each if its size has changed enough."""
+        """Log the metric map and the semantic map, each of them only if its size has changed enough."""
         metric_map, semantic_map = mapper.metric_map, mapper.semantic_map
         occupied, free = metric_map.counts
         if self._has_changed("occupied", occupied, 0.0):
@@ -262,7 +262,10 @@ class Recorder(Sink):
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
-        """Whether a size differs from the last logged one by more than the fraction ``growth``; if so, store it."""
+        """Whether a cloud's size has changed by more than the fraction ``growth`` since it was last logged.
+
+        If so, store the new size.
+        """
         before = self._logged_size.get(cloud, -1)
         if abs(size - before) <= growth * before:
             return False

@@ -12,18 +12,18 @@ class DrawnTrajectory:
 
     Attributes:
         distance: length of the trajectory, m.
-        positions: thinned positions, of which successive ones are at least ``grain`` apart.
+        positions: positions along the trajectory; successive positions are at least ``grain`` m apart.
     """
 
     def __init__(self, grain: float) -> None:
-        """Start without positions; ``grain``: minimum distance between successive ones, m."""
+        """Start without positions; ``grain``: minimum distance between successive positions, m."""
         self.distance = 0.0
         self.positions: list[Place] = []
         self._grain = grain
         self._last: Place | None = None
 
     def add(self, position: Place) -> bool:
-        """Extend the trajectory to a position; True if it was added to :attr:`positions`."""
+        """Extend the trajectory to a position; True if the position was added to :attr:`positions`."""
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
@@ -37,14 +37,14 @@ class CorrectedTrajectory:
     """The trajectory driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
 
     def __init__(self, grain: float) -> None:
-        """Start without positions; ``grain``: minimum distance between successive ones, m."""
+        """Start without positions; ``grain``: minimum distance between successive positions, m."""
         self._odometry = DrawnTrajectory(grain)
         self._keyframes: list[int] = []
         self._positions: list[Place] = []
 
     @property
     def distance(self) -> float:
-        """Distance driven by odometry, m; corrections do not add to it."""
+        """Distance driven according to the odometry, m; corrections of keyframes do not change the distance."""
         return self._odometry.distance
 
     def add(self, T_odom_base: Pose, localisation: Localisation | None) -> None:
@@ -57,6 +57,6 @@ class CorrectedTrajectory:
         self._positions.append((T_keyframe_odom @ T_odom_base)[:3, 3])
 
     def positions(self, T_map_base: Poses) -> Places:
-        """The trajectory, given the current estimates of the keyframes' poses."""
+        """The thinned trajectory in ``map``, given the current estimates of the keyframes' poses."""
         T = T_map_base[self._keyframes]
         return np.einsum("nij,nj->ni", T[:, :3, :3], np.reshape(self._positions, (-1, 3))) + T[:, :3, 3]

@@ -21,7 +21,7 @@ ROOM = 0.15  # Margin of the box drawn around a person, m, so that it is visible
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
-    """The boxes of a keyframe's detections, with the reasons why some were refused."""
+    """The boxes of a keyframe's detections, labelled with their confidences and any reasons for rejection."""
     reasons = {id(refusal.detection): refusal.reason for refusal in refusals}
     refused = [reasons.get(id(detection)) for detection in found]
     labels = [f"{d.confidence:.0%}{f': {why}' if why else ''}" for d, why in zip(found, refused, strict=True)]
@@ -34,7 +34,7 @@ def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Bo
 
 
 def boxes(victims: Tracks) -> rr.Boxes3D:
-    """A box around each victim, ``ROOM`` larger than its points on every side."""
+    """A box around each victim's points, with a margin of ``ROOM`` on every side."""
     everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
     return rr.Boxes3D(
@@ -49,7 +49,7 @@ def boxes(victims: Tracks) -> rr.Boxes3D:
 
 
 def confidence_ellipsoids(victims: Tracks) -> rr.Ellipsoids3D:
-    """The ellipsoid that contains each victim with a probability of 95%."""
+    """For each victim, the ellipsoid that contains the victim's position with a probability of 95%."""
     everyone = _displayed(victims)
     half_axes, vectors = ellipsoids(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))
     # Eigenvectors may form a left-handed frame, which is not a rotation.
@@ -69,7 +69,7 @@ def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
 
 
 def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
-    """The victims' photos with their display ids, with ``side`` as for :func:`sheet`."""
+    """A sheet with the victims' photos and display ids; see :func:`sheet` for ``side``."""
     photos = [(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
     return sheet(photos, side)
 

@@ -29,7 +29,7 @@ HOST = "127.0.0.1"  # By default, Rerun listens on every interface of the machin
 LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
 """Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
-"""Headers that the proxy does not pass on."""
+"""Headers that the proxy does not forward."""
 
 
 class Viewer:
@@ -40,12 +40,12 @@ class Viewer:
     """
 
     def __init__(self, kind: ViewerKind, *recordings: Path, patience: float = 30.0):
-        """Start a viewer that shows recordings and data logged to its sink; the address of a page is printed.
+        """Start a viewer of recordings and of data logged to the viewer's sink; print the address of a page.
 
         Args:
             kind: window or page.
             recordings: recordings to show.
-            patience: maximum time until the viewer listens, s.
+            patience: maximum time until the viewer accepts connections, s.
 
         Raises:
             InputError: there is no display for a window, or the viewer does not start.
@@ -72,7 +72,7 @@ class Viewer:
         return rr.GrpcSink(self._address)
 
     def wait(self) -> None:
-        """Block until the window is closed or Ctrl-C is pressed, which ends the viewer."""
+        """Block until the viewer ends, for example because its window is closed; Ctrl-C ends the viewer."""
         try:
             self._process.wait()
         except KeyboardInterrupt:
@@ -119,9 +119,10 @@ class Viewer:
 
 
 class LocalPage(ThreadingHTTPServer):
-    """A proxy for Rerun's page, with a policy that allows requests only to this machine; it ends with this process.
+    """A proxy for Rerun's page, with a policy that allows requests only to this machine.
 
     Without the policy, the page sends telemetry, requests fonts and examples, and checks for updates (Rerun 0.41).
+    The proxy ends with this process.
 
     Attributes:
         was_opened: whether the server has received a request.
@@ -141,7 +142,7 @@ class _Passing(BaseHTTPRequestHandler):
     server: LocalPage
 
     def do_GET(self) -> None:
-        """Pass on Rerun's response, but with this server's content security policy."""
+        """Forward Rerun's response, but with this server's content security policy."""
         self.server.was_opened = True
         passed = {name: self.headers[name] for name in ("Accept-Encoding",) if name in self.headers}
         try:
@@ -171,9 +172,10 @@ def has_display() -> bool:
 
 
 def start_rerun(*arguments: str | Path, preexec: Callable[[], None] | None = None) -> Popen[bytes]:
-    """Start the Rerun program of the Python package; ``preexec`` is called first. Ctrl-C does not reach the program.
+    """Start the Rerun program of the Python package, which Ctrl-C does not reach.
 
-    Its telemetry is off, as in continuous integration; the user's own settings for Rerun stay unchanged.
+    ``preexec`` is called in the new process before the program starts. The program sends no telemetry, as in
+    continuous integration, and the user's own settings for Rerun stay unchanged.
     """
     command, quiet = [str(files("rerun_cli") / "rerun"), *arguments], os.environ | {"CI": "1"}
     return Popen(

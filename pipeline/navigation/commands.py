@@ -1,4 +1,4 @@
-"""The commands that the navigator gives the robot, and the answers to them."""
+"""The navigator's commands to the robot, the verdicts on commands, and the outcomes of drives."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from pipeline.robot import Velocity
 
 
 class Turn(Velocity):
-    """A command to turn in place; its ``v`` only compensates for sliding down a ramp."""
+    """A command to turn in place; a speed ``v`` other than 0 compensates for sliding on a ramp."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -19,7 +19,7 @@ class Approach(Velocity):
 
     Attributes:
         stretch: the stretch that the robot follows.
-        at: index of the pose of the stretch that is nearest to the robot.
+        at: index of the stretch's pose nearest to the robot.
     """
 
     stretch: Stretch
@@ -45,7 +45,7 @@ STOP = Velocity()
 
 
 class Verdict(Enum):
-    """Whether the robot may follow a command; it does so only if the verdict is ``FINE``."""
+    """Whether the robot may follow a command; only ``FINE`` means that it may."""
 
     FINE = "it moves as the odometry says, and the path is clear"
     DONE = "the purpose of the drive is fulfilled"
@@ -55,7 +55,7 @@ class Verdict(Enum):
 
 
 class Outcome(Enum):
-    """The way in which a leg ended."""
+    """How a leg or a course ended."""
 
     REACHED = "the target was reached"
     DONE = "its purpose was fulfilled early"
@@ -69,5 +69,5 @@ class Outcome(Enum):
 
 
 Send = Callable[[Velocity], Verdict]
-"""Takes a command for one control period and returns a verdict on it. If it is ``FINE``, the robot has followed the
-command, and the navigator has received the resulting motion."""
+"""Function that takes a command for one control period and returns a verdict on it. If the verdict is ``FINE``, the
+robot has followed the command, and the navigator has received the resulting motion."""

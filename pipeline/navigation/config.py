@@ -1,4 +1,4 @@
-"""Parameters of navigation."""
+"""Settings of navigation."""
 
 from dataclasses import dataclass
 from math import radians
@@ -13,18 +13,19 @@ class FollowerConfig:
 
     Attributes:
         turn_gain: ratio of turn rate to heading error, 1/s (thesis 4.5).
-        position_tolerance: distance within which the end of a stretch is considered reached, m.
-        heading_tolerance: error within which a heading is considered reached, rad.
-        lean: tilt above which the robot is considered to be on a ramp, even if only with its front wheels, rad.
-        braking: fraction of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
-            wheels do not skid past the end.
-        pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
-        pivot_ramp: heading error up to which the robot corrects its heading while driving on a ramp, where it slides
-            when it turns in place, rad.
-        max_offset: distance from the line of a stretch beyond which the robot does not begin the stretch after the
-            turn to its heading, m. The default is the deviation that plans allow for on a straight drive.
-        hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
-            slide.
+        position_tolerance: remaining distance below which the end of a stretch is considered reached, m.
+        heading_tolerance: heading error below which a heading is considered reached, rad.
+        lean: tilt above which the robot is considered to be on a ramp, at least with its front wheels, rad.
+        braking: deceleration of the robot, in drives and in turns, as a fraction of its maximum acceleration; below
+            1, the wheels do not skid past the end.
+        pivot_level: maximum heading error that the robot corrects while driving on level ground, rad; to correct a
+            larger error, it turns in place.
+        pivot_ramp: maximum heading error that the robot corrects while driving on a ramp, rad; in a turn in place,
+            it would slide there.
+        max_offset: maximum distance from the line of a stretch, after the turn to its heading, at which the robot
+            begins the stretch, m. The default is the deviation that plans allow for on a straight drive.
+        hold_gain: ratio of the speed that compensates for sliding in a turn on a ramp to the present and expected
+            slide, 1/s; 0 for wheels that do not slide.
     """
 
     turn_gain: float = 1.5
@@ -49,9 +50,11 @@ class RecoveryConfig:
     """How the robot recovers from a halt.
 
     Attributes:
-        max_distance: maximum distance by which the robot backs out, m; it backs out no farther than it came.
-        max_turn: maximum angle by which the robot turns back, rad; it turns back no farther than it turned.
-        drives_back: number of times that a robot, lost after a halt, drives back by ``max_distance`` to look around.
+        max_distance: maximum distance by which the robot backs out, m, unless it leans; it never backs out much
+            farther than it drove.
+        max_turn: maximum angle by which the robot turns back, rad; it never turns back much farther than it turned.
+        drives_back: maximum number of times that a robot that is lost after a halt drives back by ``max_distance`` to
+            look around again.
     """
 
     max_distance: float = 0.3
@@ -70,10 +73,10 @@ class ProgressConfig:
 
     Attributes:
         held_share: fraction of the commanded speed below which the robot is held.
-        patience: time without progress after which the robot is considered stuck, and time after which it is
-            considered held on a ramp, s.
-        overdue: maximum duration of a turn, and maximum delay of a leg compared with a drive at low speed, s. A robot
-            that slides back and forth moves, but makes no progress.
+        patience: time without progress after which the robot is considered stuck, s. On a ramp, the robot must be
+            held for the same time to be considered stuck.
+        overdue: maximum duration of a turn, and maximum delay of a leg relative to a drive at a quarter of the ramp
+            speed, s. This limit stops a robot that slides back and forth.
     """
 
     held_share: float = 0.35
@@ -92,10 +95,11 @@ class ObstacleCheckConfig:
 
     Attributes:
         distance_between_checks: distance driven between two checks, m.
-        turn: angle by which an arc turns the camera between two checks, rad; keyframes are taken about as often.
-        ahead: distance from the robot's centre beyond which obstacles are ignored, m.
-        min_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
-            thickest dust at most 17.
+        turn: angle by which the camera turns along an arc between two checks, rad; keyframes are taken about as
+            often.
+        ahead: distance along the path from the robot's centre beyond which obstacles are ignored, m.
+        min_returns: minimum number of the camera's returns in a cell that contains an obstacle. In measurements,
+            noise caused no returns in a cell, and the thickest dust at most 17.
     """
 
     distance_between_checks: float = 0.4
@@ -112,10 +116,10 @@ class SpeedLimitConfig:
         beside_people: distance from a person within which the robot drives no faster than ``people_speed``, m.
         people_speed: maximum speed near people, m/s.
         beside_ramps: distance from a ramp within which the robot drives as on the ramp, because its wheels may
-            already be on it, m.
-        arc_lag: time within which a robot that enters an arc must reach the arc's turn rate, s; until then, its path
-            is too straight. A Pioneer reaches 0.8 rad/s; it then slides outwards, 4 to 6° off its heading (measured).
-            At 1.5 rad/s, it slides by 12°.
+            already be on the ramp, m.
+        arc_lag: time in which a robot that enters an arc must be able to reach the arc's turn rate, s; until then,
+            its path is too straight. A Pioneer reaches 0.8 rad/s, at which it slides outwards, 4 to 6° off its
+            heading (measured); at 1.5 rad/s, it would slide 12° off.
     """
 
     beside_people: float = 1.0
@@ -129,8 +133,8 @@ class FaultConfig:
     """Limits beyond which the robot reports faults of its own sensors.
 
     Attributes:
-        depth_scale: relative error of the distance to the floor above which it is reported; the default is three
-            times the 1% error of a calibrated camera of this kind (Khoshelham & Oude Elberink, 2012).
+        depth_scale: relative error of the measured height of the camera above which a fault is reported; the default
+            is three times the 1% error of a calibrated depth camera (Khoshelham & Oude Elberink, 2012).
     """
 
     depth_scale: float = 0.03

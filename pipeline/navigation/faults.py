@@ -1,4 +1,4 @@
-"""Faults of its own sensors and wheels that the robot notices."""
+"""Faults that the robot notices in its sensors, its wheels and its localisation."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ class Fault:
 
     Attributes:
         kind: ``camera`` (no frame), ``depth_scale``, ``slipping``, ``held`` (the wheels spin), ``blind``, ``stuck``,
-            ``registration`` (left out of the pose graph), ``carried`` or ``lost``.
+            ``registration`` (invalid and left out of the pose graph), ``carried`` or ``lost``.
         time_s: time at which the fault was noticed, s.
         text: description of the fault.
     """
@@ -44,7 +44,7 @@ class Faults:
         self._config = config
 
     def note(self, kind: str, time: float, text: str) -> None:
-        """Add a fault noticed at a time, s, unless it equals the newest one, which then persists."""
+        """Add a fault noticed at a time, s, unless the newest fault has the same kind and text."""
         if not self.all or (self.all[-1].kind, self.all[-1].text) != (kind, text):
             self.all.append(Fault(kind, time, text))
 

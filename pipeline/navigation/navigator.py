@@ -1,7 +1,7 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator passes its commands one by one to the caller's function ``send``, which lets the robot follow each
-command unless something forbids it, and returns a verdict.
+The navigator passes its commands one by one to the caller's function ``send``. This function either lets the robot
+follow the command or forbids the command, and returns a verdict.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,54 +24,56 @@ from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 
 RAMP_MARGIN = 0.2
-"""Distance from where the robot leaned within which it still drives as on a ramp, m, because it is level on the crest
-of a ridge."""
+"""Distance from the last position where the robot leaned within which it still drives as on a ramp, m, because a
+robot on the crest of a ridge is level."""
 PASSING_HEADING_TOLERANCE = radians(10)
-"""Maximum heading error at which a viewpoint may be passed without a turn, rad, because the view is still the
+"""Maximum heading error at which the robot may pass a viewpoint without a turn, rad, because its view is almost the
 same."""
 LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
 MIN_PACE = 0.2
-"""Minimum fraction of its speed that the robot keeps, however far it is off its heading."""
+"""Minimum factor on the robot's speed, however large the heading error."""
 STILL = 0.02
 """Speed below which the robot is considered to stand still and may turn in place, m/s."""
 MIN_SPEED = 0.2
-"""Speed at which a slower robot is assumed to return to its line, m/s, so that noise does not turn it."""
+"""Minimum speed assumed in the gain with which the robot steers back to its line, m/s, so that noise does not turn a
+slower robot."""
 WIDEST_RETURN = 0.5
 """Maximum angle between the robot's heading and its line while it returns to the line, rad."""
 CARRIED_WAY = 0.3
-"""Displacement in one control period, or distance from the start of its plan, above which the robot was carried,
-m."""
+"""Displacement in one control period, or distance from the start of the plan, above which the robot is considered
+carried, m."""
 TILT_LEAD = 0.1
 """Time ahead for which the tilt is predicted, s; the robot backs out if it would then lean too far."""
 MIN_WAY, MIN_TURN = 0.02, radians(2)
 """Minimum distance by which the robot backs out, m, and minimum angle by which it turns back, rad."""
 ENOUGH = 0.5
-"""Fraction of the distance or angle to undo after which the robot is considered free."""
+"""Fraction of the intended distance or angle above which the robot is considered to have backed out."""
 
 AVERAGED = 0.5
 """Time over which speeds are averaged to detect that something holds the robot, s."""
 STILL_WAY, STILL_TURN = 0.02, radians(2)
-"""Displacement, m, and rotation, rad, up to which the robot makes no progress."""
+"""Displacement, m, and rotation, rad, up to which the robot is considered to make no progress."""
 OVERDUE_RAMP = 4.0
-"""Factor on the duration of a leg at the speed on ramps; a leg may take ``overdue`` s longer than this."""
+"""Factor on the duration of a leg at ramp speed; a leg may take ``overdue`` s longer than the product."""
 MIN_V, MIN_OMEGA = 0.04, 0.15
-"""Speed, m/s, and turn rate, rad/s, below which commands are not judged."""
+"""Expected speed, m/s, and turn rate, rad/s, up to which the robot is never considered held."""
 REACTION = 0.3
-"""Time during which a robot may still follow its previous command, s, because of delays on the network and at both
-ends. Longer intervals between two poses are not judged, because a real robot gets no command while its software
+"""Time during which a robot may still follow its previous command, s, because of delays on the network and at both of
+its ends. Longer intervals between two poses are ignored, because a real robot receives no command while its software
 computes."""
 
 TIME_CONSTANT = 0.5
-"""Time constant with which the estimated vertical follows the accelerometer, which bumps and braking disturb, s."""
+"""Time constant, s, with which the estimated vertical follows the accelerometer, whose measurements bumps and braking
+disturb."""
 MAX_DISTURBANCE = 2.0
-"""Maximum difference from gravity at which an acceleration is used, m/s²."""
+"""Maximum difference between the magnitude of an acceleration and gravity at which the acceleration is used, m/s²."""
 MAX_CHANGE = radians(8)
-"""Maximum predicted change of the tilt, rad; bumps turn the robot quickly, but no farther."""
+"""Maximum predicted change of roll or pitch, rad; bumps turn the robot quickly, but not by a larger angle."""
 
 
 class Progress:
-    """Detects when the robot is held, and when its position and heading no longer change."""
+    """Detects that something holds the robot, or that its position and heading do not change."""
 
     def __init__(self, robot: RobotModel, T: Pose, time: float, config: ProgressConfig, length: float = 0.0):
         """Start at a pose and a time, s; ``length``: length of the leg, m."""
@@ -85,7 +87,8 @@ class Progress:
         self._restart(time)
 
     def _restart(self, time: float) -> None:
-        # (2,) forward speed and turn rate: expected from command and acceleration; averages of expected and actual.
+        # (2,) forward speed and turn rate: expected from the command and the acceleration, and the averages of the
+        # expected and of the measured values.
         self._due: NDArray[np.float64] | None = None
         self._wanted = np.zeros(2)
         self._felt = np.zeros(2)
@@ -95,7 +98,7 @@ class Progress:
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
         """Whether the newest pose shows that the robot cannot follow the command.
 
-        On a ramp, where the wheels may skid for a moment, this must have been so for some time.
+        On a ramp, where the wheels may skid for a moment, the robot must have been held for ``patience`` s.
         """
         config = self._config
         if (pause := time - self._time) > REACTION:
@@ -151,7 +154,10 @@ class Attitude:
         self.rate = np.zeros(2)
 
     def update(self, gyro: NDArray[np.float64], accelerometer: NDArray[np.float64], dt: float) -> None:
-        """Update with (3,) rad/s and (3,) m/s², gravity included, measured over the last ``dt`` s."""
+        """Update with an angular velocity (3,), rad/s, and an acceleration (3,), m/s², measured over ``dt`` s.
+
+        The acceleration includes gravity.
+        """
         self.rate = gyro[:2]
         up = self.up - np.cross(gyro, self.up) * dt
         size = float(np.linalg.norm(accelerometer))
@@ -166,7 +172,10 @@ class Attitude:
         return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
 
     def tilt_in(self, seconds: float) -> float:
-        """The larger of roll and pitch in ``seconds`` s, rad, if their current rates persist, up to a limit."""
+        """The larger magnitude of roll and pitch, rad, after ``seconds`` s at their current rates.
+
+        The change of each angle is limited to ``MAX_CHANGE``.
+        """
         most = MAX_CHANGE
         return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())
 
@@ -189,7 +198,7 @@ class DrivenLeg:
 
 
 def leg_outcome(outcome: Outcome) -> Outcome:
-    """The outcome of a leg, given the outcome of its drive; it is ``REACHED`` if the drive was done early."""
+    """The outcome of a leg, given the outcome of its drive: ``REACHED`` also if the purpose was fulfilled early."""
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
 
@@ -202,11 +211,11 @@ class DriveTime(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Halt:
-    """A stop caused by something that the map does not show.
+    """A stop because the robot leaned too far or could not follow a command.
 
     Attributes:
         T_map_base: pose at which the robot stopped.
-        command: the command that the robot could not follow.
+        command: the command that the robot was following.
         freed: whether the robot could back out.
     """
 
@@ -216,12 +225,18 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether the robot backed off an obstacle at its leading end; in a turn, the obstacle could be anywhere."""
+        """Whether the robot backed away from an obstacle at its leading end.
+
+        False after a turn, because the obstacle could then be anywhere.
+        """
         return self.freed and not isinstance(self.command, Turn)
 
     def touched(self, robot: RobotModel, cell: float) -> Places:
-        """(N, 3) points in ``map``, m, just beyond the leading end, at the body's height, for cells of ``cell`` m."""
-        # Half a cell's diagonal in front of the footprint, so that the cell lies outside it.
+        """(N, 3) m, points in ``map`` just beyond the robot's leading end, at the height of its body.
+
+        ``cell``: side of a cell of the map to which the points will be added, m.
+        """
+        # The points are half a cell's diagonal beyond the footprint, so that the centres of their cells lie outside.
         ahead = (robot.half_length + cell / np.sqrt(2)) * np.sign(self.command.v)
         across = np.linspace(-robot.half_width, robot.half_width, 2 + int(2 * robot.width / cell))
         points = [[ahead, left, robot.body_height] for left in across]
@@ -234,9 +249,9 @@ class Navigator:
     Attributes:
         legs: all legs driven so far.
         times: durations of all planned drives that have reached their ends.
-        halts: the robot's halts on the newest path that it has followed.
-        track: (3,) x and y, m, and heading, rad, in ``map``, after each motion since the robot began that path.
-        recovered: number of times that the robot has backed out of a halt.
+        halts: the robot's halts since it began its newest course.
+        track: (3,) x and y, m, and heading, rad, in ``map``, after each motion since the robot began this course.
+        recovered: number of halts after which the robot could back out.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
     """
@@ -256,14 +271,14 @@ class Navigator:
         self._before: Motion | None = None
         self._T_map_odom = np.eye(4)
         self._leaned_at: Place | None = None
-        self._rest: Stretch | None = None  # In odom: the rest of a stretch, to whose end the robot still rolls
+        self._rest: Stretch | None = None  # In odom: the rest of a stretch, along which the robot is rolling
 
     def correct(self, T_map_odom: Pose) -> None:
-        """Continue with the newest pose of ``odom`` in ``map``; this may happen during a drive."""
+        """Replace the pose of ``odom`` in ``map`` by its newest estimate, possibly during a drive."""
         self._T_map_odom = T_map_odom
 
     def moved(self, motion: Motion) -> None:
-        """Take the newest motion of the body into account; LostError if its odometry is not a valid pose."""
+        """Process the newest motion of the body; raise LostError if its odometry is not a valid pose."""
         check_pose("odometry", motion.time, motion.T_odom_base)
         self._before = self.motion
         self.motion = motion
@@ -273,7 +288,7 @@ class Navigator:
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
     def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x and y, m, and heading, rad, at which a robot at a pose comes to rest if it is still rolling."""
+        """(3,) x and y, m, and heading, rad, at which a rolling robot will stop; those of ``T_map_base`` at rest."""
         if self._rest is None:
             return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
         rest = self._in_map(self._rest)
@@ -283,9 +298,9 @@ class Navigator:
         return stretch.moved(self._T_map_odom)
 
     def follow(self, course: Course, send: Send) -> Outcome:
-        """Drive a course; the outcome is ``REACHED`` if the ends of all its stretches, and its heading, were reached.
+        """Drive a course; return ``REACHED`` if its end was reached or its purpose was fulfilled early.
 
-        A robot that is still rolling at that moment comes to rest at :meth:`next_pose`.
+        A robot that is still rolling at the end comes to rest at :meth:`next_pose`.
         """
         began = None if self.motion is None else self._time
         outcome = self._follow(course, send)
@@ -318,18 +333,18 @@ class Navigator:
             return Outcome.REACHED
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
-        # If the turn fails, the leg has failed.
+        # A turn that fails makes the last leg fail.
         outcome = self._supervised(self._turn_to(heading), send)
         self.legs[-1].outcome = leg_outcome(outcome)
         return outcome
 
     def _is_elsewhere(self, start: Place | None) -> bool:
-        """Whether the robot was carried since its path was planned from ``start``, (2,) m."""
+        """Whether the robot has been carried since its path was planned from ``start`` (2,), m."""
         here = self.T_map_base[:2, 3]
         return start is not None and bool(np.linalg.norm(here - start) > CARRIED_WAY)
 
     def _joined(self, path: Sequence[Stretch]) -> list[Stretch]:
-        """The path, preceded by the part along which the robot is still rolling."""
+        """The stretches of a path, preceded by the stretch along which the robot is still rolling."""
         if self._rest is None:
             return list(path)
         rest = self._in_map(self._rest)
@@ -341,7 +356,7 @@ class Navigator:
         return abs(wrap_angle(heading - wanted)) < PASSING_HEADING_TOLERANCE
 
     def halt(self, send: Send) -> Outcome:
-        """Come to rest at the end of the path along which the robot is rolling, if any."""
+        """Stop the robot; a rolling robot stops at the end of the stretch along which it rolls."""
         rest = self._rest
         self._rest = None
         if rest is None:
@@ -355,9 +370,9 @@ class Navigator:
         return self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle), send)
 
     def drive_back(self, send: Send) -> bool:
-        """Turn as at the newest halt, and drive back towards where the robot came from; False if that fails.
+        """Turn to the heading of the newest halt, and drive back in the direction from which the robot came.
 
-        Without a halt, this direction is unknown.
+        Returns whether this succeeded. Without a halt, the direction is unknown, and the robot does not move.
         """
         if not self.halts:
             return False
@@ -402,7 +417,7 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        """Whether the robot leans or, because it is level on the crest of a ridge, has leaned near here."""
+        """Whether the robot leans or last leaned near here, because a robot on the crest of a ridge is level."""
         at = self._leaned_at
         near = RAMP_MARGIN
         return at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - at) < near)
@@ -414,7 +429,7 @@ class Navigator:
         return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
 
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
-        """Commands that turn in place to a heading, in the shorter direction."""
+        """Commands that turn the robot in place to a heading, rad, in the shorter direction."""
         config = self._config.follower
         while self._speed > STILL:
             yield STOP
@@ -435,8 +450,9 @@ class Navigator:
     def _hold(self, T: Pose, place: Place, left: float) -> float:
         """Speed, m/s, that keeps the robot at a position (2,), m, on a ramp while it turns by another ``left`` rad.
 
-        The robot can only compensate for sliding along its heading, so it also compensates in advance for the sliding
-        to be expected. In a quarter turn on 16°, it then strays by at most 0.13 m instead of 0.21 m (measured).
+        Speed control can correct only the slide's component along the heading, so the slide expected during the rest
+        of the turn is compensated for in advance. In a quarter turn on a slope of 16°, this reduces the robot's
+        maximum displacement from 0.21 m to 0.13 m (measured).
         """
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self._robot.slide_per_radian * abs(left) * T[:2, 2]
@@ -444,9 +460,9 @@ class Navigator:
         return float(np.clip(speed, -self._robot.ramp_speed, self._robot.ramp_speed))
 
     def _along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
-        """Commands that follow a stretch up to its end or, if ``is_passed``, until the robot must brake for its end.
+        """Commands that follow a stretch to its end or, if ``is_passed``, until the robot must brake to stop there.
 
-        ``speeds``: (N,) maximum speeds at its poses, m/s; None for no limit.
+        ``speeds``: (N,) maximum speeds at the stretch's poses, m/s; None for no limit.
         """
         model = self._robot
         config = self._config.follower
@@ -468,21 +484,21 @@ class Navigator:
             yield self._steered(stretch, at, left, speed)
 
     def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
-        """The command at a speed, m/s, for a robot ``left`` m to the left of the pose of index ``at``."""
+        """The command, at most ``speed`` m/s fast, for a robot ``left`` m to the left of the pose of index ``at``."""
         model = self._robot
         config = self._config.follower
         # With this gain, the robot returns to its line with a damping ratio of 0.7.
         gain = config.turn_gain / (2 * max(speed, MIN_SPEED))
         back = float(np.clip(gain * left, -WIDEST_RETURN, WIDEST_RETURN))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
-        # The farther off its heading, the more slowly the robot drives; otherwise it would leave the line.
+        # The larger the heading error, the more slowly the robot drives; otherwise, it would leave the line.
         speed *= max(MIN_PACE, float(np.cos(2 * error)))
         rate = config.turn_gain * error + speed * stretch.curvature_at(at, LEAD * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
     def _supervised(self, commands: Iterator[Velocity], send: Send, length: float = 0.0) -> Outcome:
-        """Send commands until they end or must be stopped; back out if the robot leans too far or is held.
+        """Send commands until none is left or the robot must stop; back out if the robot leans too far or is stuck.
 
         ``length``: length of the leg, m.
         """
@@ -517,19 +533,19 @@ class Navigator:
         return Outcome.REACHED
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
-        """The part of a stretch, in ``odom``, that the robot needs to brake, from the pose of index ``at``."""
+        """The part of a stretch, in ``odom``, from the pose of index ``at`` to the end of the braking distance."""
         brakes = stretch.distances_along[at] + self._braking_distance + self._config.follower.position_tolerance
         end = int(np.searchsorted(stretch.distances_along, brakes)) + 1
         return Stretch(stretch.poses[:end], stretch.backwards).after(at).moved(inverse(self._T_map_odom))
 
     @property
     def _braking_distance(self) -> float:
-        """Braking distance of the robot, m."""
+        """Distance that the robot needs to brake to a stop from its current speed, m."""
         return self._speed**2 / (2 * self._config.follower.braking * self._robot.acceleration)
 
     @property
     def _was_carried(self) -> bool:
-        """Whether the newest motion is too long for the robot to have driven it on its own."""
+        """Whether the newest motion is longer than the robot could have driven."""
         last = required(self._before)
         before = (self._T_map_odom @ last.T_odom_base)[:3, 3]
         # On a real robot, time passes while a keyframe is mapped.
@@ -538,11 +554,11 @@ class Navigator:
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
-        """Undo the motion since a pose, because its path was free; True if the robot got far enough.
+        """Undo the motion since ``T_odom_start``, whose path was free; return whether the robot got far enough.
 
-        A robot that leans drives back until it is level; one that tips while it backs out, for example up a wall,
-        undoes this motion. Spinning wheels end the motion, because by the encoders alone the robot would seem to
-        move.
+        A robot that leans drives back until it is level. A robot that tips while it backs out, for example up a wall,
+        undoes this motion as well. If the wheels spin, the motion ends, because the encoders alone would report
+        that the robot moves.
         """
         model = self._robot
         config = self._config.recovery
@@ -567,7 +583,7 @@ class Navigator:
             if self._tips and not leans:
                 self._back_out(T_odom_held, undo, True, send)
                 return False
-            # Until the wheels have come to rest, they keep pushing, and the robot would seem to be held.
+            # While the wheels still brake the previous motion, the robot would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
@@ -582,7 +598,7 @@ class Navigator:
 
     @property
     def _T_odom_base(self) -> Pose:
-        # This is odometry, which does not jump when the map is corrected.
+        # Odometry does not jump when the map is corrected.
         return required(self.motion).T_odom_base
 
     @property

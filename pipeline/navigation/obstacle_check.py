@@ -1,7 +1,7 @@
-"""The obstacle check: whether an obstacle that the map does not show blocks the robot's path.
+"""The obstacle check, which finds obstacles on the robot's path that the map does not show.
 
-A plan leads over ground that is free in the map, but the map is only as recent as the last keyframe. Therefore the
-robot also checks the depth image while it drives.
+A plan leads over ground that is free in the map, but the map is only as recent as the last keyframe. Therefore, the
+robot also checks depth images while it drives.
 """
 
 import numpy as np
@@ -20,19 +20,22 @@ class ObstacleCheck:
     """Watches the path of one drive for obstacles that the map does not show.
 
     Attributes:
-        obstacles: (N, 3) returns in ``map``, m, of obstacles on the path that the map does not show.
+        obstacles: (N, 3) m, the camera's returns in ``map`` from unmapped obstacles on the path.
     """
 
     def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
-        """Watch a drive over mapped ground with the camera's ``sensor``."""
+        """Watch a drive over mapped ground; ``sensor``: model of the camera."""
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
-        # At the last look: remaining length of the stretch, m, and direction of travel, rad
+        # At the last check: remaining length of the stretch, m, and direction of travel, rad
         self._remaining_length, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
-        """Whether to look again: on a new stretch, after some distance, or when an arc has turned the camera."""
+        """Whether a check is due: on a new stretch, after some distance, or after an arc has turned the camera.
+
+        No check is due if the rest of the path is too near for the camera.
+        """
         is_far = self._remaining_length - command.remaining_length >= self._config.distance_between_checks
         has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.turn
         is_new = command.stretch is not self._stretch
@@ -43,9 +46,10 @@ class ObstacleCheck:
         return self._is_too_near(command) or not len(self.obstacles)
 
     def look(self, command: Approach, points: Points) -> None:
-        """Find the obstacles on the path among the camera's returns over traversable ground.
+        """Find obstacles on the path among the camera's returns ``points`` (N, 3) in ``map``, m.
 
-        Obstacles are returns whose height above the mapped ground is between half the body's height and the headroom.
+        An obstacle is a cell of traversable ground with enough returns at heights between half the body's height and
+        the headroom.
         """
         self._stretch, self._direction = command.stretch, command.direction
         self._remaining_length = command.remaining_length
@@ -69,14 +73,14 @@ class ObstacleCheck:
         return command.remaining_length + self._traversability.robot.half_length < self._sensor.nearest
 
     def _extended(self, path: Places) -> Places:
-        """(N, 2) m, the path of the front of the footprint, up to its end or to ``ahead`` m from the robot."""
+        """(N, 2) m, the path extended by half the footprint's length and a margin, but at most ``ahead`` m long."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         path = _extended(path, robot.half_length + 2 * cell)
         far = np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum() < self._config.ahead
         return path[np.append(True, far)]
 
     def _on_path(self, points: Points, path: Places) -> Mask:
-        """(N,) which points lie in the area that the footprint will sweep along an extended path."""
+        """(N,) whether points (N, 3) lie in the area that the footprint will sweep along an extended path."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         distance, number = KDTree(path).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
         is_behind = (points[:, :2] - path[0]) @ (path[1] - path[0]) <= 0
@@ -85,7 +89,7 @@ class ObstacleCheck:
 
 
 def _extended(path: Places, by: float) -> Places:
-    """A path (N, 2), extended straight ahead by a length, m."""
+    """A path (N, 2), m, extended straight ahead by ``by`` m."""
     ahead = (path[-1] - path[-2]) / np.linalg.norm(path[-1] - path[-2])
     steps = np.arange(0.0, by, np.linalg.norm(path[-1] - path[-2]))[1:, None]
     return np.vstack([path, path[-1] + steps * ahead])

@@ -1,4 +1,4 @@
-"""The speed limit along a stretch, given the ground and the people on the maps."""
+"""The speed limit along a stretch, which depends on the mapped ground and on mapped people."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from pipeline.planning.stretches import Stretch
 
 
 class SpeedLimit:
-    """Computes the maximum speeds along a stretch on the ground of a map."""
+    """Computes the maximum speeds along a stretch over mapped ground."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class SpeedLimit:
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, stretch: Stretch) -> Values:
-        """(N,) m/s, maximum speeds at the poses of a stretch, low enough to brake in time for lower limits ahead."""
+        """(N,) m/s, maximum speeds at the poses of a stretch, from which the robot can brake for limits ahead."""
         robot, poses = self._traversability.robot, stretch.poses
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
         turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
@@ -41,7 +41,7 @@ class SpeedLimit:
         return braked(speeds, stretch.distances_along, self._deceleration)
 
     def _on_ground(self, poses: Places) -> Values:
-        """(N,) maximum speeds, m/s, allowed at poses (N, 3) by the ground and the people there."""
+        """(N,) m/s, maximum speeds at poses (N, 3) that the ground and the people nearby allow."""
         t, robot = self._traversability, self._traversability.robot
         costs = t.costs()
         front = poses[:, :2] + robot.half_length * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
@@ -57,6 +57,9 @@ class SpeedLimit:
 
 
 def braked(speeds: Values, along: Values, deceleration: float) -> Values:
-    """(N,) m/s, speeds reduced so that the robot can brake to lower ones ahead; ``along``: distances, m."""
+    """(N,) m/s, speeds reduced so that the robot can brake for lower speeds ahead.
+
+    ``along``: (N,) distances from the start, m.
+    """
     squares = speeds**2 + 2 * deceleration * along
     return np.sqrt(np.minimum.accumulate(squares[::-1])[::-1] - 2 * deceleration * along)

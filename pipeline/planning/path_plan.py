@@ -20,12 +20,12 @@ UNREACHABLE = 1e5
 
 @dataclass(frozen=True, eq=False)
 class PathPlan:
-    """A path to a goal: straight drives and turns in place.
+    """A path to a goal, which consists of straight drives and turns in place.
 
     Attributes:
         waypoints: (N, 3) ends of the drives, the goal last, m.
-        backwards: (N,) which of the drives are backwards.
-        nodes: ids of the nodes that the route passes, in order.
+        backwards: (N,) whether each drive is backwards.
+        nodes: ids of the nodes on the route, in order.
         length: horizontal length of the path from the robot's position, m.
     """
 
@@ -36,7 +36,7 @@ class PathPlan:
 
 
 class PlaceOnGround(Protocol):
-    """A node of the graph."""
+    """A node of a planning graph, at a position on the ground."""
 
     @property
     def position(self) -> Place:
@@ -45,11 +45,12 @@ class PlaceOnGround(Protocol):
 
 
 class PlanningGraph(Protocol):
-    """The graph used for planning: a topological map.
+    """The graph used for planning, which is a topological map.
 
     Attributes:
-        kind: ``mst``, where routes pass through the nodes, or ``roadmap``, where they need not.
-        graph: graph of node ids, in which the weight of an edge is the cost of its drive, s.
+        kind: ``mst``, a tree in which paths pass through the nodes of the route, or ``roadmap``, in which paths need
+            not pass through nodes.
+        graph: graph of node ids; the weight of an edge is the cost of the drive along the edge, s.
     """
 
     kind: Literal["mst", "roadmap"]
@@ -61,7 +62,7 @@ class PlanningGraph(Protocol):
         ...
 
     def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
-        """Costs of the straight drives from a position ``xy`` (2,), m, to nodes, s, by node id."""
+        """Costs, s, of straight drives from a position ``xy`` (2,), m, to nodes, by node id."""
         ...
 
 
@@ -100,9 +101,9 @@ def plan_path(
 ) -> PathPlan | None:
     """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any heading.
 
-    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree, the route passes through each of
-    them, unless a single straight drive reaches the goal. On the roadmap, the route is that found by the search over
-    poses, which is faster and need not pass through the nodes. Returns None if no route leads to the goal;
+    Dijkstra's algorithm on the topological map gives the nodes of the route. On the tree, the path passes through
+    these nodes, unless a single straight drive reaches the goal. On the roadmap, the path is the result of the search
+    over poses; it takes less time and need not pass through the nodes. Returns None if no path leads to the goal;
     :func:`unreachable_reason` gives the reason.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
@@ -122,7 +123,7 @@ def plan_path(
 def _paths_over(
     places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None
 ) -> list[StraightenedPath]:
-    """The paths through positions (2,) in turn to the goal; an empty list if any position cannot be reached."""
+    """The paths to positions (2,), in turn, and to the goal; an empty list if any of them cannot be reached."""
     legs: list[StraightenedPath] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):
@@ -133,15 +134,15 @@ def _paths_over(
 
 
 def unreachable_reason(paths: PosePaths, goal: ArrayLike) -> str | None:
-    """Why the robot cannot drive to a goal (2 or 3,), m, as a line for the log; None if it can."""
+    """The reason why the robot cannot drive to a goal (2 or 3,), m, as a line of the log; None if it can."""
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     grid, name = traversability.grid, goal_name(goal)
     if not np.isfinite(goal).all():
         return f"{name} must have finite coordinates"
     if paths.start is None:
         return f"{name} cannot be reached: the robot cannot leave its current position"
-    # The cost is also finite where the robot is, or where it could escape to, even if it could not stop there
-    # otherwise.
+    # The cost is also finite at the robot's position, and where it could escape to, even if it could not otherwise
+    # stand there.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
@@ -149,7 +150,7 @@ def unreachable_reason(paths: PosePaths, goal: ArrayLike) -> str | None:
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < traversability.robot.half_width:
             return f"{name} is in a wall or just behind one: the ground there was not seen"
         return f"{name} is outside the mapped area: the ground there was not seen"
-    # The top of a wall that is two cells thick is level, and thus no hazard itself.
+    # The top of a wall that is two cells thick is level, so it is not itself a hazard.
     if grid.at(traversability.to_hazard, goal) <= grid.cell:
         return f"{name} is in a wall, on a step or on ground that is too steep"
     if not grid.at(traversability.traversable, goal):

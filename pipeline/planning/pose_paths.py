@@ -21,7 +21,7 @@ class StraightenedPath:
 
     Attributes:
         places: (N, 2) ends of the drives, m; a path that is only a turn has one.
-        backwards: (N,) which drives are backwards.
+        backwards: (N,) whether each drive is backwards.
         heading: heading to which the robot turns at the end, rad.
     """
 
@@ -48,10 +48,10 @@ class PosePaths:
     ):
         """Start at positions (2,) or (K, 2), m (further columns are ignored), with a given heading, rad, or any.
 
-        Without a heading, a start where the robot cannot stand is moved to the nearest position within the robot's
-        length where it can. With a heading, the robot may start with too little clearance, and escape by driving up
-        to the diameter of its turning circle. The costs allow for ``caution`` times the measured deviations of the
-        robot from its path.
+        Without a heading, a start where the robot cannot stand is moved to the nearest position, at most the robot's
+        length away, where it can stand. With a heading, the robot may start with too little clearance; it can then
+        escape within the diameter of its turning circle. The costs allow for ``caution`` times the measured
+        deviations of the robot from its path.
         """
         self._costs, self.caution = traversability.costs(caution), caution
         self.traversability, self._grid = traversability, traversability.grid
@@ -86,8 +86,8 @@ class PosePaths:
         # This ignores the smaller minimum clearance that applies where the robot has been.
         can_escape = (t.clearance[i, j, h % ORIENTATIONS] < min_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
-        # The arrays are zeros or uninitialised, so that the system provides memory pages only where the search
-        # touches them.
+        # The arrays are zeros or uninitialised, so that the operating system provides memory only for the pages that
+        # the search touches.
         state, after = np.empty((2, 4 * size + count), np.int32)
         search = kernels.Search(
             starts,
@@ -119,7 +119,7 @@ class PosePaths:
 
     @cached_property
     def without_risk(self) -> "PosePaths":
-        """The cheapest paths from the (first) start if risk costs nothing, however close to obstacles they lead."""
+        """The cheapest paths from the (first) start if the risk of hitting an obstacle costs nothing."""
         return PosePaths(self.traversability, required(self.start), self.heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
@@ -129,13 +129,13 @@ class PosePaths:
         return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
 
     def seconds_to(self, cells: Cells, until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) costs of reaching cells (N, 2) with each heading, s; those above ``until`` may be inf."""
+        """(N, 16) costs of reaching cells (N, 2) with each heading, s; costs above ``until`` may be inf."""
         self._extend(until)
         return self._known(tuple(cells.T))
 
     def min_seconds_to(self, cells: Cells) -> Values:
-        """(N,) s, lower bounds on the costs of paths to cells (N, 2) from the start, which must be the only one."""
-        # Nothing is cheaper than driving forwards with plenty of room.
+        """(N,) s, lower bounds on the costs of paths to cells (N, 2) from the start; there must be only one start."""
+        # No move is cheaper per metre than a forward drive with plenty of room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
@@ -180,18 +180,24 @@ class PosePaths:
         return float(self._settle(xy, heading)[heading])
 
     def can_reach(self, states: Cells) -> Mask:
-        """(N,) whether the robot can reach, and stand at, cells with headings (N, 3), which may be off the grid."""
+        """(N,) whether the robot can reach and stand at cells with headings (N, 3); False off the grid."""
         inside = self._grid.holds(states[:, :2])
         i, j, heading = np.where(inside[:, None], states, 0).T
         return np.asarray(inside & heading_mask(self.headings[i, j])[np.arange(len(states)), heading])
 
     def nearest(self, places: Places) -> int | None:
-        """Index of the position (N, 2) cheapest to reach; None if none is reachable or any is off the grid."""
+        """Index of the position, of (N, 2), m, that is cheapest to reach.
+
+        None if no position is reachable or any is off the grid.
+        """
         cost = self._settle(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(..., 16) s, costs of reaching points (..., 2), m; the lowest, or one with ``heading``, is final."""
+        """(..., 16) s, costs of reaching points (..., 2), m, with each heading.
+
+        Only the lowest of all costs or, if given, the lowest cost with the heading of index ``heading`` is final.
+        """
         cells, horizon = self._grid.cell_of(xy), self._costs.stop
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
@@ -205,7 +211,7 @@ class PosePaths:
             horizon *= 2
 
     def sources(self) -> NDArray[np.int64]:
-        """(nx, ny) flat index of the cell where the cheapest path to each cell starts; -1 if no path leads there."""
+        """(nx, ny) flat index of the cell where the cheapest path to each cell starts; -1 where no path leads."""
         starts = self._search.starts
         flat, seconds = np.append(np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape), -1), self.seconds
         source = self._search.source.reshape(seconds.shape)
@@ -219,7 +225,7 @@ class PosePaths:
         return self._grid.centre_of(states[moved, :2])
 
     def straightened_path_to(self, xy: ArrayLike, heading: float | None = None) -> StraightenedPath:
-        """The path to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
+        """The cheapest path to a reachable point (2,), m, straightened by :func:`kernels.straighten`."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
         wanted = None if heading is None else nearest_heading(heading)
         there = self._settle(xy, wanted)
@@ -240,29 +246,35 @@ class PosePaths:
         return StraightenedPath(places[bends[ends]], backwards[ends], end)
 
     def states_to(self, xy: ArrayLike, heading: int) -> Cells:
-        """(N, 3) cells and headings from the start to a point with one of the 16 headings; it must be reachable."""
+        """(N, 3) cells and headings on the path from the start to a point (2,), m.
+
+        ``heading``: index of a heading with which the robot can reach the point.
+        """
         self._settle(xy, heading)
         return self._states_to(self._grid.cell_of(xy), heading)
 
     def _states_to(self, cell: Cells, heading: int) -> NDArray[np.int64]:
-        """(N, 3) cells and headings from the start to a reachable pose."""
+        """(N, 3) cells and headings on the path from the start to a reachable pose."""
         came_by = self._search.came_by.reshape(*self._grid.shape, HEADINGS)
         states = kernels.trace(came_by, int(cell[0]), int(cell[1]), heading)
         return states[::-1]
 
 
 def heading_mask(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """(..., 16) which of the 16 bits of ``headings`` (...) are set."""
+    """(..., 16) whether each of the 16 bits of ``headings`` (...) is set."""
     return (headings[..., None] >> np.arange(HEADINGS, dtype=np.uint16)) & 1 == 1
 
 
 def nearest_heading(heading: float) -> int:
-    """Index of the one of the 16 headings that is nearest to ``heading``, rad."""
+    """Index of the heading, among the 16 headings of the search, that is nearest to ``heading``, rad."""
     return int(np.cos(HEADING_ANGLES - heading).argmax())
 
 
 def simplify(path: Places, traversability: Traversability) -> Places:
-    """A path (N, 2) reduced to few points; a straight drive costs at most a stop more than the part it replaces."""
+    """A path (N, 2), m, reduced to few points by straight drives.
+
+    Each drive costs at most ``stop`` s more than the part of the path that it replaces.
+    """
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]

@@ -1,4 +1,4 @@
-"""Compiled search over poses, which combine a cell of the grid with a heading."""
+"""Compiled search over poses, each of which consists of a cell of the grid and a heading."""
 
 from enum import IntEnum, auto
 from typing import NamedTuple
@@ -25,7 +25,7 @@ ALL = np.iinfo(np.uint16).max
 
 
 class Move(IntEnum):
-    """Moves along the heading, or turns to the next heading; 0 stands for no move."""
+    """A drive along the heading, or a turn to the next heading; 0 stands for no move."""
 
     FORWARD = auto()
     BACKWARD = auto()
@@ -72,7 +72,10 @@ def level_ticks(cell, costs):
 
 @njit(cache=True)
 def was_near(i, j, least):
-    """Whether the robot's centre has been in a cell or next to it, where ``least`` (nx, ny), cm, is negative."""
+    """Whether the robot's centre has been in cell (i, j) or in a neighbour.
+
+    ``least``: (nx, ny) cm, negative in the cells where the robot's centre has been.
+    """
     for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
         for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
             if least[a, b] < 0:
@@ -93,7 +96,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     is_free = entered >= terrain.required_clearance[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
-    # A turn may sweep cells that the robot has never swept, even where it has been.
+    # A turn may sweep cells that the robot has never swept, even if the robot has been at the same position.
     if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.required_clearance)):
         return -1
     if terrain.ramp[a, b]:
@@ -104,8 +107,8 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
 class Search(NamedTuple):
     """The state of a search; the index of a pose is (i · ny + j) · 16 + h.
 
-    The queue has buckets by cost. It gets an entry each time that a pose becomes cheaper, at most one for each move
-    that leads to the pose.
+    The queue is divided into buckets by cost. It gets an entry whenever a pose becomes cheaper, at most one for each
+    move that leads to the pose.
 
     Attributes:
         starts: (K, 3) int64 cells and headings at which the search starts.
@@ -113,12 +116,13 @@ class Search(NamedTuple):
         came_by: (N,) uint8 move that led to each pose.
         source: (N,) int16 index of the start from which the path to each pose comes.
         level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
-        escape: distance from its start within which the robot may drive through poses without enough room, if its
-            clearance does not decrease or it drives where it has been before, m; negative if it need not.
-        first: (B,) int32 first entry of each bucket; -1 if it is empty.
-        state, after: (4 N + K,) int32 pose of each entry, and next entry of the same bucket.
-        now: (3,) int64: the cost up to which all poses are settled, the number of waiting entries, and the number of
-            all entries.
+        escape: distance from the start within which the robot may drive through poses without enough room, m;
+            negative if all starts have enough room. The robot may only do so where it has been before or its
+            clearance does not decrease.
+        first: (B,) int32 first entry of each bucket; -1 for an empty bucket.
+        state, after: (4 N + K,) int32 pose of each entry, and next entry in the same bucket.
+        now: (3,) int64: the value of ``cost`` up to which all poses are settled, the number of waiting entries, and
+            the number of all entries so far.
     """
 
     starts: NDArray[np.int64]
@@ -135,10 +139,10 @@ class Search(NamedTuple):
 
 @njit(cache=True)
 def extend(search, terrain, costs, until):
-    """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
+    """Continue Dijkstra's algorithm over all poses, with a bucket queue, up to the value ``until`` of ``cost``.
 
-    A pose may be entered if its clearance is large enough. A robot that starts with too little clearance may escape,
-    see :class:`Search`.
+    The robot may enter a pose with enough clearance. A robot that starts with too little clearance may escape; see
+    :class:`Search`.
     """
     nx, ny = terrain.required_clearance.shape
     cost, source, level, first = search.cost, search.source, search.level, search.first
@@ -173,19 +177,20 @@ def extend(search, terrain, costs, until):
 
 @njit(cache=True)
 def flood(seeds, free, is_open):
-    """Which poses are connected to the seeds by moves through poses with enough room.
+    """The poses that are connected to the seeds by moves through poses with enough room.
 
     Args:
         seeds: (nx, ny) uint16 bits of the 16 headings to start with.
         free: (nx, ny, 2) uint8, see :func:`pipeline.elevation_map.pose_kernels.free_poses`.
-        is_open: (nx, ny) cells at which, and up to two cells away, the robot can stand and turn with any heading.
+        is_open: (nx, ny) whether the robot can stand and turn with any heading in all cells within two cells of each
+            cell.
 
     Returns:
-        (nx, ny) uint16 bits of the headings that are reached, seeds included.
+        (nx, ny) uint16 bits of the headings that are reached, including the seeds.
     """
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
-    # Each cell is at most once among the waiting ones.
+    # Each cell is at most once in the list of waiting cells.
     rows, columns = np.nonzero(seeds)
     waiting, count = np.empty((nx * ny, 2), np.int32), len(rows)
     waiting[:count, 0], waiting[:count, 1] = rows, columns
@@ -225,7 +230,7 @@ def flood(seeds, free, is_open):
 
 @njit(cache=True)
 def trace(came_by, i, j, h):
-    """(N, 3) int64 poses (i, j, h) from the given one back to the start."""
+    """(N, 3) int64 poses from the pose (i, j, h) back to the start."""
     poses = [(i, j, h)]
     while came_by[i, j, h] > 0:
         i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h] - 1])
@@ -235,10 +240,9 @@ def trace(came_by, i, j, h):
 
 @njit(cache=True)
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
-    """Indices of the bends of a path, both ends included, which straight drives connect.
+    """Replace parts of a path by straight drives.
 
-    A second array states which of these drives are backwards; its first value, for the start, has no meaning. A
-    straight drive replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at both
+    A straight drive replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at its
     ends.
 
     Args:
@@ -246,7 +250,13 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         headings: (N,) headings, rad.
         moves: (N,) uint8, the move that led to each pose.
         seconds: (N,) float64, cost of the path to each pose, s.
-        heading: heading at the first pose, rad.
+        heading: heading of the robot at the first pose, rad.
+        terrain: the ground.
+        costs: parameters of the costs.
+
+    Returns:
+        Indices of the bends of the straightened path, both ends included, and whether the drive to each bend is
+        backwards; the value for the start has no meaning.
     """
     bends, backwards, p = [0], [False], 0
     while (moves[p + 1 :] <= Move.BACKWARD.value).any():

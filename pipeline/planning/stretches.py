@@ -1,7 +1,7 @@
 """Stretches: lines joined by arcs, which the robot drives in one direction without stopping.
 
-At each bend of a plan, the robot turns in place. Where there is room, an arc replaces this turn, and the robot turns
-while driving.
+A plan has a turn in place at each bend. Where there is room, an arc replaces this turn, so that the robot need not
+stop.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,8 @@ from pipeline.arrays import Mask, Place, Places, Pose, Values
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
 Fits = Callable[[Places], bool]
-"""Whether the footprint has room at all poses (N, 3): x and y, m, and the direction of travel, rad."""
+"""Function that returns whether the footprint has room at all poses (N, 3): x and y, m, and direction of travel,
+rad."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class ArcConfig:
     Attributes:
         radii: radii of the arcs, in the order in which they are tried, m.
         max_angle: maximum angle of an arc, rad; for larger angles, the robot turns in place.
-        min_angle: minimum angle of an arc, rad; for smaller angles, the robot needs none.
+        min_angle: minimum angle of an arc, rad; for smaller angles, the robot needs neither an arc nor a turn.
         spacing: distance between successive poses of a stretch, m.
     """
 
@@ -59,7 +60,7 @@ class Stretch:
 
     @cached_property
     def distances_along(self) -> Values:
-        """(N,) distances of the poses from the first along the stretch, m."""
+        """(N,) m, distances along the stretch from the first pose to each pose."""
         return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.poses[:, :2], axis=0), axis=1)))
 
     @property
@@ -77,7 +78,7 @@ class Stretch:
         return 1 + int(0.5 * len(self.poses) / max(self.length, 0.5))
 
     def offsets(self, place: Place, at: int) -> tuple[float, float]:
-        """Distance to the end and offset to the left, m, of a position (2,), m, next to the pose of index ``at``."""
+        """Remaining distance, m, and offset to the left, m, of a position (2,), m, near the pose of index ``at``."""
         x, y, direction = self.poses[at]
         (a, b), off = _unit(direction), place - (x, y)
         return self.length - float(self.distances_along[at] + a * off[0] + b * off[1]), float(a * off[1] - b * off[0])
@@ -88,7 +89,7 @@ class Stretch:
         return float(self.curvature[index.clip(max=len(self.poses) - 1)])
 
     def after(self, at: int) -> "Stretch":
-        """The rest of the stretch from the pose of index ``at``; at least two poses."""
+        """The rest of the stretch from the pose of index ``at``, but at least the last two poses."""
         return Stretch(self.poses[min(at, len(self.poses) - 2) :], self.backwards)
 
     def moved(self, T: Pose) -> "Stretch":
@@ -102,7 +103,7 @@ class Stretch:
         return self.backwards == other.backwards and bool(abs(angle) < max_angle)
 
     def and_then(self, other: "Stretch") -> "Stretch":
-        """This stretch joined to the one that follows."""
+        """This stretch joined to the stretch ``other``, which follows it."""
         return Stretch(_joined([self.poses, other.poses]), self.backwards)
 
     @cached_property
@@ -125,11 +126,11 @@ def stretches_of(
 
     Args:
         waypoints: (N, 2) positions, m, the end of the path last.
-        backwards: (N,) which waypoints the robot drives to backwards.
+        backwards: (N,) whether the robot drives backwards to each waypoint.
         start: (3,) x and y, m, and heading, rad, of the robot at the start.
-        heading: heading of the robot at the end, rad; None for any. Without an arc to it, the last stretch ends with
-            another heading.
-        fits: whether the footprint has room.
+        heading: heading of the robot at the end, rad; None for any. If no arc to this heading fits, the last stretch
+            ends with another heading.
+        fits: returns whether the footprint has room at all of the given poses.
         config: settings of the arcs.
     """
     result: list[Stretch] = []
@@ -145,7 +146,7 @@ def stretches_of(
 
 
 class _Bends:
-    """Joins lines by arcs where they fit."""
+    """Joins straight lines by arcs where there is room."""
 
     def __init__(self, fits: Fits, config: ArcConfig):
         self._fits, self._config = fits, config
@@ -153,7 +154,10 @@ class _Bends:
         self._now: list[Places] = []
 
     def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
-        """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2), ending in direction ``end``."""
+        """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2).
+
+        If an arc fits, the last stretch ends in direction ``end``, rad; None for any direction.
+        """
         places = np.array(
             [p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing]
         )
@@ -175,7 +179,7 @@ class _Bends:
         return self._done
 
     def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
-        """Add the line to a corner, and an arc around it if one fits; return the start of the next line."""
+        """Add the line to a corner, rounded by an arc if one fits; return the start of the next line."""
         before, beyond = _direction(here, corner), _direction(corner, after)
         angle = float(wrap_angle(beyond - before))
         reach = np.linalg.norm(corner - here), np.linalg.norm(after - corner) * (1.0 if is_last else 0.5)
@@ -194,7 +198,7 @@ class _Bends:
         return corner
 
     def _arc_out(self, start: Place, target: Place) -> Places | None:
-        """An arc from a pose whose end points straight at a position; None if no arc fits."""
+        """An arc from a pose (3,) to a line that leads straight to a position (2,); None if no arc fits."""
         for radius in self._radii(float(wrap_angle(_direction(start[:2], target) - start[2]))):
             angle = _angle_to(start, target, radius)
             if angle is None or abs(angle) > self._config.max_angle:
@@ -205,7 +209,10 @@ class _Bends:
         return None
 
     def _arc_in(self, before: Place, place: Place, end: float | None) -> Places | None:
-        """An arc that continues a line from ``before`` and ends at a position in a direction; None if no arc fits."""
+        """An arc from the end of a line to a position (2,) in direction ``end``, rad; None if no arc fits.
+
+        ``before``: (2,) start of the line, m.
+        """
         if end is None:
             return None
         back = self._arc_out(np.append(place, end + np.pi), before)
@@ -245,7 +252,10 @@ def _joined(parts: list[Places]) -> Places:
 
 
 def _angle_to(pose: Place, target: Place, radius: float) -> float | None:
-    """Angle, rad, of the arc from a pose (3,) whose end points at a position (2,); None inside the arc's circle."""
+    """Angle, rad, of the arc from a pose (3,) to a line that leads straight to a position (2,).
+
+    None if the position is inside the arc's circle.
+    """
     side = float(np.sign(wrap_angle(_direction(pose[:2], target) - pose[2]))) or 1.0
     centre = pose[:2] + side * radius * np.array([-np.sin(pose[2]), np.cos(pose[2])])
     to_target = target - centre

@@ -11,8 +11,8 @@ def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
 
     Args:
         cost: (N, N) finite cost of the path from each position to each other position, m or s.
-        exact: maximum number of positions for which the order is optimal; for more positions, 2-opt cannot improve
-            it.
+        exact: maximum number of positions to visit for which the order is optimal; for more positions, the order is
+            one that 2-opt cannot improve.
     """
 
     def total(order: list[int]) -> float:
@@ -23,8 +23,8 @@ def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
         ways = np.array([(0, *order) for order in permutations(range(1, len(cost)))])
         best: NDArray[np.int64] = ways[cost[ways[:, :-1], ways[:, 1:]].sum(axis=1).argmin(), 1:]
         return best.tolist()
-    # With many, begin with the order that always visits the nearest position next, then reverse parts as long as
-    # this makes the order cheaper.
+    # With many positions, begin with the order that always visits the nearest position next. Then reverse parts of
+    # the order as long as this makes the order cheaper.
     left = set(range(1, len(cost)))
     order: list[int] = []
     while left:

@@ -1,7 +1,7 @@
-"""The path back along the robot's own track, used if no path leads to the ground from which it came.
+"""The path back along the robot's own track, used if no path leads to the ground from which the robot came.
 
-An error of a few centimetres in the pose or in the height of a ramp may show an obstacle where the robot has just
-passed. Where the robot has driven, it can drive back.
+After an error of a few centimetres in the pose or in the height of a ramp, the map may show an obstacle where the
+robot has just passed. The robot can drive back wherever it has driven.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ from pipeline.transforms import yaw_of
 NEAR = 2
 """Distance to drivable ground within which a keyframe is considered to be on it, cells."""
 MIN_DRIVE = 0.05
-"""Distance between successive keyframes below which the robot only turned, m."""
+"""Distance between successive keyframes up to which the robot is considered to have only turned, m."""
 FARTHEST = 1.0
-"""Distance between successive keyframes above which the robot was carried from one to the other, m."""
+"""Distance between successive keyframes above which the robot is considered to have been carried, m."""
 
 
 def is_cut_off(poses: Poses, paths: PosePaths) -> bool:
-    """Whether paths lead to fewer than half of the places where keyframes (K, 4, 4) were taken."""
+    """Whether paths lead to fewer than half of the keyframes, whose poses are ``poses`` (K, 4, 4)."""
     return bool(2 * np.count_nonzero(_are_reached(poses, paths)) < len(poses))
 
 
@@ -33,12 +33,12 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
         paths: the paths from the robot's position.
 
     Returns:
-        The plan; None if paths lead to half of the keyframes or more, if no drivable ground is near the other
-        keyframes, or if the robot was carried from there.
+        The plan; None if paths lead to at least half of the keyframes, if no drivable ground is near the other
+        keyframes, or if the robot has not driven from there or was carried on the way.
     """
     if not is_cut_off(poses, paths):
         return None
-    # The pieces of ground on which the other keyframes were taken.
+    # Find the connected pieces of ground on which the other keyframes were taken.
     ground, places = paths.traversability, poses[:, :2, 3]
     pieces, _ = ndimage.label(ground.traversable & ~paths.reachable, np.ones((3, 3)))
     piece = ndimage.maximum_filter(pieces, 2 * NEAR + 1)[tuple(ground.grid.cell_of(places).T)]
@@ -46,7 +46,7 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
     counts = np.bincount(piece)
     if not counts[1:].any():
         return None
-    # Back to the newest keyframe on the piece with most of them, turning as little as possible.
+    # Lead back to the newest keyframe on the piece with the most keyframes, with as little turning as possible.
     first = int(np.flatnonzero(piece == 1 + counts[1:].argmax())[-1])
     drives = np.diff(places[first:][::-1], axis=0)
     lengths = np.linalg.norm(drives, axis=1)
@@ -62,6 +62,6 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
 
 
 def _are_reached(poses: Poses, paths: PosePaths) -> Mask:
-    """(K,) whether a path leads to each keyframe, or near it."""
+    """(K,) whether a path leads to within ``NEAR`` cells of each keyframe."""
     near = ndimage.binary_dilation(paths.reachable, np.ones((2 * NEAR + 1, 2 * NEAR + 1)))
     return np.asarray(near[tuple(paths.traversability.grid.cell_of(poses[:, :2, 3]).T)])

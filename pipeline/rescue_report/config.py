@@ -7,21 +7,22 @@ from pipeline.errors import require_positive
 
 @dataclass(frozen=True)
 class RescueReportConfig:
-    """Which hazards are reported to rescuers, how far paths and drawings reach, and when the map can be trusted.
+    """Limits of the hazards, paths and places that are reported to rescuers, and of the evidence against the map.
 
     Attributes:
-        drop: minimum height of a drop, m, because a robot that climbs stairs can also climb lower steps. The edge of
-            a drop differs in height by less than this from the ground in front of it, a kerb by more.
+        drop: minimum height of a drop, m; a robot that climbs stairs can also climb lower steps. The edge of a drop
+            and the ground in front of the edge differ in height by less than this, a kerb and the ground by more.
         upright: headroom below which a person must stoop, m.
         ahead: distance beyond the reachable ground within which more ground is expected unless a wall or step is in
             between, m.
         person_area: minimum area that a person takes up, m².
-        arrival: maximum distance from the robot's centre to a person's points at which the robot is next to the
-            person, m.
-        contradicted: maximum fraction of the keyframes' depth that contradicts a trusted map. The fraction is 0.002
-            if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if it drifts by 16°.
-        deviation: standard deviation above which a position may be mistaken for an adjacent one, m, because a robot's
-            path is 0.6 m wide.
+        arrival: maximum horizontal distance, m, between the end of a path and the nearest of a person's points at
+            which the robot is next to the person.
+        contradicted: maximum fraction of the keyframes' depth that may contradict a trusted map. The fraction is
+            0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if the drift is
+            16°.
+        deviation: maximum standard deviation of a keyframe's position in a trusted map, m. A robot's path is 0.6 m
+            wide, so a less certain position may be mistaken for an adjacent one.
         max_listed: maximum number of places of one kind that are numbered on the drawing and listed on the page, the
             worst first.
     """

@@ -1,11 +1,15 @@
-"""The figures of a report, at any depth of nesting, and as text."""
+"""List the figures of a report, whatever the depth of nesting, and format them as text."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 
 def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The values in nested mappings, named by their paths of keys; lists of records (for programs) are left out."""
+    """Yield the name and value of each figure in nested mappings.
+
+    A name consists of ``name`` and the keys that lead to the value, joined by dots. Lists of records, which are meant
+    for programs, are left out.
+    """
     if isinstance(content, Mapping):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)
@@ -14,5 +18,5 @@ def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
 
 
 def figure_text(value: float) -> str:
-    """A figure to three significant digits or, if 1000 or more, as an integer."""
+    """A figure with three significant digits or, if its absolute value is 1000 or more, as an integer."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

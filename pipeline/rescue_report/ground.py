@@ -39,7 +39,7 @@ def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[R
 
     Args:
         grid: grid of the cells.
-        mask: the cells.
+        mask: cells that form the places.
         values: (nx, ny) value of every cell.
         apart: distance below which cells belong to the same place, m; adjacent cells always do.
     """
@@ -60,13 +60,13 @@ def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[R
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """Hazards on the ground that the robot can reach; layers are on the grid of the traversability.
+    """Hazards on the ground that the robot can reach; the layers are on the traversability's grid.
 
     Attributes:
         slope: inclination of the ground, rad.
         is_steep: cells that are part of a slope.
-        drop: height by which the ground falls at a cell, m; 0 where it does not.
-        slopes: slopes, the steepest first, with their inclination, rad.
+        drop: height by which the ground falls at a cell, m; 0 for cells without a drop.
+        slopes: slopes, the steepest first, with their maximum inclination, rad.
         drops: drops, the deepest first, with their depth, m.
         ceilings: low ceilings, the lowest first, with their headroom, m.
     """
@@ -84,7 +84,7 @@ def find_hazards(
 ) -> Hazards:
     """The hazards on the ground that the robot can reach.
 
-    Drops, and low ceilings, that are closer together than the robot's width form one place.
+    Drops that are closer together than the robot's width form one place; the same holds for low ceilings.
 
     Args:
         traversability: traversability of the robot's map. Drops are reported within the robot's length of reachable
@@ -100,7 +100,7 @@ def find_hazards(
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
     drop = _drops(traversability, reachable, config.drop)
-    # Ceilings: the lowest point above each cell that the robot does not touch.
+    # Ceilings: the lowest point above each cell, among the points that the robot does not touch.
     headroom = np.full(grid.shape, np.inf)
     above = points[:, 2] - grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= robot.headroom
@@ -121,15 +121,15 @@ def _drops(traversability: Traversability, reachable: MaskLayer, min_drop: float
     grid = traversability.grid
     robot = traversability.robot
     elevation = traversability.elevation.astype(np.float64)
-    # Edges border on the ground from which they are reached. Steps are not traversable, so the ground above and the
-    # ground below a step are in different pieces.
+    # Edges border on the ground from which they are reached. Steps are not traversable, so the ground above a step
+    # and the ground below it are in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
     highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), EDGE)
     is_edge = traversability.hazard & (np.abs(elevation - highest) < min_drop)
     is_edge &= grid.distance_to(reachable) <= robot.length
-    # Low ground narrower than a gap that the robot rolls over is raised by a greyscale closing that ignores NaN,
-    # because no wheel reaches its bottom.
+    # No wheel reaches the bottom of a gap that the robot can roll over, so a greyscale closing that ignores NaN fills
+    # such gaps.
     slit = 1 + 2 * int(robot.max_gap / 2 / grid.cell)
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), slit)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), slit)
@@ -146,11 +146,11 @@ def _drops(traversability: Traversability, reachable: MaskLayer, min_drop: float
 def _lowest_beyond(
     grid: Grid, elevation: Layer, ground: Layer, edges: Cells, reach: float, min_drop: float
 ) -> Values:
-    """Height of the lowest ground within ``reach`` m beyond each of the edges, m.
+    """(N,) m, height of the lowest ground within ``reach`` m beyond each of the N edges.
 
     The search extends over the robot's length, because the camera often misses the nearest ground. In each direction,
-    it ends where the map is less than ``min_drop`` below the edge, which is at ground of the same height or at a
-    wall, behind which no robot falls.
+    the search ends at the first cell whose height exceeds the edge's height minus ``min_drop`` m. Such a cell is
+    level ground or a wall, behind which the robot cannot fall.
     """
     height = elevation[tuple(edges.T)][:, None]
     middles = grid.centre_of(edges)[:, None]
@@ -173,9 +173,10 @@ class Unseen:
 
     Attributes:
         places: places of unseen ground large enough for a person, the largest first.
-        rest: area of smaller unseen patches, m².
-        seen: area of the ground that was seen, m²; if any ground is reachable, only of ground connected to it.
-        is_reachable: whether the robot can reach any ground; if not, it is unknown which ground is connected to it.
+        rest: total area of the smaller unseen patches, m².
+        seen: area of the ground that was seen, m². If any ground is reachable, only the ground connected to reachable
+            ground is included.
+        is_reachable: whether the robot can reach any ground; if not, :attr:`seen` includes all ground that was seen.
     """
 
     places: list[ReportedPlace]
@@ -190,7 +191,7 @@ class Unseen:
 
     @property
     def share(self) -> float | None:
-        """Fraction of the ground that was seen; None if no ground is reachable."""
+        """Ratio of the seen area to the total of the seen and unseen areas; None if no ground is reachable."""
         whole = self.seen + self.area
         return self.seen / whole if self.is_reachable and whole else None
 
@@ -201,11 +202,11 @@ def find_unseen(
     """The ground that was not seen: inside the map's outline, and beyond the reachable ground.
 
     Args:
-        traversability: traversability of the robot's map; ground within the robot's length of reachable ground is
-            connected to it.
+        traversability: traversability of the robot's map. Ground within the robot's length of reachable ground is
+            treated as connected to the reachable ground.
         measured: height of the ground as measured by returns, m; NaN elsewhere.
         reachable: cells that the robot can reach.
-        config: limits of the ground that is expected, and of places that are reported.
+        config: limits for ground that is expected and for places that are reported.
     """
     grid = traversability.grid
     unknown = np.isnan(measured)

@@ -1,4 +1,4 @@
-"""The map seen from above as SVG: x to the right, y up."""
+"""The map seen from above as an SVG drawing, with x to the right and y up."""
 
 from collections.abc import Iterator
 
@@ -17,17 +17,17 @@ from pipeline.rescue_report.words import FILTERS
 LINES = 6
 """Minimum number of lines at round coordinates along the longer side."""
 EXTENT = 1000.0
-"""Maximum width and height of the drawing, units, except in arenas where a metre would be narrower than a symbol."""
+"""Maximum width and height of the drawing, units; exceeded if a metre would otherwise be narrower than a symbol."""
 SYMBOL = 30.0
 """Width of symbols, units."""
 ARROWS = 45.0
-"""Distance between the arrows that point up a slope, units."""
+"""Minimum distance between the arrows that point up a slope, units."""
 BORDER = 0.4
 """Margin around the mapped cells, m."""
 BAR = 0.25
 """Maximum length of the scale bar, as a fraction of the width."""
 UNNAMED = ImageColor.getrgb("linen")
-"""RGB of ground whose class is not known."""
+"""RGB colour of ground whose class is not known."""
 
 
 class Paper:
@@ -42,7 +42,7 @@ class Paper:
     """
 
     def __init__(self, grid: Grid, mapped: MaskLayer):
-        """A drawing that contains the mapped cells, or all cells if none is mapped."""
+        """Fit the drawing to the mapped cells, or to all cells if none is mapped."""
         cells = np.argwhere(mapped) if mapped.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
         margin = round(BORDER / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
@@ -97,9 +97,9 @@ def _palette() -> NDArray[np.uint8]:
 
 
 def classes_from_above(situation: Situation) -> NDArray[np.int8]:
-    """(nx, ny) the class of each cell's highest point below ceilings; −1 where nothing was seen.
+    """(nx, ny) class of the highest point in each cell, ceilings excluded; −1 where nothing was seen.
 
-    Keyframes between steps may show ground without classifying it.
+    Ground that was seen but not classified, such as in keyframes between steps, is ``UNLABELLED``.
     """
     grid, points = situation.traversability.grid, situation.points
     classes = np.where(situation.is_seen, Label.UNLABELLED, -1).astype(np.int8)
@@ -111,17 +111,17 @@ def classes_from_above(situation: Situation) -> NDArray[np.int8]:
 
 
 def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
-    """(H, W, 4) RGBA: the classes from above; transparent where nothing was seen."""
+    """(H, W, 4) RGBA image of the classes from above; transparent where nothing was seen."""
     classes = classes_from_above(situation)
     opaque = np.where(classes < 0, 0, np.iinfo(np.uint8).max).astype(np.uint8)
     drawing = np.dstack([_palette()[classes], opaque])[paper.window].transpose(1, 0, 2)[::-1]
-    # Printers blur images that they enlarge, so each cell gets as many pixels as units.
+    # Printers blur images that they enlarge, so each cell is as many pixels wide as it is units wide.
     sharp = max(1, round(paper.cell))
     return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]:
-    """Positions in units and headings in rad of arrows up the slopes, from each slope's centre outwards."""
+    """Yield the position, units, and the heading, rad, of each arrow up a slope, the farthest from edges first."""
     grid = situation.traversability.grid
     hazards = situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]

@@ -18,7 +18,7 @@ from pipeline.rescue_report.words import FILTERS
 from pipeline.tracks.find import plain_text
 
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
-"""Parts of report.json that describe the run and its duration; all others but the settings need the ground truth."""
+"""Parts of report.json that describe the run and its duration; the others, except settings, need the ground truth."""
 SETTINGS = "config"
 
 
@@ -27,8 +27,8 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
     Args:
         situation: the robot's knowledge at the end of the run.
-        report: figures of report.json; those that need the ground truth appear only in the last section and in a
-            mission's scores, where this is stated.
+        report: figures of report.json. Figures that need the ground truth appear only in the last section and among a
+            mission's scores, where the page says so.
         written: time of writing, for the head of the page.
     """
     drawn = np.unique(classes_from_above(situation))
@@ -53,7 +53,10 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
 
 def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, str]]]:
-    """Rows of names and values by caption: first ``rest`` with the plain values, then a table per nested mapping."""
+    """The rows of each table, names and values, by the table's caption.
+
+    The first table, whose caption is ``rest``, contains the plain values; each nested mapping has a table of its own.
+    """
     nested = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     parts = {rest: {key: content[key] for key in content if key not in nested}, **nested}
     return {

@@ -18,7 +18,7 @@ COLUMNS = (
     *("length_m", "width_m", "height_m", "posture", "confidence", "keyframes", "first_s", "last_s", "photo"),
     *("arrives", "way_m", "steepest_rad", "gap_m", "drops", "deepest_m"),
 )
-"""Columns of victims.csv, which include the upper triangle of the covariance and the first and last time."""
+"""Columns of victims.csv; ``xx_m2`` to ``zz_m2`` are the upper triangle of the position's covariance."""
 
 
 def people_data(situation: Situation) -> Row:
@@ -63,12 +63,12 @@ def _photo_name(person: Person) -> str:
 
 
 def _plain(numbers: Any) -> Any:
-    """A number, or an array (...) as nested lists, rounded to 1e-6 for JSON."""
+    """A number, or an array as nested lists, rounded to six decimal places for JSON."""
     return np.round(np.asarray(numbers, np.float64), 6).tolist()
 
 
 def _csv_row(person: Row) -> list[Any]:
-    """A person of ``people_data`` as a row of the table; unknown values are empty."""
+    """A person's entry in :func:`people_data` as a row of victims.csv, where unknown values are empty."""
     upper = np.array(person["covariance"])[np.triu_indices(3)].tolist()
     seen = [person["posture"], person["confidence"], person["keyframes"]]
     first_last = person["times"][:1] + person["times"][-1:] or ["", ""]
@@ -97,7 +97,7 @@ def write_people(folder: Path, situation: Situation) -> None:
 def finds_data(situation: Situation) -> list[Row]:
     """The content of finds.json, confirmed people included: lengths in m, times in s, positions in ``map``.
 
-    Text is as it was read; JSON escapes all characters that are not printable ASCII.
+    Text is as it was read; JSON escapes non-ASCII characters.
     """
     people = [(person.victim.find(), _photo_name(person)) for person in situation.people]
     others = [(find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1)]

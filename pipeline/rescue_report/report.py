@@ -17,7 +17,7 @@ from pipeline.sink import Result, Sink, Step
 
 
 class RescueReport(Sink):
-    """Writes the people and all finds as data, and shows the paths to the people in the recording.
+    """Writes files with the data of people and finds, and logs the paths to the people to the recording.
 
     Attributes:
         end_reason: why exploration ended, see :attr:`Situation.end_reason`.
@@ -47,11 +47,11 @@ class RescueReport(Sink):
             self._viewpoints_left = step.viewpoints_left
 
     def situation_in(self, mapper: Mapper) -> Situation:
-        """The current situation according to maps with at least one keyframe of this run."""
+        """The current situation according to a mapper's maps, which need at least one keyframe of this run."""
         return situation_of(mapper, self._camera_height, self.end_reason, self._viewpoints_left, self._config)
 
     def finish(self, result: Result) -> None:
-        """Write the data; InputError if a file cannot be written."""
+        """Write the files and log the paths; InputError if a file cannot be written."""
         if not result.steps:
             return
         situation = self.situation = self.situation_in(result.mapper)
@@ -70,11 +70,11 @@ class RescuePage(Sink):
         self._rescue_report = rescue_report
 
     def finish(self, result: Result) -> None:
-        """Write the page from the situation and report.json's figures; InputError if it cannot be written."""
+        """Write the page from the situation and report.json's figures; InputError if the page cannot be written."""
         if (situation := self._rescue_report.situation) is not None:
             write_page(result.folder / "report.html", situation, result.report)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
-    """Write the page from a situation and report.json's figures; InputError if it cannot be written."""
+    """Write the page from a situation and report.json's figures; InputError if the page cannot be written."""
     write_html(path, page(situation, report, datetime.now().astimezone()))

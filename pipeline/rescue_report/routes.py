@@ -1,4 +1,4 @@
-"""The robot's path from the entrance to a person, with the drops next to it and directions."""
+"""The robot's paths from the entrance to people, with the drops next to each path and directions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
 
 VIEWS = 400
-"""Maximum number of cells whose view of a person is checked; the farther away, the fewer cells are checked."""
+"""Maximum number of cells whose view of a person is checked; cells far from the person are checked more sparsely."""
 BEND = radians(20)
 """Change of direction above which a new straight part of a path begins, rad."""
 SHORTEST = 0.2
@@ -48,17 +48,17 @@ class RouteLeg:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A path to the reachable position nearest to a person, in sight of the person if possible.
+    """A path to a reachable position close to a person, in sight of the person if possible.
 
     Attributes:
-        way: bends of the path, its start and end included.
+        way: bends of the path, start and end included.
         trace: the same path with points on the ground between the bends, at most a cell apart.
         drops: drops next to the path, the deepest first, with their depth, m.
         gap: horizontal distance from the end of the path to the nearest of the person's points, m.
         in_sight: whether the robot's map shows no obstacle between the end of the path and the person.
         arrives: whether the path ends next to the person.
         legs: straight parts of the path, for directions.
-        heading: heading at the end of the directions, rad.
+        heading: heading at the end of the last leg, rad.
     """
 
     way: Places
@@ -72,12 +72,12 @@ class Route:
 
     @property
     def end(self) -> Place:
-        """The end of the path, x and y."""
+        """x and y of the end of the path."""
         return self.way[-1, :2]
 
     @property
     def length(self) -> float:
-        """Length along the ground, m."""
+        """Length of the path along the ground, m."""
         return sum(leg.length for leg in self.legs)
 
     @property
@@ -120,12 +120,12 @@ class Router:
         """The route to the person with these points; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
-        # Cells are ranked by ring around the person, two cells wide, and within a ring by the cost of their path.
+        # Cells are ranked by their distance from the person, in rings two cells wide, and within a ring by path cost.
         grid = self._traversability.grid
         centres = grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
         order = np.lexsort((self.paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
-        # The path ends at the first cell in sight of the person, or else at the first of all cells.
+        # The path ends at the first checked cell in sight of the person, or else at the first of all cells.
         person = KDTree(points)
         checked = order[np.unique(np.geomspace(1, len(order), VIEWS).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
@@ -152,11 +152,12 @@ class Router:
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self.camera_height)
         middle = person.data.mean(axis=0)
-        of_person = self.metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
+        # Voxels within a diagonal of the person's points do not block the view.
+        of_person = self.metric_map.voxel_size * sqrt(3)
         return bool(self.metric_map.are_free_along(eye[None], middle, person, of_person, may_be_unknown=True)[0])
 
     def _directions(self, path: Places) -> tuple[list[RouteLeg], float]:
-        """The legs of a path, and the heading at their end, rad."""
+        """The legs of a path, and the heading at the end of the last leg, rad."""
         legs, heading = list[RouteLeg](), self.heading
         for line, points in described_parts(path[:, :2]):
             first, last = _bearings(line)
@@ -166,7 +167,7 @@ class Router:
         return legs, heading
 
     def _measure(self, points: Places) -> tuple[float, float]:
-        """Length along the ground, m, and maximum inclination, rad, of a path through points."""
+        """Length along the ground, m, and maximum inclination, rad, of a path through (N, 2) points."""
         grid = self._traversability.grid
         gradient = self._traversability.gradient
         length = 0.0
@@ -182,7 +183,7 @@ class Router:
         return length, steepest
 
     def _drops_beside(self, trace: Places) -> list[ReportedPlace]:
-        """Drops near a path; drops closer together than the robot's width form one place."""
+        """Drops within the robot's length of a path; drops closer together than the robot's width form one place."""
         grid = self._traversability.grid
         robot = self._traversability.robot
         edges = np.argwhere(self.hazards.drop > 0)
@@ -201,7 +202,7 @@ def described_parts(path: Places) -> list[tuple[Places, Places]]:
     them are joined as well.
 
     Returns:
-        For each part, a line that has the part's direction at both ends, and all points of the part.
+        For each part, a line whose first and last segments have the part's direction, and all points of the part.
     """
     told = list[tuple[Places, Places]]()
     short = path[:0]
@@ -225,7 +226,7 @@ def _length(path: Places) -> float:
 
 
 def _bearings(line: Places) -> tuple[float, float]:
-    """Directions of the first and of the last piece of a line, rad."""
+    """Directions of the first and last segments of a line, rad."""
     first, last = np.arctan2(*np.diff(line, axis=0)[[0, -1]].T[::-1]).tolist()
     return first, last
 

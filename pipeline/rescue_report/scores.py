@@ -16,7 +16,7 @@ class LeagueScore:
     Attributes:
         name: the league's name.
         points: total points.
-        rules: by rule, the points and the figures from which they follow.
+        rules: text for each rule, with the points and the figures from which the points follow.
         losses: reasons why points were lost, or would be lost under other rules.
     """
 
@@ -27,7 +27,7 @@ class LeagueScore:
 
 
 def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
-    """The scores in report.json's figures, which need the ground truth; none if no mission was scored."""
+    """The scores in report.json, which need the ground truth; an empty list if no mission was scored."""
     return [
         LeagueScore(
             name,
@@ -41,7 +41,7 @@ def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
 
 
 def _shown(figures: Mapping[str, float]) -> str:
-    """Points and the figures from which they follow, as in ``0.74: coverage 0.571, bonus 1.3``."""
+    """Points and the figures from which the points follow, as in ``0.74: coverage 0.571, bonus 1.3``."""
     causes = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in figures.items() if name != "points")
     return f"{figures['points']:.2f}: {causes}".replace("-", "−")
 

@@ -1,4 +1,4 @@
-"""The robot's knowledge at the end of a run, as a rescue team needs it."""
+"""The robot's knowledge at the end of a run, summarised for a rescue team."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,8 @@ class BodySize:
     """A person's size.
 
     Attributes:
-        length, width: sides of the smallest upright box around the person's points, the longer side first, m.
+        length, width: horizontal sides of the smallest upright box around the person's points, the longer one first,
+            m; outliers are left out.
         height: height of this box, m.
     """
 
@@ -107,7 +108,7 @@ class Trust:
             a wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
         deviation: standard deviation of the least certain keyframe's position relative to the newest keyframe, m; 0
             for a robot that relies on its odometry alone.
-        config: limits of these values.
+        config: limits for these values.
     """
 
     contradicted: float
@@ -131,7 +132,7 @@ class Trust:
 
 
 def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
-    """Check a mapper's map against its keyframes and its localisation."""
+    """The evidence against a mapper's map from the keyframes and the localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // CHECKED]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
@@ -145,7 +146,7 @@ class Situation:
     """The content of the page, except figures that need the ground truth.
 
     Attributes:
-        poses: ``T_map_base`` of the run's keyframes; at the first, the robot was set down.
+        poses: ``T_map_base`` of the run's keyframes; the first is the pose at which the robot was set down.
         traversability: traversability of the ground for the robot for which the paths are planned.
         is_seen: cells where the ground was measured, not merely assumed.
         points: points of the semantic map.
@@ -156,13 +157,13 @@ class Situation:
         unconfirmed_people: people who are not confirmed.
         finds: signs, codes, objects and heat; people's heat comes last.
         searched: whether a detector looked for people.
-        end_reason: why exploration ended, as in report.json, or ``interrupted``; None without exploration, because
-            somebody else moved the camera or the robot had goals.
-        viewpoints_left: viewpoints that were given up: those not worth the drive, and seen ground to which no path
-            leads.
+        end_reason: why exploration ended, as in report.json, or ``interrupted``; None if the robot did not explore,
+            because it had goals or because somebody else moved the camera.
+        viewpoints_left: viewpoints that were given up, because they are not worth the drive or because no path leads
+            to them.
         trust: evidence against the map.
         can_leave: whether the robot's map has a path out of the entrance.
-        knows_camera: whether the camera's pose on the robot was known, not merely measured from a floor in view.
+        knows_camera: whether the camera's pose on the robot was known, not merely estimated from a floor in view.
         config: parameters of the report.
     """
 
@@ -186,17 +187,17 @@ class Situation:
 
     @property
     def positions(self) -> Places:
-        """x and y of the run's keyframes."""
+        """(K, 2) m, x and y of the run's keyframes."""
         return self.poses[:, :2, 3]
 
     @property
     def finished(self) -> bool:
-        """Whether the robot ended exploration by itself, because no viewpoint worth the drive was left."""
+        """Whether the robot itself ended exploration, because no viewpoint worth the drive was left."""
         return self.end_reason in ("nothing_left", "not_worth_it")
 
     @property
     def is_explored(self) -> bool:
-        """Whether all ground to which the robot's map leads was seen, and the map can be trusted."""
+        """Whether the robot finished exploration, saw all places large enough for a person, and can trust its map."""
         knows_all = self.can_leave and self.unseen.share is not None and not self.unseen.places
         return self.finished and knows_all and self.trust.is_good
 
@@ -233,14 +234,15 @@ def situation_of(
     viewpoints_left: Sequence[Viewpoint],
     config: RescueReportConfig,
 ) -> Situation:
-    """The situation according to a mapper's maps, with at least one keyframe of this run, the first at the entrance.
+    """The situation according to a mapper's maps.
+
+    The maps need at least one keyframe of this run; the first keyframe of this run is at the entrance.
 
     Args:
         mapper: holds the maps and the victims; without a detector, people were not searched for.
         camera_height: height of the camera above the ground under the robot, m.
         end_reason: why exploration ended, see :attr:`Situation.end_reason`.
-        viewpoints_left: viewpoints that were given up: those not worth the drive, and seen ground to which no path
-            leads.
+        viewpoints_left: viewpoints that were given up, see :attr:`Situation.viewpoints_left`.
         config: parameters of the report.
     """
     traversability = mapper.traversability
@@ -248,10 +250,10 @@ def situation_of(
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
     paths = PosePaths(traversability, poses[0][:2, 3])
     points = mapper.semantic_map.points()
-    # From all keyframes, because ground at the entrance, or from there to where the robot went, may be unseen.
+    # Paths start at all keyframes, because ground at the entrance or along the robot's trajectory may be unseen.
     reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
     hazards = find_hazards(traversability, reachable, points, config)
-    finds = mapper.finds.reported  # with people's heat, even if other finds are not looked for
+    finds = mapper.finds.reported  # includes people's heat even if the robot does not look for other finds
     heat = [find.position for find in finds if find.of_person and find.kind == HEAT]
     topology = mapper.topological_map
     router = Router(paths, topology, mapper.metric_map, hazards, yaw_of(poses[0]), camera_height, config)

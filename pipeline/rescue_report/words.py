@@ -20,17 +20,17 @@ def number(value: float, digits: int = 1) -> str:
 
 
 def metres(value: float, digits: int = 1) -> str:
-    """A length in m."""
+    """A length, given in m, with its unit."""
     return f"{number(value, digits)} m"
 
 
 def centimetres(value: float) -> str:
-    """A height given in m, in whole cm."""
+    """A height, given in m, in whole cm."""
     return f"{number(100 * value, 0)} cm"
 
 
 def degrees(angle: float) -> str:
-    """An angle given in rad, in whole degrees."""
+    """An angle, given in rad, in whole degrees."""
     return f"{number(np.degrees(angle), 0)}°"
 
 
@@ -41,23 +41,23 @@ def percent(fraction: float) -> str:
 
 
 def place(position: ArrayLike) -> str:
-    """Coordinates in m."""
+    """Coordinates, given in m, in parentheses and with their unit."""
     return "(" + ", ".join(number(value) for value in np.asarray(position)) + ") m"
 
 
 def minutes(seconds: float) -> str:
-    """A time given in s, in minutes and seconds."""
+    """A duration, given in s, in minutes and seconds."""
     whole, rest = divmod(round(seconds), 60)
     return f"{whole} min {rest:02d} s" if whole else f"{rest} s"
 
 
 def counted(count: int, one: str, many: str = "") -> str:
-    """A number with its noun: ``counted(2, "drop")`` is "2 drops"."""
+    """A number with its noun: ``counted(2, "drop")`` returns "2 drops"."""
     return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
 
 
 def breakable(text: str) -> str:
-    """An escaped name or value as HTML that may be broken between its parts, never within a word or number."""
+    """HTML of an escaped name or value, with line breaks allowed between its parts but never in a word or number."""
     return re.sub(r"(?<=[_/:])(?=\w)|(?<=\.)(?=[^\W\d])", "<wbr>", str(text))
 
 

@@ -1,4 +1,4 @@
-"""Bounding boxes of surfaces, which the thesis keeps in memory instead of points (figure 6)."""
+"""Bounding boxes of surfaces; the thesis stores these boxes instead of the surfaces' points (figure 6)."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -20,8 +20,9 @@ class OrientedBox:
     """An oriented bounding box of a piece of a plane.
 
     Attributes:
-        T_map_box: origin in the middle, z along the plane's normal, x horizontal, y upwards in the plane.
-        extent: (3,) m, the lengths along x, y, z; the length along z is the thickness due to noise.
+        T_map_box: pose of the box; the origin is the centre, z is the plane's normal, x is horizontal, and y points
+            upwards in the plane.
+        extent: (3,) m, lengths along x, y and z; the length along z is the thickness due to noise.
     """
 
     T_map_box: Pose
@@ -34,17 +35,19 @@ class OrientedBox:
 
 
 def corners(box: OrientedBox) -> Places:
-    """The eight corners: four of the far face, then four of the face that was seen; x varies fastest."""
+    """The eight corners of a box: four of the far face, then four of the face that was seen; x varies fastest."""
     signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     return transform_places(box.T_map_box, signs * (box.extent / 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Extent of points in 360 horizontal directions and along z. Unions of hulls are exact, whatever their order.
+    """Extent of points in 360 horizontal directions and along z.
+
+    Unions of hulls are exact, in whatever order hulls are united.
 
     Attributes:
-        reach: (360,) float64, maximum of x · cos(k°) + y · sin(k°), m.
+        reach: (360,) float64, maximum over the points of x · cos(k°) + y · sin(k°), m.
         low, high: minimum and maximum z, m.
     """
 
@@ -63,17 +66,20 @@ class Hull:
         return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2,) minimum and maximum along a horizontal ``axis`` (2,), rounded to a degree, relative to ``origin``."""
+        """(2,) m, minimum and maximum along a horizontal ``axis`` (2,), relative to the point ``origin`` (2,).
+
+        The direction of the axis is rounded to a degree.
+        """
         k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(self.reach)
         offset = DIRECTIONS[:, k] @ origin
         return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
 
 
 def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell: float) -> OrientedBox:
-    """The box around a hull in a plane.
+    """The bounding box of points in a plane, given their hull.
 
     Args:
-        plane: the plane; its normal is the box's z axis.
+        plane: the plane, whose normal is the box's z axis.
         centre: a point of the plane within the hull.
         hull: hull of the points.
         thickness: thickness of the box along the normal, m.
@@ -92,7 +98,7 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell
 
 
 def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
-    """(2,) minimum and maximum coordinate along an ``axis`` in the hull's plane, relative to ``centre``."""
+    """(2,) m, minimum and maximum coordinate along an ``axis`` in the hull's plane, relative to ``centre``."""
     slant = np.hypot(axis[0], axis[1])
     if abs(axis[2]) > slant:
         return np.sort((np.array([hull.low, hull.high]) - centre[2]) / axis[2])
@@ -100,7 +106,10 @@ def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
 
 
 def _min_area_axis(hull: Hull, slack: float) -> Direction:
-    """The horizontal axis of the smallest rectangle; the map's x axis if its sides are at most ``slack`` m longer."""
+    """The horizontal axis of the smallest rectangle around a hull, or the map's x axis if it is nearly as good.
+
+    The map's x axis is chosen if its rectangle, with sides shorter by ``slack`` m, is no larger than the smallest.
+    """
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)
     area = along * across

@@ -1,4 +1,4 @@
-"""Parameters of the segments: how planes are found in a frame, and when they become one segment."""
+"""Parameters for finding planes in a frame and for merging planes into segments."""
 
 from dataclasses import dataclass
 from math import radians
@@ -11,10 +11,10 @@ class SegmentsConfig:
     """All parameters of the segments.
 
     Attributes:
-        angle: maximum angle between the normals of a surfel and its region, rad.
+        angle: maximum angle between the normal of a surfel and the mean normal of its region, rad.
         cell: edge length of the cells in which a segment was seen, m.
-        flatness: maximum distance from the plane of a segment, m, of the corners of the box of another segment that
-            continues it, less half the thickness of the box.
+        flatness: maximum distance between a segment's plane and the corners of another segment's box for both to lie
+            in one plane, m. Half the thickness of the box is subtracted from the distance.
         checkpoint_interval: number of members between saved states. When a keyframe moves, members are merged again
             from the last state saved before the keyframe's first member.
     """

@@ -1,4 +1,4 @@
-"""Which lines pass through segments: the test for edges that cross walls (thesis 3.3, figures 8 to 10)."""
+"""Find the lines that pass through segments, such as edges that cross walls (thesis 3.3, figures 8 to 10)."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -14,15 +14,15 @@ Clips: TypeAlias = NDArray[np.float64]
 """(N, S) line parameters t at which N lines enter or leave S boxes."""
 
 _ROUNDING = 1e-9
-"""Boxes are enlarged by this, m, so that rounding does not decide whether a line touches one."""
+"""Margin around boxes, m, so that rounding errors do not decide whether a line touches a box."""
 
 
 def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0) -> Mask:
-    """Which of the straight lines from ``a`` to ``b`` pass through any of the segments.
+    """(N,) whether each of the straight lines from ``a`` to ``b`` passes through any of the segments.
 
     The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which replaces the plane of
-    equation 4. The part inside must also come near a cell in which the surface was seen, because a line may pass
-    through a doorway that the wall's box covers.
+    equation 4. The part of the line inside the box must also come near a cell in which the surface was seen, because
+    a line may pass through a doorway that the wall's box covers.
 
     Args:
         a, b: (N, 3) start and end points.
@@ -42,7 +42,7 @@ def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float =
 def _near_boxes(
     a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float, height: float
 ) -> NDArray[np.bool_]:
-    """(N, S) whether the axis-aligned box around a line and its moving body meets that around a segment's box."""
+    """(N, S) whether the axis-aligned bounding boxes of a body's path and of a segment's box overlap."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
     reach = np.einsum("sij,sj->si", np.abs(T[:, :3, :3]), half)
@@ -70,7 +70,8 @@ def clip(a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float = 0.0
     """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        The t in [0, 1] at which x = a + (b - a) t enters and leaves each box; enter > leave if the line misses it.
+        The t in [0, 1] at which x = a + (b - a) t enters each box, and the t at which it leaves the box; the former
+        is greater if the line misses the box.
     """
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -95,7 +96,7 @@ def _sample(a: Places, b: Places, enter: Values, leave: Values, step: float) -> 
 
 
 def _near_surface(points: Places, line: Indices, lines: int, segment: Segment, margin: float) -> Mask:
-    """(lines,) bool: whether any of the line's points is near a cell of the segment."""
+    """(lines,) bool, whether any point of each line is near a cell of the segment."""
     distance, _ = segment.tree.query(segment.plane.projected(points))
     half_diagonal = segment.cell * np.sqrt(3) / 2
     return np.bincount(line, distance <= margin + half_diagonal, lines) > 0

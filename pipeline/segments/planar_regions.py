@@ -1,8 +1,8 @@
-"""Planar regions of one frame: regions with nearly the same normal, and the planes through them.
+"""Planar regions of one frame: regions with nearly constant normals, and the planes through them.
 
 In the thesis, RANSAC finds all planes of a class, and region growing separates surfaces on the same plane. Here,
-regions with nearly the same normal are grown first, because RANSAC on many parallel ramps at once prefers a level cut
-through all of them to the slope of any one. RANSAC then finds the planes of each region.
+regions with nearly constant normals are grown first, and RANSAC then finds the planes of each region. On many
+parallel ramps at once, RANSAC would prefer a level plane through all ramps to the slope of any one.
 """
 
 from collections.abc import Iterator
@@ -19,29 +19,29 @@ from pipeline.segments.regions_kernels import claim_nearest, grow_regions, norma
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
 BLOCK = 8
-"""Edge length of a block of the image, whose mean is a surfel, pixels."""
+"""Edge length of an image block, pixels; the mean point of a block is a surfel."""
 FEWEST_PIXELS = 2 * BLOCK
-"""Minimum number of pixels of a label, or of each of two surfaces, in a block: two of its rows."""
+"""Minimum number of pixels of a surfel: as many as two rows of a block have."""
 DEPTH_STEP = 0.01
-"""Minimum difference in inverse depth between two surfaces one behind the other, 1/m.
+"""Minimum difference between the mean inverse depths of two surfaces in a block, one behind the other, 1/m.
 
-It is three times the resolution of a structured-light camera.
+The value is three times the resolution of a structured-light camera.
 """
 DEVIATIONS = 5.0
-"""Minimum difference between the mean inverse depths of two such surfaces, in standard deviations within them.
+"""Minimum difference between the mean inverse depths of two such surfaces, in standard deviations within a surface.
 
-The halves of a slope differ by 3.5, those of Gaussian noise by 2.7.
+The two halves of a slope differ by 3.5 standard deviations, the two halves of Gaussian noise by 2.7.
 """
 REACH = 2
-"""Maximum distance between neighbours along rows and columns, blocks."""
+"""Maximum distance between neighbouring surfels along rows and columns, blocks."""
 SPACING = 0.12
 """Maximum distance between neighbouring surfels one block apart, m per m of depth.
 
-It is eight times the distance on a surface that faces the camera, so that surfaces stay connected down to a grazing
-angle of 7°.
+The value is eight times the distance on a surface that faces the camera, so that surfaces stay connected down to a
+grazing angle of 7°.
 """
 STEP = 0.025
-"""Maximum distance of a surfel from the plane through its neighbour, m, so that regions do not jump down steps."""
+"""Maximum distance of a surfel from the plane through its neighbour, m, so that regions do not extend over steps."""
 DISTANCE = 0.025
 """Maximum distance of a surfel from its plane, m."""
 FEWEST_SURFELS = 10
@@ -60,7 +60,7 @@ class Surfels:
     """The surfels of a frame, in ``camera_optical``; see ``make_surfels`` and ``neighbours``.
 
     Attributes:
-        points: the mean points.
+        points: mean point of every surfel.
         labels: label of every surfel.
         near: (N, K) int32 neighbours of every surfel, padded with NONE.
         of_pixel: (H, W) int32 surfel of every pixel, or NONE.
@@ -73,7 +73,7 @@ class Surfels:
 
     @classmethod
     def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
-        """Thin a frame to surfels, which averages out its noise; no surfel mixes two of the (H, W) labels."""
+        """Reduce a frame to surfels, which averages out noise; no surfel mixes two of the (H, W) ``labels``."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
             frame.depth, labels, frame.intrinsics.rays, BLOCK, FEWEST_PIXELS, DEPTH_STEP, DEVIATIONS
         )
@@ -88,7 +88,7 @@ class PlanarRegions:
 
     Attributes:
         surfels: the surfels of the frame.
-        region: (N,) int32 plane of every surfel, NONE for surfels on no plane.
+        region: (N,) int32 index of the plane of every surfel; NONE for surfels on no plane.
         planes: the planes in ``camera_optical``.
     """
 
@@ -98,24 +98,24 @@ class PlanarRegions:
 
 
 def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: float) -> PlanarRegions:
-    """Grow regions and fit planes to them.
+    """Grow regions of a frame and fit planes to the regions.
 
     Args:
         frame: the frame.
         labels: (H, W) uint8; no region has more than one label, and pixels with label 0 are left out.
         seed: seed of RANSAC; the same seed and frame give the same planes, bit for bit.
-        angle: maximum angle between the normals of a surfel and its region, rad.
+        angle: maximum angle between the normal of a surfel and the mean normal of its region, rad.
     """
     surfels = Surfels.of(frame, labels)
     points = surfels.points
     near = surfels.near
-    # Grow regions with nearly the same normal, starting from the flattest surfels.
+    # Grow regions with nearly constant normals, starting from the flattest surfels.
     normal, variation = normals(points, near)
     order = np.argsort(variation, kind="stable")
     grown = grow_regions(points, near, normal, order, np.cos(angle), STEP)
-    # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join their
-    # planes, because otherwise the surfels along the line where two walls meet, which lie between both, would form a
-    # narrow plane of their own.
+    # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join the
+    # planes of earlier ones. Otherwise, the surfels between two walls, along the line where the walls meet, would
+    # form a narrow plane of their own.
     region = np.full(len(points), NONE, np.int32)
     planes = np.empty((0, 4))
     large = [members for _, members in groups(grown) if len(members) >= FEWEST_SURFELS]
@@ -130,7 +130,8 @@ def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: fl
             region[rest[inlier]] = len(planes)
             planes = np.vstack([planes, _fit(points[rest[inlier]])])
             rest = rest[~inlier]
-    # Reassign every surfel to the nearest plane around it and refit, so that edges lie where planes meet.
+    # Reassign every surfel to the nearest plane around it and fit the planes again, so that edges lie where planes
+    # meet.
     for _ in range(ROUNDS):
         region = claim_nearest(points, near, np.arange(len(points)), region, planes, DISTANCE)
         planes = planes.copy()
@@ -148,7 +149,7 @@ def _fit(points: Points) -> Planes:
 
 
 def groups(numbers: NDArray) -> Iterator[tuple[int, Indices]]:
-    """Yield each distinct number in an array (N,) except NONE, ascending, with the indices where it occurs."""
+    """Yield each distinct number in an array (N,) except NONE, in ascending order, with the number's indices."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
     for members in np.split(order, starts)[1:]:

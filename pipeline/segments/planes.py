@@ -1,6 +1,6 @@
 """Planes in one frame: region growing and RANSAC (thesis 3.2, figures 4 and 5).
 
-A plane whose surface has a gap is split at the gap by a second region growing, over the cells that the surface fills.
+A second region growing, over the cells that the surface on a plane fills, splits the plane at gaps in the surface.
 """
 
 from collections.abc import Iterator
@@ -23,9 +23,9 @@ from pipeline.transforms import transform_points
 STRIDE = 2
 """Step between the pixels that determine the extent of a plane, along rows and columns."""
 SHIFT, NOISE = 0.01, 0.006
-"""Pixels are moved onto their planes along their rays, by less than ``SHIFT + NOISE · depth²`` in depth; m, 1/m.
+"""Terms of the limit ``SHIFT + NOISE · depth²``, m, below which the depth of a pixel may change; m and 1/m.
 
-The noise is 3σ of a structured-light camera (Nguyen et al. 2012).
+Pixels are moved onto planes along their rays. ``NOISE`` is 3σ of a structured-light camera (Nguyen et al. 2012).
 """
 
 
@@ -34,10 +34,10 @@ class PlanePatch:
     """A connected piece of a plane in one frame, expressed in ``map``.
 
     Attributes:
-        label: its class.
+        label: class of the surface.
         plane: least-squares plane.
-        moments: moments of its surfels.
-        points: points where the rays of its pixels meet the plane.
+        moments: moments of the patch's surfels.
+        points: points where the rays of the patch's pixels meet the plane.
         cells: cells of the map that contain these points.
     """
 
@@ -73,7 +73,7 @@ def find_planes(
     patches = []
     for number, members in groups(plane_of_point):
         for inside, cells in _pieces(points[members], config.cell):
-            # A pixel at an edge may lie on this plane although its surfel, a mean, belongs to another plane.
+            # A pixel at an edge may lie on this plane although its surfel, a mean of pixels, lies on another plane.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
             if len(own) >= FEWEST_SURFELS and len(cells) >= FRONT:
@@ -95,7 +95,7 @@ def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
 
 
 def _pieces(points: Points, edge: float) -> Iterator[tuple[Indices, SurfaceCells]]:
-    """Split points into pieces whose cells, of ``edge`` m, are connected; yield the points and cells of each."""
+    """Split points into pieces whose cells, ``edge`` m wide, are connected; yield each piece's indices and cells."""
     cells, row = cells_of(points, edge)
     piece = connected_pieces(cells, np.bincount(row))
     for number, inside in groups(piece[row]):

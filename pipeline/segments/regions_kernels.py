@@ -8,10 +8,11 @@ from pipeline.segments.surfels_kernels import NONE
 
 @njit(cache=True)
 def normals(points, near):
-    """(N, 3) float64 unit normals of the points' neighbourhoods, and their (N,) float64 surface variation.
+    """(N, 3) float64 unit normals of the points' neighbourhoods, and the neighbourhoods' (N,) float64 variation.
 
-    Surface variation is the smallest eigenvalue of the covariance divided by the sum of all three: 0 for a plane, 1/3
-    for a ball (Pauly, Gross & Kobbelt 2002). With fewer than three neighbours, it is 1 and the normal is 0.
+    Variation is the smallest eigenvalue of the covariance divided by the sum of all three eigenvalues: 0 for a plane,
+    1/3 for a ball (Pauly, Gross & Kobbelt 2002). A point with fewer than three neighbours has a variation of 1 and a
+    normal of zeros.
     """
     result, variation = np.zeros((len(points), 3)), np.ones(len(points))
     for i in range(len(points)):
@@ -73,10 +74,14 @@ def null_vector(s):
 def grow_regions(points, near, normal, order, min_cosine, max_offset):
     """(N,) int32 region of every point, or NONE; regions are connected and have nearly constant normals.
 
-    Seeds are taken in ``order``. A neighbour joins if the cosine between its normal and the region's mean normal is
-    at least ``min_cosine`` (so that a region does not creep around an edge) and if its distance from the plane with
-    that mean normal through its neighbour in the region is at most ``max_offset`` m (so that a region does not jump
-    down a step). Points without a normal get NONE.
+    Seeds are taken in ``order``. A neighbour of a point in the region joins the region under two conditions:
+
+    - The cosine of the angle between the neighbour's normal and the region's mean normal is at least ``min_cosine``,
+      so that a region does not creep around an edge.
+    - The neighbour's distance from the plane through the point, perpendicular to the mean normal, is at most
+      ``max_offset`` m, so that a region does not extend over a step.
+
+    Points without a normal get NONE.
     """
     region = np.full(len(points), NONE, np.int32)
     queue = np.empty(len(points), np.int32)
@@ -110,9 +115,10 @@ def grow_regions(points, near, normal, order, min_cosine, max_offset):
 
 @njit(cache=True)
 def claim_nearest(points, near, members, region, planes, max_distance):
-    """(M,) int32: for each of ``members``, the region with the nearest plane, among its own and its neighbours'.
+    """(M,) int32, for each of ``members``, the region with the nearest plane among the member's and its neighbours'.
 
-    ``planes`` has (R, 4) rows [n, d]. A point at least ``max_distance`` m from all of these planes gets NONE.
+    ``planes`` has (R, 4) rows [n, d]. A point gets NONE if its distance from each of these regions' planes is at
+    least ``max_distance`` m.
     """
     result = np.full(len(members), NONE, np.int32)
     for m in range(len(members)):
@@ -127,7 +133,7 @@ def claim_nearest(points, near, members, region, planes, max_distance):
 
 @njit(cache=True)
 def claim(point, region, planes, least, so_far):
-    """Distance of a point (3,) to a region's plane (4,), and the region; ``least, so_far`` if it is not closer."""
+    """Distance of a point (3,) from a region's plane, m, and the region; ``least, so_far`` if ``least`` is less."""
     if region == NONE:
         return least, so_far
     plane = planes[region]

@@ -1,4 +1,4 @@
-"""A segment: a piece of a plane in the map, made of patches of one or more frames (thesis 3.2, figure 6)."""
+"""A segment: a piece of a plane in the map, made of patches from one or more frames (thesis 3.2, figure 6)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,9 +21,9 @@ from pipeline.segments.planes import PlanePatch
 from pipeline.transforms import inverse, transform_points
 
 MIN_COSINE = 0.5
-"""Minimum cosine between the normals of segments that continue each other.
+"""Minimum cosine of the angle between the normals of segments that continue each other.
 
-Corners alone do not distinguish a surface from a narrow one that stands on it.
+The corners of boxes alone do not distinguish a surface from a narrow surface that stands on it.
 """
 THICKNESS = 4.0
 """Thickness of a box, in standard deviations of the noise: two on either side."""
@@ -31,15 +31,15 @@ THICKNESS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """The data kept from a patch, in ``base_link`` of the keyframe that shows it.
+    """The data kept from a patch, in ``base_link`` of the keyframe that shows the patch.
 
     Attributes:
         keyframe: index of the keyframe.
         label: class of the patch.
-        normal: normal of its plane.
-        moments: moments of its surfels.
-        outline: corners of the convex hull of its points.
-        points: one of its points per voxel; a voxel has half the edge length of a cell.
+        normal: normal of the patch's plane.
+        moments: moments of the patch's surfels.
+        outline: corners of the convex hull of the patch's points.
+        points: one of the patch's points per voxel; a voxel has half the edge length of a cell.
     """
 
     keyframe: int
@@ -65,16 +65,16 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A piece of a plane in the map. When it grows, a new segment replaces it.
+    """A piece of a plane in the map; a segment that grows is replaced by a new one.
 
     Attributes:
-        label: its class.
-        plane: its plane in ``map``; the normal of a traversable surface points upwards.
-        box: bounding box of all its points.
-        cells: cells of the map in which it was seen.
-        moments: moments of its surfels.
-        hull: hull of its points.
-        members: indices of its patches in :attr:`Segments.members`, ascending.
+        label: class of the surface.
+        plane: plane in ``map``; the normal of a traversable surface points upwards.
+        box: bounding box of all points of the segment.
+        cells: cells of the map in which the segment was seen.
+        moments: moments of the segment's surfels.
+        hull: hull of the segment's points.
+        members: indices of the segment's patches in :attr:`Segments.members`, ascending.
         config: parameters of the segments.
     """
 
@@ -98,7 +98,7 @@ class Segment:
         members: tuple[int, ...],
         config: SegmentsConfig,
     ) -> Self:
-        """Create a segment; its plane and box are computed, with the normal on the same side as ``side``."""
+        """Create a segment and compute its plane and box; the plane's normal points to the same side as ``side``."""
         plane, rms = moments.fit(side)
         thickness = THICKNESS * rms
         edge = config.cell
@@ -107,7 +107,7 @@ class Segment:
 
     @classmethod
     def placed(cls, member: Member, number: int, T_map_base: Pose, config: SegmentsConfig) -> Self:
-        """The segment made of the member with this number alone, if its keyframe is at ``T_map_base``."""
+        """The segment that consists only of the member with this number, whose keyframe is at ``T_map_base``."""
         normal = T_map_base[:3, :3] @ member.normal
         moments = member.moments.moved(T_map_base)
         cells = placed_cells(T_map_base, member.points, config.cell)
@@ -124,17 +124,17 @@ class Segment:
 
     @property
     def id(self) -> int:
-        """The index of its oldest patch, which stays the same as newer patches join."""
+        """The index of the segment's oldest patch, which stays the same when newer patches join the segment."""
         return self.members[0]
 
     @property
     def cell(self) -> float:
-        """Edge length of its cells, m."""
+        """Edge length of the segment's cells, m."""
         return self.config.cell
 
     @cached_property
     def bounds(self) -> Cells:
-        """The minimum and maximum index of the cells along each axis."""
+        """(2, 3) minimum and maximum index of the cells along each axis."""
         return bounds(self.cells)
 
     @cached_property

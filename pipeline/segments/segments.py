@@ -18,18 +18,21 @@ from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Member, Segment
 
 IsSurface = Callable[[Places, Direction], Mask]
-"""Takes positions and a normal; returns which positions lie on surfaces of the metric map that face its direction."""
+"""Function that takes positions and a normal, and returns which positions lie on surfaces of the metric map.
+
+The surfaces face the side to which the normal points.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """The straight lines across a gap, from those cells of one piece that are nearest to the other.
+    """The straight lines across a gap between two segments, from the smaller segment's cells nearest to the larger.
 
     Attributes:
-        width: smallest Chebyshev distance between cells of the two pieces, along the axes of the map, m.
-        start, end: ends of the lines, in the plane of the larger piece.
+        width: smallest Chebyshev distance between cells of the two segments, along the axes of the map, m.
+        start, end: ends of the lines, in the plane of the larger segment.
         normal: normal of this plane.
-        cell: edge length of the pieces' cells, m.
+        cell: edge length of the segments' cells, m.
     """
 
     width: float
@@ -52,7 +55,7 @@ class Gap:
         return cls(float(widths.min()), start, end, large.plane.normal, edge)
 
     def is_closed(self, is_surface: IsSurface) -> bool:
-        """Whether most of the lines lie on a surface; lines are halved until their parts are as short as a cell."""
+        """Whether most of the lines lie on a surface, which is tested at points at most a cell apart."""
         start, way, parts = self.start, self.end - self.start, 1
         while 2 * len(start) > len(self.start):
             if parts * self.cell >= self.width:
@@ -67,18 +70,19 @@ class Gap:
 class GapCloser:
     """Joins segments across gaps that the metric map fills.
 
-    During a drive, few keyframes are labelled, but all are in the metric map. Pieces therefore form one surface if
-    the metric map contains a surface along the straight lines across their gap; across a doorway, it contains none.
+    During a drive, few keyframes are labelled, but all are in the metric map. Two segments are therefore joined if
+    the metric map contains a surface along the straight lines across the gap between them. Across a doorway, the
+    metric map contains no surface.
     """
 
     def __init__(self, is_surface: IsSurface | None) -> None:
-        """``is_surface``: whether points lie on a surface of the metric map; without it, no gap is closed."""
+        """``is_surface``: test for points on surfaces of the metric map; if None, no gap is closed."""
         self._is_surface = is_surface
         self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
         self._joined: dict[tuple[Segment, ...], Segment] = {}
 
     def closed(self, segments: Sequence[Segment]) -> list[Segment]:
-        """The segments, oldest first, with those across closed gaps joined."""
+        """The segments, oldest first, after joining them across closed gaps."""
         if self._is_surface is None:
             return list(segments)
         before = self._gaps
@@ -97,7 +101,7 @@ class GapCloser:
 
 
 def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
-    """Yield the pairs that continue each other, except those with a third segment of their plane nearer to both."""
+    """Yield the pairs of segments that continue each other, unless a third one in their plane is nearer to both."""
     low, high = np.array([segment.bounds for segment in segments]).reshape(-1, 2, 3).swapaxes(0, 1)
     distance = np.full((len(segments), len(segments)), np.inf)
     pairs = [pair for pair in _coplanar(segments) if segments[pair[0]].continues(segments[pair[1]])]
@@ -109,7 +113,7 @@ def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]
 
 
 def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
-    """Index pairs of segments that face the same side, the centre of one of which lies in the plane of the other."""
+    """Index pairs of segments that face the same side, if the centre of either lies in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
     offsets = [segment.plane.offset for segment in segments]
@@ -122,15 +126,17 @@ def _id(segment: Segment) -> int:
 
 
 class Segments:
-    """All segments; touching patches form one segment, as do pieces of one plane if the metric map fills their gap.
+    """All segments of the map.
+
+    Touching patches form one segment, as do pieces of one plane if the metric map fills the gap between them.
 
     Attributes:
-        members: the patches that the segments are made of.
+        members: data of the patches of which the segments consist.
         config: parameters of the segments.
     """
 
     def __init__(self, is_surface: IsSurface | None = None, *, config: SegmentsConfig = SegmentsConfig()) -> None:
-        """Start without segments. Without ``is_surface``, every gap separates two segments."""
+        """Start without segments; if ``is_surface`` is None, every gap separates two segments."""
         self.config = config
         self.members: list[Member] = []
         self._gaps = GapCloser(is_surface)
@@ -157,14 +163,14 @@ class Segments:
         return [segment for segment in self if segment.label in labels]
 
     def update(self, patches: Iterable[PlanePatch], keyframe: int, T_map_base: Pose) -> None:
-        """Add the planes of a keyframe at ``T_map_base``; each is merged with all segments that it touches."""
+        """Add the patches of a keyframe at ``T_map_base``; each patch is merged with all segments that it touches."""
         for patch in patches:
             self.members.append(Member.of(patch, keyframe, T_map_base, self.config.cell))
             self._add(len(self.members) - 1, T_map_base)
         self._segments = self._gaps.closed(self._touching)
 
     def rebuild(self, poses: Poses) -> None:
-        """Rebuild all segments, as if each keyframe had had its pose in ``poses`` from the start."""
+        """Rebuild all segments as if the keyframes had had the poses ``poses`` from the start."""
         every = self.config.checkpoint_interval
         at = [poses[member.keyframe] for member in self.members]
         is_same = [np.array_equal(old, new) for old, new in zip(self._poses, at, strict=False)]
@@ -178,7 +184,7 @@ class Segments:
         self._segments = self._gaps.closed(self._touching)
 
     def _add(self, number: int, T_map_base: Pose) -> None:
-        """Add a member, merged with all segments that it touches; after each merger, it may touch further ones."""
+        """Add a member and merge it with all segments that it touches; each merger may add to these segments."""
         if number % self.config.checkpoint_interval == 0:
             self._kept.append((list(self._touching), self._bounds))
         self._poses.append(T_map_base)

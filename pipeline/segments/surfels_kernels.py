@@ -1,4 +1,4 @@
-"""Loops over the pixels of a frame: thinning it to surfels, and projecting pixels onto planes."""
+"""Loops over the pixels of a frame, which reduce the frame to surfels and project pixels onto planes."""
 
 import numpy as np
 from numba import njit
@@ -11,7 +11,7 @@ NONE = -1
 def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
     """Make surfels: the mean points of the pixels of each label in each block of the image.
 
-    If a label in a block covers two surfaces, one behind the other, each of them gives a surfel.
+    If a label in a block covers two surfaces, one behind the other, each surface gives a surfel.
 
     Args:
         depth: (H, W) float32 m.
@@ -19,8 +19,8 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
         rays: (H, W, 3) float32, points at depth 1.
         block: edge length of a block, pixels.
         min_pixels: minimum number of pixels of a surfel.
-        min_step: minimum difference in inverse depth between two surfaces one behind the other, 1/m.
-        deviations: minimum difference between two such surfaces, in standard deviations within them.
+        min_step: minimum difference between the mean inverse depths of two surfaces one behind the other, 1/m.
+        deviations: minimum difference between these means, in standard deviations within a surface.
 
     Returns:
         (N, 3) float32 points in ``camera_optical``, (N,) uint8 labels, (N, 2) int32 row and column of their
@@ -55,8 +55,8 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
 def parting_inverse_depth(depth, labels, label, min_step, deviations):
     """The inverse depth, 1/m, that separates two surfaces of one label in a block (h, w), or 0 if there is only one.
 
-    The block is split at the middle of its range of inverse depths; the means of the two parts must be more than
-    ``min_step`` and more than ``deviations`` standard deviations apart.
+    The block is split at the middle of the label's range of inverse depths. The means of the two parts must differ by
+    more than ``min_step`` and by more than ``deviations`` standard deviations.
     """
     low, high = np.inf, 0.0
     for v in range(depth.shape[0]):
@@ -83,7 +83,7 @@ def parting_inverse_depth(depth, labels, label, min_step, deviations):
 
 @njit(cache=True)
 def mean_point(depth, labels, rays, label, parting, near):
-    """Number and mean (3,) of one label's points in front of (``near``) or behind the inverse depth ``parting``."""
+    """Number and mean (3,), m, of a label's points in front of (``near``) or behind the inverse depth ``parting``."""
     n, x, y, z = 0, 0.0, 0.0, 0.0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -109,8 +109,8 @@ def assign(of_pixel, depth, labels, label, parting, near, surfel):
 def neighbours(blocks, columns, labels, points, reach, max_step):
     """(N, K) int32, K = 2·(2·reach + 1)²: every surfel's neighbours of the same label, up to ``reach`` blocks away.
 
-    Rows are padded with NONE. Surfels are not neighbours if their distance exceeds ``max_step`` times the smaller
-    depth times their distance in blocks.
+    Rows are padded with NONE. Surfels are not neighbours if their distance exceeds the product of ``max_step``, the
+    smaller depth and their distance in blocks.
 
     Args:
         blocks, labels, points: as ``make_surfels`` returns them.
@@ -146,8 +146,9 @@ def distance(a, b):
 def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes, stride, max_shift, noise):
     """The points where the rays of pixels meet the pixels' planes.
 
-    The noise of a depth camera moves points along their rays; projecting them onto a plane removes it. Among the
-    planes of its surfel and the surfel's neighbours, a pixel is assigned to the one with the smallest shift.
+    The noise of a depth camera moves points along their rays; projecting the points onto a plane removes the noise. A
+    pixel is assigned to the plane with the smallest shift among the planes of the pixel's surfel and of the surfel's
+    neighbours.
 
     Args:
         depth: (H, W) float32 m.
@@ -195,7 +196,7 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
 
 @njit(cache=True)
 def regions_around(near, region):
-    """(N, 4) int32: up to four regions of every surfel and its neighbours, its own first, padded with NONE."""
+    """(N, 4) int32: up to four regions of every surfel and its neighbours, the surfel's first, padded with NONE."""
     result = np.full((len(near), 4), NONE, np.int32)
     for i in range(len(near)):
         found = 0

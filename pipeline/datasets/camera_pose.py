@@ -17,15 +17,15 @@ from pipeline.localisation.registration import front_normals
 from pipeline.localisation.vertical import T_level_camera, vertical
 from pipeline.transforms import inverse
 
-MAX_FRAMES, MAX_VIEWS = 30, 8  # Maximum numbers of frames and of views, once one shows the vertical
-MIN_TRANSLATION, MIN_ROTATION = (0.1, 0.1)  # m and rad, motion since the last frame used, for the next to be used
-STEEPEST = np.cos(np.radians(45))  # Minimum cosine between the vertical and the image's upward direction
+MAX_FRAMES, MAX_VIEWS = 30, 8  # Maximum numbers of frames and of views if any of them shows the vertical
+MIN_TRANSLATION, MIN_ROTATION = (0.1, 0.1)  # m or rad, minimum motion since the last view for a new view
+STEEPEST = np.cos(np.radians(45))  # Minimum cosine of the angle between the vertical and the image's upward direction
 ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Tolerance of 4° for level and upright surfaces
 CANDIDATES = 200  # Maximum number of normals of nearly level surfaces that are tried as the vertical
 OTHER = np.cos(np.radians(6))  # Cosine of the angle beyond which two directions are different candidates
-DISAGREE = 0.7  # Minimum support, as a fraction of the best, of another direction that may be the vertical
+DISAGREE = 0.7  # Minimum support of another direction that may be the vertical, as a fraction of the largest support
 LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
-MIN_LEVEL = 0.25  # Minimum number of points in the floor's layer, as a fraction of that in the largest layer
+MIN_LEVEL = 0.25  # Minimum number of points in the floor's layer, as a fraction of the number in the largest layer
 
 
 class Mounted(NamedTuple):
@@ -125,12 +125,12 @@ def _refined(normals: Directions, up: Direction) -> Direction:
 
 
 def _floor(seen: _Surfaces, up: Direction) -> float:
-    """Coordinate along ``up``, m, of the lowest large level surface, or of the lowest points if none are level."""
+    """Coordinate along ``up``, m, of the lowest large level surface, or of the lowest points if there is none."""
     heights: Values = seen.points @ up
     level = np.sort(heights[seen.normals @ up > ALONG])
     if not len(level):
         return float(np.quantile(heights, 0.02))
-    layer = np.searchsorted(level, level + LAYER) - np.arange(len(level))  # points above each, within a layer
+    layer = np.searchsorted(level, level + LAYER) - np.arange(len(level))  # points in the layer above each
     lowest = int(np.argmax(layer >= MIN_LEVEL * layer.max()))
     first = level[lowest : lowest + layer[lowest]]
     around = level[np.abs(level - np.median(first)) < LAYER]

@@ -25,7 +25,7 @@ SAME_PLACE = 1e-3  # Maximum difference between the poses of two frames that coi
 
 
 class ImageSource(NamedTuple):
-    """The images of a camera.
+    """A topic with images of a camera.
 
     Attributes:
         topic: name of the topic.
@@ -137,7 +137,7 @@ class RgbdCamera:
             self.note = f"{frames}; without a camera_info for colour, depth is assumed to be registered to colour"
 
     def _register(self, of_depth: str, of_colour: str, frame_tree: FrameTree) -> None:
-        """Find the transform with which depth must be registered to colour, if it is not registered."""
+        """Find the transform with which depth must be registered to colour, unless depth is already registered."""
         named = frame_tree.named
         T = frame_tree.between(named(of_colour), named(of_depth)) if of_colour and of_depth else None
         is_one = self._depth.is_like(self._colour)
@@ -187,10 +187,10 @@ def _name(frame: str, camera: ImageRectifier) -> str:
 
 
 def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera: Pose) -> Depth:
-    """A depth image reprojected into the view of another camera, m; 0 where no surface is projected.
+    """A depth image reprojected into the view of another camera, m; 0 where no pixel is projected.
 
-    Each pixel covers the target's pixels whose centres lie in its projection; of several surfaces, the nearest is
-    kept.
+    Each pixel covers the pixels of the other camera whose centres lie in its projection. Where several projections
+    overlap, the smallest depth is kept.
 
     Args:
         depth: the depth image to register.
@@ -213,7 +213,7 @@ def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera:
 def _covered(
     row: np.ndarray, column: np.ndarray, z: np.ndarray, k: Intrinsics, target: Intrinsics, T: Pose
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The pixels of the target image that are covered by the projections of pixels with depth ``z``, m.
+    """The pixels of the target image that the projections of pixels with depths ``z`` (N,), m, cover.
 
     Returns:
         (2, N) first column and row, (2, N) column and row after the last, both clipped to the image, and (N,) m,

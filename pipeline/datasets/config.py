@@ -1,4 +1,4 @@
-"""Parameters of reading recordings."""
+"""Settings for reading recordings."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,9 @@ class DatasetsConfig:
 
     Attributes:
         at_rest: time at the start over which accelerometer readings are averaged to find the vertical, s.
-        buffered: number of depth images to buffer, because they may arrive out of order and colour images may lag.
-        depth_units: default number of units of a depth image per metre.
+        buffered: number of depth images to buffer, because depth images may arrive out of order, and colour images
+            may arrive late.
+        depth_units: default number of units of an integer depth image per metre.
     """
 
     at_rest: float = 0.5

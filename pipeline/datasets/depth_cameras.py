@@ -10,7 +10,7 @@ from pipeline.frame import Frame
 from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
 
 FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
-MAX_NOISE = 0.1  # m, maximum standard deviation of depth at 1 m; six times that of the noisiest camera below
+MAX_NOISE = 0.1  # m, maximum standard deviation of depth at 1 m, six times the value of the noisiest camera below
 SUBPIXEL = 0.08  # pixels, noise of a RealSense's disparity on a textured surface (Intel's guide to tuning the D400)
 
 
@@ -29,7 +29,7 @@ class KnownCamera(NamedTuple):
 
 
 def stereo(focal_length: float, baseline: float, subpixel: float = SUBPIXEL) -> DepthNoise:
-    """The noise of a stereo camera, of standard deviation ``depth² · subpixel / (focal length · baseline)``.
+    """The noise of a stereo camera, whose standard deviation is ``depth² · subpixel / (focal length · baseline)``.
 
     Args:
         focal_length, subpixel: focal length, and standard deviation of the disparity, pixels.
@@ -52,12 +52,12 @@ KNOWN = (
     _camera("a RealSense D455", r"d45[0-9]", 0.5, 5.1, stereo(447, 0.095)),
     _camera("a RealSense D415", r"d41[0-9]", 0.3, 4.8, stereo(665, 0.055)),
     _camera("a RealSense D435", r"d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo(424, 0.05)),
-    # Range: Khoshelham & Elberink, Sensors 2012. All of these have the same chip or a copy of it.
+    # Range: Khoshelham & Elberink, Sensors 2012. All these cameras have the same chip or a copy of it.
     _camera(
         "a Kinect or Xtion", r"kinect|xtion|primesense|openni|astra|freiburg[123]", *(0.5, 5.0, STRUCTURED_LIGHT)
     ),
 )
-"""Known cameras; the first whose pattern matches a name is used, and an unspecified RealSense is taken for a D435."""
+"""Known cameras. The first camera whose pattern matches a name is used; an unspecified RealSense matches the D435."""
 UNNAMED = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
 """Sensor model that is used if a recording does not name its camera."""
 
@@ -82,10 +82,10 @@ def with_flags(
     depth_noise: float | None = None,
     names: tuple[str, str] = ("--depth-range", "--depth-noise"),
 ) -> SensorModel:
-    """A sensor model with the range and the noise that a user gives.
+    """A sensor model with the range and the noise that the user has given.
 
     Args:
-        sensor: sensor model that provides the values that are not given.
+        sensor: sensor model that provides the values that the user has not given.
         depth_range: nearest and farthest depth, m.
         depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
         names: names of the two flags, for error messages.

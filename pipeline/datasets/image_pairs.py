@@ -30,7 +30,7 @@ Note = Callable[[str], None]
 
 
 class Pair(NamedTuple):
-    """A depth image with the time at which it was taken, s, and its colour image, or None if it has none."""
+    """A depth image, the time at which it was taken, s, and its colour image; None if it has no colour image."""
 
     time: float
     depth: Path
@@ -38,7 +38,7 @@ class Pair(NamedTuple):
 
 
 class _Images(NamedTuple):
-    """Files of the images of one kind, and their times, s, or None if they have no times."""
+    """Files of the images of one kind, and (N,) times of the images, s; None if they have no times."""
 
     files: list[Path]
     times: Values | None
@@ -47,13 +47,13 @@ class _Images(NamedTuple):
 def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -> list[Pair]:
     """The depth images of a folder in chronological order, each with its colour image.
 
-    If there is a file of associations (``assoc*.txt``: time and file of one kind, time and file of the other), it
-    gives the pairs. Otherwise images are paired by their times, from ``depth.txt`` and ``rgb.txt`` or from the file
-    names, or, without times, by the numbers in the names.
+    A file of associations, ``assoc*.txt``, gives the pairs if it exists; each line contains the time and file of one
+    image, then the time and file of the other. Otherwise, images are paired by their times in ``depth.txt`` and
+    ``rgb.txt`` or in the file names. Images without times are paired by the numbers in their names.
 
     Args:
         path: the folder.
-        fps: images per second, for images without times, or with frame numbers for times.
+        fps: images per second, for images without times or with frame numbers instead of times.
         note: receives a line for each assumption.
 
     Raises:
@@ -67,7 +67,7 @@ def image_pairs(path: Path, fps: float | None, note: Note = lambda line: None) -
 
 
 def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values:
-    """The times in a list, converted to s; the unit follows from the size of dates, or else from the intervals."""
+    """The times in a list, converted to s; the unit follows from the size of dates or from the intervals."""
     dates, step = _dates(times), float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
     if dates is not None:
         return dates
@@ -102,7 +102,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _associated(path: Path, fps: float | None, note: Note) -> list[Pair] | None:
-    """The pairs in a file of associations; None if there is none."""
+    """The pairs in a file of associations; None if there is no such file."""
     found = _association_rows(path)
     if found is None:
         return None
@@ -177,7 +177,7 @@ def _images(path: Path, names: tuple[str, ...], fps: float | None, note: Note) -
 
 
 def _from_list(file: Path, fps: float | None, note: Note) -> _Images:
-    """The images in a list of times and files; without times if there are several images, all with the same time."""
+    """The images in a list of times and files; without times if several images all have the same time."""
     times, files = [], []
     for number, line in _lines(file):
         row = ROW.fullmatch(line)
@@ -192,7 +192,7 @@ def _from_list(file: Path, fps: float | None, note: Note) -> _Images:
 
 
 def _listed(folder: Path, rest: str) -> Path:
-    """The image that the rest of a line names; the name may contain blanks and precede comments or more columns."""
+    """The image named by the rest of a line; the name may contain spaces and precede a comment or more columns."""
     names = rest, rest.strip("\"'"), rest.partition(" #")[0].strip(), re.split(r"[\s,]", rest)[0]
     return next((folder / name for name in names if (folder / name).is_file()), folder / rest)
 
@@ -220,7 +220,10 @@ def _numbers(file: Path) -> Key:
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
-    """For each name, the numbers that differ between names, or else the last number; None if they are not unique."""
+    """For each file, the numbers in its name that differ between the names, or else the last number.
+
+    None if the counts of numbers in the names differ, or if the keys are not unique.
+    """
     numbers = [_numbers(file) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None
@@ -264,7 +267,7 @@ def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -
 
 
 def _places(keys: list[Key], others: list[Key]) -> Values:
-    """Number of images taken before each of ``keys``, including lost ones, as inferred from the numbers."""
+    """(N,) number of images taken before the image of each key, including lost images, inferred from the keys."""
     every = sorted({*keys, *others})
     if len(every[0]) > 1 or len(every[-1]) > 1:
         return np.array([every.index(key) for key in keys], float)

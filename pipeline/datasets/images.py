@@ -62,7 +62,7 @@ def is_depth(message: Message) -> bool:
 
 
 def depth_of(message: Message) -> Depth:
-    """The depth in a depth image, m; InputError if the image is broken or has an encoding that is not for depth."""
+    """The depth in a depth image, m; InputError if the image is broken or not encoded as depth."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -75,8 +75,8 @@ def depth_of(message: Message) -> Depth:
 def metres(pixels: NDArray, units: float = 1.0) -> Depth:
     """Depth, m, of an image, given its number of units per metre.
 
-    Depths that are not positive or not finite mean no return, as do the values that drivers write instead: the
-    maximum of an integer type, and values from the maximum of half precision upwards.
+    Values that are not positive or not finite mean no return. The maximum of an integer type, and values of at least
+    the maximum of half precision, also mean no return, because some drivers write these values instead.
     """
     nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else LARGEST
     is_return = (pixels > 0) & (pixels < nothing)
@@ -86,7 +86,7 @@ def metres(pixels: NDArray, units: float = 1.0) -> Depth:
 def clip_of(depths: Sequence[Depth]) -> float | None:
     """The depth, m, that a recorder writes for no return, such as the far end of its range; None if there is none.
 
-    It is the largest depth in most of the images, a whole number of decimetres, frequent, and far from all others.
+    This depth is the largest in most images, a whole number of decimetres, frequent, and far from all other depths.
     """
     most = float(max((depth.max() for depth in depths), default=0.0))
     equal = np.array([np.mean(depth == np.float32(most)) for depth in depths])
@@ -144,8 +144,8 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
 def _compressed_depth(message: Message) -> Depth:
     """The depth in a losslessly compressed depth image, m.
 
-    The message holds an image file in mm or m, or a header of compressed_depth_image_transport followed by an image
-    file of depth in mm or of inverse depth, scaled with the header's two parameters.
+    The message holds an image file of depth in mm or m, or a header of compressed_depth_image_transport followed by
+    an image file. This file then contains depth in mm, or inverse depth scaled with the header's two parameters.
     """
     data, a, b, is_inverse = message.data, 0.0, 0.0, False
     if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:

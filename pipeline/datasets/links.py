@@ -20,9 +20,10 @@ class CameraMount(NamedTuple):
     """The pose of a camera on a robot.
 
     Attributes:
-        T_base_camera: pose of the camera in ``base_link``; None if no chain of transforms connects them.
-        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry is received.
-        note: one line about assumptions and unexpected frames; empty if everything was as expected.
+        T_base_camera: pose of the camera in ``base_link``; None if no chain of transforms connects the two frames.
+        T_driven_base: pose of the pipeline's ``base_link``, which is on the ground, in the frame whose odometry is
+            recorded.
+        note: one line about assumptions and unexpected frames; empty if all frames are as expected.
     """
 
     T_base_camera: Pose | None
@@ -35,8 +36,8 @@ def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
 
     Args:
         kinds: the types of all topics, by name.
-        beside: other topics of the robot; of several namespaces with transforms, those that contain these topics are
-            used.
+        beside: other topics of the robot. If several namespaces have transforms, only the namespaces that contain
+            these topics are used.
     """
     spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
     own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
@@ -49,15 +50,15 @@ class FrameTree:
     """Transforms between frames, which are identified by name.
 
     A frame may have several parents, for example if a robot's transforms and those of a motion capture system share a
-    topic. The parent that leads to the robot is then used, or else the newest one.
+    topic. The parent that leads to the robot is then used, or else the newest parent.
 
     Attributes:
-        base: name of the robot's frame according to its odometry messages; empty if they give none.
+        base: name of the robot's frame according to its odometry messages; empty if they do not name a frame.
     """
 
     def __init__(self) -> None:
         self.base = ""
-        self._links: dict[str, dict[str, Pose]] = {}  # by child and parent, the newest last
+        self._links: dict[str, dict[str, Pose]] = {}  # by child and parent, the newest parent last
         self._moving: set[str] = set()
         self._odometry: dict[str, list[tuple[float, Pose]]] = {}
 
@@ -79,7 +80,7 @@ class FrameTree:
         parents[parent] = T_parent_child
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
-        """The times, s, and the poses in ``odom`` of the child of ``odom`` that carries a camera."""
+        """Times, s, and poses in ``odom`` of the frame that carries a camera and whose parent is ``odom``."""
         return self._odometry.get(self._driven(camera), [])
 
     def _driven(self, camera: str) -> str:
@@ -93,7 +94,7 @@ class FrameTree:
         return bool(self._moving)
 
     def knows(self, frame: str) -> bool:
-        """Whether a frame is known by a given name, or by one that differs only by a namespace."""
+        """Whether a frame is known by a given name, or by a name that differs only in a leading namespace."""
         return self.named(frame) in self._known()
 
     def mount(self, camera: str) -> CameraMount:
@@ -127,7 +128,7 @@ class FrameTree:
         return rigid[0] if len(rigid) == 1 else np.eye(4)
 
     def _rigid(self, frame: str, other: str) -> Pose | None:
-        """Pose of ``other`` in ``frame`` if one is a rigidly attached ancestor of the other; otherwise None."""
+        """Pose of ``other`` in ``frame`` if one frame is an ancestor of the other and fixed to it; otherwise None."""
         ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
         for way, top in zip(ways, (other, frame), strict=True):
             if top in way and not self._moving & set(way[: way.index(top)]):
@@ -139,7 +140,7 @@ class FrameTree:
         return self.base.strip("/") or self._driven(camera) or BASE
 
     def _base(self, camera: str) -> str:
-        """The robot's frame that carries the camera: the expected one, or else the topmost with a usual name."""
+        """The robot's frame that carries the camera: the expected frame, or else the topmost with a usual name."""
         expected, named = self.named(self._expected(camera)), self.named(camera)
         if self.between(expected, named) is not None:
             return expected
@@ -150,7 +151,7 @@ class FrameTree:
         return self._links.keys() | {parent for parents in self._links.values() for parent in parents}
 
     def _parent(self, child: str) -> str:
-        """The parent of a frame that has one or more: the one that leads to the robot, or else the newest."""
+        """The parent that is used for a frame: the newest that leads to the robot, or else the newest of all."""
         parents = list(self._links[child])[::-1]
         robots = [parent for parent in parents if self._leads_to_robot(parent, child)] if parents[1:] else []
         return (robots or parents)[0]
@@ -170,7 +171,7 @@ class FrameTree:
         return is_driven or any(_matches(frame, name) for name in BASES)
 
     def named(self, frame: str) -> str:
-        """The frame with a name, or the only one whose name differs from it only by a leading namespace."""
+        """The known name of a frame: its given name, or the only name that differs only in a leading namespace."""
         frame = frame.strip("/")
         known = self._known()
         alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
@@ -217,5 +218,5 @@ class FrameTree:
 
 
 def _matches(name: str, expected: str) -> bool:
-    """Whether a name is the ``expected`` one, possibly with a prefix."""
+    """Whether a name is the ``expected`` name, possibly with a prefix."""
     return name == expected or name.endswith((f"/{expected}", f"_{expected}"))

@@ -17,7 +17,7 @@ NANO = 10**9
 
 
 def seconds(stamp: Message) -> float:
-    """The time of a stamp, s."""
+    """The time of a ROS timestamp, s."""
     return (stamp.sec * NANO + stamp.nanosec) / NANO
 
 

@@ -1,4 +1,4 @@
-"""Rectify the images of a camera with lens distortion to those of a pinhole camera."""
+"""Rectify the images of a camera with lens distortion, as if a pinhole camera had taken them."""
 
 from pathlib import Path
 from typing import Literal
@@ -12,7 +12,7 @@ from pipeline.errors import InputError, required
 from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 
 MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second name is RealSense's
-SAME = 1e-3  # Maximum relative difference between the focal lengths of one camera on two topics
+SAME = 1e-3  # Maximum relative difference between the intrinsics of one camera on two topics
 
 
 class ImageRectifier:
@@ -31,7 +31,7 @@ class ImageRectifier:
             path: the bag, for error messages.
             info: camera_info of the images.
             calibration: calibration without distortion that overrides ``info``.
-            is_rectified: whether the images are already rectified, so that P of ``info`` applies to them, not K.
+            is_rectified: whether the images are already rectified, so that the matrix P of ``info`` applies, not K.
 
         Raises:
             InputError: the camera's intrinsics are missing or invalid, or its distortion model is unknown.
@@ -61,7 +61,7 @@ class ImageRectifier:
         return self.fits(other) and bool(np.allclose(self._values, other._values, rtol=SAME, atol=0.5))
 
     def fits(self, other: "ImageRectifier") -> bool:
-        """Whether another camera's images are of the same size, as far as that is known."""
+        """Whether another camera's images have the same size; True if one of the sizes is unknown."""
         return None in (self._size, other._size) or self._size == other._size
 
     def __str__(self) -> str:
@@ -79,7 +79,7 @@ class ImageRectifier:
         return Intrinsics(width, height, fx, fy, cx + 0.5, cy + 0.5)
 
     def rectified(self, kind: Literal["depth", "colour"], image: NDArray) -> NDArray:
-        """A rectified image, (H, W) or (H, W, 3); InputError if it does not have the expected size."""
+        """The rectified image, (H, W) or (H, W, 3); InputError if ``image`` does not have the expected size."""
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
@@ -92,7 +92,11 @@ class ImageRectifier:
         return cv2.remap(image, *self._maps, cv2.INTER_NEAREST if kind == "depth" else cv2.INTER_LINEAR)
 
     def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
-        """(H, W) columns and (H, W) rows in the distorted image, pixels; InputError if the distortion is invalid."""
+        """(H, W) column and (H, W) row of each rectified pixel in the distorted image.
+
+        Raises:
+            InputError: the number of distortion coefficients is invalid.
+        """
         K, d = required(self._distortion)
         try:
             return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)
@@ -102,7 +106,7 @@ class ImageRectifier:
 
 
 def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3, 3) camera matrix and (N,) distortion coefficients; ROS 1 names these fields in capitals."""
+    """(3, 3) camera matrix and (N,) distortion coefficients; in ROS 1, the names of these fields are upper-case."""
     K, d, P = (info.k, info.d, info.p) if hasattr(info, "k") else (info.K, info.D, info.P)
     K, P = K.reshape(3, 3), P.reshape(3, 4)
     if is_rectified:
@@ -116,13 +120,13 @@ def _binning(info: Message) -> tuple[int, int]:
 
 
 def _size(info: Message) -> tuple[int, int]:
-    """Height and width of the images: those of the region of interest, after binning."""
+    """Height and width of the images, pixels, which show the region of interest after binning."""
     (across, down), roi = _binning(info), info.roi
     return (roi.height or info.height) // down, (roi.width or info.width) // across
 
 
 def _window(info: Message) -> NDArray[np.float64]:
-    """(3, 3) transform from pixels of the full sensor, which a camera_info describes, to those of the images.
+    """(3, 3) transform from pixels of the full sensor, which a camera_info describes, to pixels of the images.
 
     Pixel centres are at integers, so an image begins at -0.5.
     """

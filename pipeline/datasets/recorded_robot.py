@@ -34,7 +34,7 @@ class OdometrySample(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """State of the wheels: names, angles in rad and speeds in rad/s."""
+    """State of the wheels: names of the joints, angles in rad and speeds in rad/s."""
 
     names: tuple[str, ...]
     position: Values
@@ -101,7 +101,7 @@ class ReportingRobot:
         return motion
 
     def _report(self, time: float, T_odom_base: Pose, twist: Velocity) -> None:
-        """Report the robot's pose, once for each time."""
+        """Report the robot's pose and velocity, unless they were already reported for this time."""
         if time > self._reported:
             self._topics.odometry(OdometrySample(time, T_odom_base, twist, self._T_map_odom(), self._T_world_base()))
             self._reported = time

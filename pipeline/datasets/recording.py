@@ -1,4 +1,4 @@
-"""A recording: frames, and the known poses at which they were taken."""
+"""A recording: frames, the known poses at which they were taken, and other recorded data."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
@@ -58,16 +58,17 @@ class Recording:
     Attributes:
         path: file or folder of the recording.
         frames: returns an iterator over the frames in chronological order. Their ``T_odom_base`` is the identity, and
-            so is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken;
-            the frames before that are good.
+            so is ``T_base_camera`` if it is unknown. The iterator raises InputError at the point where the recording
+            is broken; the frames before this point are usable.
         has_camera_pose: whether the frames contain the camera's pose on the robot.
         odometry: recorded poses in ``odom``, of ``base_link`` or of the camera; None if there are none.
         truth: true poses for comparison, in any frame.
         up: the vertical at the start, measured by an accelerometer, in ``base_link``; in ``camera_optical`` if the
             camera's pose is unknown.
-        keyframes: times of the frames that the robot made keyframes, s, and whether it labelled each.
+        keyframes: times of the frames that became keyframes during the recording, s, and whether the robot labelled
+            each keyframe; None if unknown.
         steps: times of the keyframes at which the robot stopped, corrected its maps and planned, s.
-        sensor: range and noise of the camera that the recording names; None if it names none.
+        sensor: range and noise of the camera that the recording names; None if it names no known camera.
         left_out: number of items that could not be used, by reason.
         notes: assumptions made where the recording is not as expected, one line each.
     """
@@ -85,13 +86,13 @@ class Recording:
     notes: list[str] = field(default_factory=list)
 
     def note(self, line: str) -> None:
-        """Store an assumption and warn the user of it, once."""
+        """Store a line about an assumption, and warn the user with it, unless this line was already stored."""
         if line not in self.notes:
             self.notes.append(line)
             _log.warning("%s: %s", self.path, line)
 
     def take_sensor(self, names: Iterable[str]) -> None:
-        """Use the range and noise of the known camera that one of the names identifies, if any, and note this."""
+        """Use and note the range and noise of the known camera, if any, that one of the names identifies."""
         found = camera_named(names)
         if found is None:
             return
@@ -105,7 +106,10 @@ class Recording:
         self.left_out[reason] = self.left_out.get(reason, 0) + 1
 
     def check_clocks(self, first: float, last: float) -> None:
-        """Raise InputError if known poses do not overlap in time with the images, from ``first`` to ``last``, s."""
+        """Raise InputError if known poses do not overlap in time with the images.
+
+        ``first``, ``last``: times of the first and of the last image, s.
+        """
         for name, poses in (("odometry", self.odometry), ("true poses", self.truth)):
             if poses is not None and (poses.times[0] > last or poses.times[-1] < first):
                 of_poses = f"{name} from {poses.times[0]:.2f} to {poses.times[-1]:.2f} s"
@@ -114,7 +118,7 @@ class Recording:
 
 
 def holds_bag(path: Path) -> bool:
-    """Whether a folder is a bag, or contains one or more."""
+    """Whether a folder is a bag or contains at least one bag."""
     return any(file.suffix in BAG_ENDINGS for file in path.iterdir()) or describes_bag(path / "metadata.yaml")
 
 

@@ -26,13 +26,14 @@ from pipeline.mapper import Keyframe, Mapper, sense_and_map
 from pipeline.transforms import from_rotation, inverse, rotation_from_up
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
-"""Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
+"""Source of the poses: odometry corrected by registration (``slam``), registration alone, or recorded poses without
+correction, which are odometry or true poses."""
 
 
 NEAREST, FARTHEST = 0.35, 15.0  # m, usual range of the median depth of an image
-OFF_CENTRE = 0.12  # Maximum usual distance of a principal point from the middle, as a fraction of the image
-WIDEST = 20.0  # Maximum size of an image in focal lengths, which is a field of view of 169°
-CLIP_FRAMES = 10  # Number of first frames in which a depth that stands for no return is sought
+OFF_CENTRE = 0.12  # Maximum usual distance of a principal point from the middle, as a fraction of the image's size
+WIDEST = 20.0  # Maximum size of an image in focal lengths, which corresponds to a field of view of 169°
+CLIP_FRAMES = 10  # Number of frames at the start in which a depth that stands for no return is sought
 SAME_AXES = np.radians(1.0)  # Maximum angle between two poses of the camera on the robot that agree
 POSELESS = "frames without a known pose"
 
@@ -42,7 +43,7 @@ class Replayed(NamedTuple):
 
     Attributes:
         frame: the frame, with its ``T_odom_base`` and ``T_base_camera``.
-        keyframe: the keyframe made from it; None if it did not become one.
+        keyframe: the keyframe made from the frame; None if none was made.
         T_world_base: the true pose; None if the recording has none.
     """
 
@@ -68,10 +69,13 @@ class Replay:
     """Adds a recording's frames to the maps in order."""
 
     def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
-        """``T_base_camera`` overrides the recorded camera pose; without either, the pose is estimated from the floor.
+        """Replay with a source of poses.
+
+        ``T_base_camera`` overrides the recorded pose of the camera. Without either, the pose above the floor is
+        estimated.
 
         Raises:
-            InputError: the recording does not have these poses.
+            InputError: the recording lacks the poses of this source.
         """
         self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
@@ -97,8 +101,8 @@ class Replay:
         """Add the frames to the maps in order.
 
         Raises:
-            InputError: the recording is broken; the frames before that are mapped.
-            LostError: the pose of a frame can no longer be found; the frames before that are mapped.
+            InputError: the recording is broken; all frames before the broken one have been mapped.
+            LostError: the pose of a frame cannot be found; all frames before this frame have been mapped.
         """
         for frame in self._frames():
             if not self._has_begun and not self._begin(self.mapper.clean(frame)):
@@ -136,7 +140,7 @@ class Replay:
         return self._given.at(frame.time, self._numbers.trajectory) if self._given else None
 
     def _begin(self, frame: Frame) -> bool:
-        """Find the poses of camera and robot from the first frame; False if it is blank or lacks a known pose."""
+        """Find the poses of camera and robot from the first frame; False if it is blank or its pose is unknown."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the start")
             return False
@@ -178,12 +182,14 @@ class Replay:
             self.recording.note(f"{doubt}, as the principal point is far from the middle")
 
     def _upright(self, given: Trajectory, up: Direction, T_map_base: Pose, time: float) -> Trajectory:
-        """Given poses in ``map``: unchanged if z points up in their frame, within the tilt that the robot tolerates.
+        """The given poses, transformed to ``map`` if the z axis of their frame does not point upwards.
+
+        The z axis points upwards if its angle to the vertical is at most the robot's maximum tilt.
 
         Args:
             given: poses of ``base_link``, in any frame.
             up: the vertical in ``base_link`` at ``time``, s.
-            T_map_base: pose at that time in a ``map`` whose origin is there.
+            T_map_base: pose at ``time`` in a ``map`` whose origin is at this position.
         """
         T = required(given.at(time, self._numbers.trajectory))
         if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
@@ -201,7 +207,7 @@ class Replay:
         left_out = dict(self.recording.left_out)
         frames = (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames()))
         mounted = find_pose_above_floor(frames, self._camera_poses(), self._numbers)
-        self.recording.left_out = left_out  # The frames are yet to be counted
+        self.recording.left_out = left_out  # These frames are counted when they are mapped
         if mounted is not None:
             if mounted.other is not None:
                 doubt = "two surfaces in view may be the floor; if it is the other, the camera is"
@@ -211,14 +217,14 @@ class Replay:
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera-pose")
 
     def _camera_poses(self) -> Callable[[Frame], Pose | None]:
-        """A function that returns the pose of a frame's camera, as given or else from registration."""
+        """A function that returns the pose of a frame's camera, from given poses or else from registration."""
         given = self._given
         if given is None or not given.of_camera:
             return DepthOdometry(np.eye(4), config=self._numbers).pose
         return lambda frame: given.at(frame.time, self._numbers.trajectory)
 
     def _up_by_accelerometer(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
-        """The vertical in ``base_link`` from the accelerometer; None if it is missing or its axes are in doubt."""
+        """The vertical in ``base_link`` from the accelerometer; None without one, or if its axes are in doubt."""
         up = self.recording.up
         if up is None or not self.recording.has_camera_pose:
             return None if up is None else T_base_camera[:3, :3] @ up
@@ -238,7 +244,7 @@ class Replay:
         return np.array([0.0, 0.0, 1.0]) if up is None else up
 
     def _take(self, frame: Frame) -> Keyframe | None:
-        """Make a keyframe of the frame if one is due, and return it; otherwise None."""
+        """Make a keyframe of the frame if a keyframe is due; return the keyframe, or None if none was made."""
         self._track.append(frame.T_odom_base)
         labelled = self._is_labelled(frame)
         if labelled is None:
@@ -254,7 +260,7 @@ class Replay:
         return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:
-        """Whether the frame is to be labelled as a keyframe; None if it is not to become one."""
+        """Whether the frame should become a labelled keyframe; None if it should not become a keyframe."""
         if self.recording.keyframes is not None:
             return self.recording.keyframes.get(frame.time)
         if not self.mapper.is_due(frame.T_odom_base):
@@ -271,7 +277,7 @@ class Replay:
 
 
 def _measured(T_base_camera: Pose) -> str:
-    """The note that the camera's pose on the robot was estimated."""
+    """A note which states that the camera's pose on the robot was estimated."""
     pose = _described(T_base_camera)
     return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera-pose"
 

@@ -46,13 +46,15 @@ def read_ros_bag(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """The images, odometry, transforms and accelerations in a bag; in sarsim's bags, also keyframes and ground truth.
+    """The recording in a bag: images, odometry, transforms and accelerations.
+
+    Bags of sarsim also contain keyframes and the ground truth.
 
     Args:
         path: the bag's folder or file.
-        topics: names of topics to use if the bag has several of a kind.
-        calibration: intrinsics of the camera; override those from ``camera_info``.
-        config: how recordings are read.
+        topics: names of topics to use if the bag has several topics of one kind.
+        calibration: intrinsics of the camera, which override those from ``camera_info``.
+        config: settings for reading recordings.
 
     Raises:
         InputError: the bag is missing or broken, or lacks necessary data.
@@ -75,7 +77,7 @@ def read_ros_bag(
     recording.has_camera_pose = mount.T_base_camera is not None
     recording.up = beside.up(camera.frame, config.at_rest)
     if camera.frame == CAMERA:
-        recording.sensor = XTION  # the frame's name is that of sarsim's own camera
+        recording.sensor = XTION  # sarsim's own camera has a frame of this name
     else:
         frames = [source.frame for source in (depth, colour) if source is not None]
         recording.take_sensor([*beside.devices, chosen.depth, *frames, path.resolve().name])
@@ -91,7 +93,7 @@ def read_ros_bag(
 def _opened(path: Path) -> Iterator[AnyReader]:
     """A reader of a bag; all errors of the reader are raised as InputError."""
     alone = sorted(file for file in path.iterdir() if file.suffix in BAG_ENDINGS) if path.is_dir() else []
-    # The reader would take a folder whose name ends in .bag for a file of ROS 1.
+    # The reader would mistake a folder whose name ends in .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not describes_bag(path / "metadata.yaml"))
     file = alone[0] if is_lone else path
     if file.exists() and not file.is_dir():
@@ -109,19 +111,24 @@ def _opened(path: Path) -> Iterator[AnyReader]:
 
 
 class Topics:
-    """The names of a bag's topics, by content.
+    """The topics of a bag that are used, by the kind of their data.
 
     Attributes:
         kinds: the types of all topics with messages, by name.
-        first: the first message of each topic of images and of camera_info, by name.
+        first: the first message of each topic of images or of camera_info, by name.
         depth: topic of the depth images.
-        colour, odometry, imu: topics of these data; None if there is none.
+        colour, odometry, imu: topics of the colour images, the odometry and the IMU data; None without such data.
         transforms: topics of the robot's transforms.
         notes: choices among topics that a user may want to change, one line each.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
-        """Find the topics; InputError without depth images, or with several topics of a kind and none selected."""
+        """Find the topics; ``named``: topics selected by the user.
+
+        Raises:
+            InputError: the bag lacks a named topic or depth images, or has several topics of one kind and none of
+                them is named.
+        """
         self._path, self._named, self.notes = path, named, list[str]()
         self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self.kinds]:
@@ -157,12 +164,18 @@ class Topics:
         return required(depth), colour
 
     def _usable(self, names: list[str], is_usual: Callable[[str], bool] = lambda name: True) -> list[str]:
-        """The named topics, or else the raw topics, not the compressed ones; of these, the usual ones if any."""
+        """The topics named by the user, or else the usual ones among the raw topics, or else all raw topics.
+
+        A topic is raw if it is not a compressed copy of another topic.
+        """
         raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
         return [n for n in names if n in self._named] or [n for n in raw if is_usual(n)] or raw
 
     def _preferred(self, names: list[str], others: list[str], is_called: Callable[[str], bool]) -> list[str]:
-        """The only topic with the camera_info of images of the other kind, or with a usual name; otherwise all."""
+        """The only topic with the same camera_info as an image topic of the other kind, or else with a usual name.
+
+        All topics if neither criterion selects exactly one.
+        """
         cameras = {camera for name in others if (camera := self._camera(name))}
         same = [name for name in names if self._camera(name) in cameras]
         called = [name for name in (same or names) if is_called(name)]
@@ -210,7 +223,7 @@ class Topics:
         return [name for name, found in self.kinds.items() if found == kind]
 
     def _one(self, what: str, names: list[str]) -> str | None:
-        """The topic to use, which is the named one or else the raw one; None if there is none.
+        """The topic to use, which is the named topic or else the raw topic; None if there is no topic.
 
         Raises:
             InputError: several topics are possible.
@@ -279,7 +292,7 @@ class _NonImageData:
         return ImageSource(topic, info, next((frame for frame in frames if self.frame_tree.knows(frame)), frames[0]))
 
     def _stream(self, topic: str) -> str:
-        """The frame of a RealSense stream, whose messages do not name it; empty for other topics."""
+        """The frame of a RealSense stream, whose messages do not name their frame; empty for other topics."""
         return next((stream.strip("/") for stream in self._streams if topic.startswith(f"{stream}/")), "")
 
     def _take_odometry(self, message: Message, time: float) -> None:
@@ -299,11 +312,11 @@ class _NonImageData:
             self.frame_tree.take(link, time)
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
-        """The odometry of the robot that carries a camera, from its topic or else the transforms from ``odom``."""
+        """The odometry of the robot that carries a camera: from its topic or, without one, from transforms."""
         return self._odometry or self.frame_tree.odometry(camera)
 
     def trajectory(self, name: str, poses: list[tuple[float, Pose]]) -> Trajectory | None:
-        """A trajectory of poses with times, s, without those that are not finite; None if none is left."""
+        """The trajectory of all finite poses of a list, with their times, s; None if no pose is finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         if len(good) < len(poses):
             self.notes.append(
@@ -312,7 +325,10 @@ class _NonImageData:
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
-        """The vertical from accelerations in the first ``at_rest`` s, in the robot's frame or else the camera's."""
+        """The vertical from the accelerations in the first ``at_rest`` s; None if it is unknown.
+
+        It is given in the robot's frame or, if the camera's pose on the robot is unknown, in the camera's frame.
+        """
         felt = np.array(
             [a for time, a in self._accelerations if time <= self._accelerations[0][0] + at_rest]
         ).reshape(-1, 3)
@@ -338,7 +354,7 @@ def _first(reader: AnyReader, topic: str) -> Message:
 
 
 def _time(message: Message, received: int) -> float:
-    """The time of a message, s: its stamp or, if it has none, the time at which it was ``received``, ns."""
+    """The time of a message, s: its timestamp or, without one, the time ``received`` at which it was recorded, ns."""
     return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NANO
 
 
@@ -349,7 +365,7 @@ def _pose(message: Message) -> Pose:
 def _frames(
     recording: Recording, topics: Topics, camera: RgbdCamera, T_base_camera: Pose | None, span: float, buffered: int
 ) -> Iterator[Frame]:
-    """A frame for each depth image, with the colour image nearest in time, in the order of the stamps."""
+    """A frame for each depth image, with the colour image nearest in time, in the order of their timestamps."""
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics, buffered):

@@ -1,4 +1,4 @@
-"""Read a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
+"""Read folders in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), and folders of numbered images."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 from pipeline.sensor import XTION
 
-POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In names of files of poses
+POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In names of files with poses
 READ = "groundtruth.txt", "odometry.txt"
 MIN_STEP = 5e-4  # s, minimum plausible median interval between poses
 
@@ -33,21 +33,27 @@ def read_tum_folder(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """A recording in a folder with ``depth.txt`` and ``rgb.txt``, or images in ``depth`` and ``rgb`` or ``color``.
+    """The recording in a folder with lists of images, ``depth.txt`` and ``rgb.txt``, or with folders of images.
 
-    Images are paired by ``associations.txt``, by their times, or by the numbers in their names. Times are in s, or in
-    ms, µs or ns if these are more plausible.
+    Without lists, the depth images are in ``depth`` and the colour images in ``rgb`` or ``color``. Images are paired
+    by ``associations.txt``, by their times, or by the numbers in their names. Times are in s, or in ms, µs or ns if
+    one of these units is more plausible.
 
-    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy, and
-    ``accelerometer.txt`` accelerations: in ``base_link`` if there is a ``camera.txt``, else in the axes of a Kinect
-    (x right, y up, z back) or its camera (x right, y down, z forward), which is assumed not to be upside down.
+    The folder may also contain these files:
+
+    - ``groundtruth.txt`` and ``odometry.txt``: poses of the camera.
+    - ``calibration.txt``: a line with fx, fy, cx and cy, required without ``calibration``.
+    - ``camera.txt``: pose of the camera in ``base_link``.
+    - ``accelerometer.txt``: accelerations, in ``base_link`` if there is a ``camera.txt``. Otherwise, their axes are
+      those of a Kinect (x right, y up, z back) or of its camera (x right, y down, z forward), and the camera is
+      assumed not to be upside down.
 
     Args:
         path: the folder.
-        calibration: intrinsics of the camera; override those in ``calibration.txt``.
-        depth_scale: units of the depth images per metre; by default those of ``config``, or 1 for float images.
+        calibration: intrinsics of the camera, which override those in ``calibration.txt``.
+        depth_scale: units of the depth images per metre; by default, ``config.depth_units`` or, for float images, 1.
         fps: frames per second of images without times.
-        config: how recordings are read.
+        config: settings for reading recordings.
 
     Raises:
         InputError: a file is missing or broken.
@@ -97,7 +103,7 @@ def _note_missing(recording: Recording, pairs: Sequence[Pair]) -> None:
 
 
 def _comments(path: Path) -> list[str]:
-    """The comments in a list of images, if it exists; in the TUM benchmark, they name the sequence."""
+    """The comments in a list of images, which name the sequence in the TUM benchmark; empty without the list."""
     lines = read_text(path).splitlines() if path.exists() else []
     return [line.strip("# ") for line in lines if line.startswith("#")]
 
@@ -105,7 +111,10 @@ def _comments(path: Path) -> list[str]:
 def _trajectory(
     path: Path, recording: Recording | None = None, span: tuple[float, float] = (0.0, 0.0), fps: float | None = None
 ) -> Trajectory | None:
-    """The poses in a file, if it exists; their times are in the unit that fits the ``span`` of the images, s."""
+    """The poses in a file; None if the file does not exist.
+
+    Their times, s, are converted from the unit with which they best fit the ``span`` of the images, s.
+    """
     if not path.exists():
         return None
     found = read_trajectory(path, of_camera=True)
@@ -120,7 +129,10 @@ def _trajectory(
 
 
 def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
-    """The units per s with which times at plausible intervals best cover a ``span``, s; 1 if no unit does."""
+    """Number of time units per second with which ``times`` best cover a ``span``, s; 1 if no unit fits.
+
+    The intervals between the times must be plausible.
+    """
     step = float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
 
     def fit(unit: float) -> float:
@@ -133,7 +145,10 @@ def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
 
 
 def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
-    """The vertical in the first ``at_rest`` s, in ``base_link`` or else ``camera_optical``; None if not measured."""
+    """The vertical measured in the first ``at_rest`` s; None if it was not measured.
+
+    It is given in ``base_link`` or, if the camera's pose on the robot is unknown, in ``camera_optical``.
+    """
     if not path.exists():
         return None
     rows = read_numbers(path, "time ax ay az", finite=False)

@@ -7,16 +7,17 @@ from pipeline.errors import require_at_least, require_positive
 
 @dataclass(frozen=True)
 class TopologicalMapConfig:
-    """Where nodes lie, and which drives join them.
+    """Limits for the positions of nodes and for the drives between nodes.
 
     Attributes:
         sight: maximum distance at which a node sees ground, m.
         max_uncovered_cells: maximum number of unseen cells that are not worth a node; 4 cells of 5 cm are 1 dm².
         snap: maximum distance by which a node is moved to a position where the robot can stand and turn, m.
         place_gain: minimum area of ground that a position by the thesis's rules must add to become a node, m².
-        before_ramp: distance of the robot at a node from the bottom edge of an inclined ramp, m, so that it does not
-            slide.
-        max_detour: maximum ratio of the length of the shortest path in the roadmap to that over all possible drives.
+        before_ramp: distance, m, between the bottom edge of an inclined ramp and the footprint of a robot at the node
+            in front of the ramp, so that the robot does not slide.
+        max_detour: maximum ratio between the cost of the cheapest path in the roadmap and the cost of the cheapest
+            path over all possible drives.
     """
 
     sight: float = 2.0

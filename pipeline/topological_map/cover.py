@@ -1,4 +1,4 @@
-"""The ground that the nodes must see: the cells that they see, the walls that hide cells, and where nodes may be."""
+"""The ground that nodes must see, the cells that they see, the walls that hide cells, and candidates for nodes."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class VisibleCells:
 
 
 class NodeCover:
-    """A grid map of the ground that nodes must see, and of how many nodes see each cell.
+    """A grid map of the ground that nodes must see, with the number of nodes that see each cell.
 
     Attributes:
         traversability: where the robot may drive, as of the last update.
@@ -58,7 +58,7 @@ class NodeCover:
 
     @property
     def _reach(self) -> int:
-        """Maximum distance at which a node sees, cells."""
+        """Maximum distance at which a node sees ground, cells."""
         return round(self._config.sight / self.grid.cell)
 
     def update(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
@@ -145,7 +145,7 @@ class NodeCover:
         return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> Cells:
-        """(N, 2) the cells that only the given nodes see, outermost first."""
+        """(N, 2) cells that only the given nodes see, outermost first."""
         seen = np.concatenate([self._seen_by[n].seen for n in nodes])
         corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
         cells = kernels.only_seen_by(seen, corners, self.count)
@@ -154,7 +154,7 @@ class NodeCover:
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
     def see_all(self, visible: VisibleCells, cells: Cells, spare: int) -> Mask:
-        """(K,) whether all but ``spare`` of the cells (N, 2) are seen from each of the positions."""
+        """(K,) whether all of the cells (N, 2), except at most ``spare``, are seen from each of the positions."""
         return kernels.see_all(visible.seen, visible.corners - self.grid.low, cells, spare)
 
     def is_near(self, node: int, mask: MaskLayer) -> bool:
@@ -162,9 +162,10 @@ class NodeCover:
         return bool(mask[self._window(self._seen_by[node])].any())
 
     def candidates(self, mask: MaskLayer, within: float, min_cells: int = 1) -> Places:
-        """(K, 2) positions within ``within`` m of a mask, m: in each block, the standable cell farthest from hazards.
+        """(K, 2) m, candidates for nodes: in each block of cells, the standable cell that is farthest from hazards.
 
-        The square around a position, ``within`` m to each side, contains at least ``min_cells`` cells of the mask.
+        Candidates lie within ``within`` m of the mask. The square around a candidate, ``within`` m to each side,
+        contains at least ``min_cells`` cells of the mask.
         """
         if not mask.any():
             return np.zeros((0, 2))

@@ -21,9 +21,9 @@ def count_in(seen, corners, mask):
 
 @njit(cache=True)
 def only_seen_by(seen, corners, counts):
-    """(K, 2) int64, the cells that only the M given nodes see, according to their windows (M, S, S).
+    """(K, 2) int64, the cells that only M nodes see, given the nodes' windows (M, S, S).
 
-    ``counts`` (nx, ny): number of nodes, including these, that see each cell.
+    ``counts`` (nx, ny): number of nodes that see each cell, these M nodes included.
     """
     size, number = seen.shape[1], 0
     cells = np.empty((seen.sum(), 2), np.int64)
@@ -47,7 +47,7 @@ def only_seen_by(seen, corners, counts):
 
 @njit(cache=True)
 def see_all(seen, corners, cells, spare):
-    """(K,) bool, whether all but ``spare`` of the cells (M, 2) are seen from a position, given windows (K, S, S)."""
+    """(K,) bool, whether all cells (M, 2) but at most ``spare`` are seen from positions with windows (K, S, S)."""
     result = np.empty(len(seen), np.bool_)
     size = seen.shape[1]
     for k in range(len(seen)):

@@ -26,7 +26,7 @@ class StraightDrives:
 
     Attributes:
         traversability: where the robot may drive.
-        walls: the walls of the semantic map.
+        walls: the segments of walls.
     """
 
     def __init__(self, traversability: Traversability, walls: Sequence[Segment]):
@@ -36,8 +36,8 @@ class StraightDrives:
     def are_free(self, starts: Places, ends: Places) -> Mask:
         """(N,) whether the footprint, swept along lines between points (N, 3) on the ground, meets no obstacle.
 
-        The traversability covers drops, steps, the sides of ramps, tilt, low ceilings and unknown ground. The
-        segments cover walls, which block a line between half the body's height and the headroom.
+        The traversability covers drops, steps, the sides of ramps, tilt, low ceilings and unknown ground. Segments
+        of walls block a line at heights between half the body's height and the headroom.
         """
         free = np.isfinite(self.traversability.line_seconds(starts, ends))
         robot = self.traversability.robot
@@ -48,7 +48,7 @@ class StraightDrives:
 
 
 def drive_seconds(traversability: Traversability, starts: Places, ends: Places) -> Values:
-    """(N,) costs of driving the lines between points, one or N on each side, and of stopping once, s."""
+    """(N,) s, costs of driving straight from ``starts`` to ``ends``, one or N points each, and of stopping once."""
     return traversability.line_seconds(starts, ends) + traversability.config.costs.stop
 
 
@@ -68,7 +68,7 @@ class Node:
 
 
 class NodeSet:
-    """The nodes of a map, which are added, moved and removed.
+    """The nodes of a topological map, with methods to add, move and remove nodes.
 
     Attributes:
         nodes: the nodes by id.
@@ -88,9 +88,10 @@ class NodeSet:
         self._moved: list[Place] = []
 
     def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
-        """Adapt the nodes to the ground: a node where the robot cannot turn moves by up to ``snap`` m or is removed.
+        """Adapt the nodes to the ground: move a node where the robot cannot turn by up to ``snap`` m, or remove it.
 
-        See :meth:`NodeCover.update` for the arguments and the result, the cells that changed.
+        See :meth:`NodeCover.update` for the arguments. The cells that changed are returned, cells of moved nodes
+        included.
         """
         changed = self.cover.update(traversability, reachable, walls)
         changed |= self.cover.grid.mask_of(np.reshape(self._moved, (-1, 3)))
@@ -104,7 +105,7 @@ class NodeSet:
         return changed
 
     def _settle(self, node: Node) -> None:
-        """Move a node to where the robot can turn, or remove it; keep the node if this would disconnect others."""
+        """Move a node to where the robot can turn, or else remove it, unless this would disconnect other nodes."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, self._config.snap)
         parts = len(self.parts())
@@ -148,7 +149,7 @@ class NodeSet:
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
-        # This does not use networkx, which takes twenty times as long if nodes are left out.
+        # This code does not use networkx, which takes twenty times as long if nodes are left out.
         near = dict(self.drive_graph.adjacency())
         parts = list[set[int]]()
         left = near.keys() - set(without)
@@ -170,7 +171,7 @@ class NodeSet:
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
     def _retest(self, changed: MaskLayer) -> None:
-        """Test the edges again whose bounding boxes overlap that of the ``changed`` cells."""
+        """Test drives again if their bounding boxes overlap the bounding box of the ``changed`` cells."""
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)

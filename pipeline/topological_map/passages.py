@@ -36,16 +36,16 @@ class Passages:
         mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
         if not mask.any():
             return
-        # A node sees no ground beyond its sight, so the nodes whose regions changed are in this box.
+        # Nodes see no ground beyond their sight, so all nodes whose regions changed are in this box.
         part = links.traversability.part(box_around(mask, round(self._sight / grid.cell)))
         here = {n: node for n, node in nodes.items() if part.grid.holds(part.grid.cell_of(node.position))}
         kept = {pair: edge for pair, edge in self._edges.items() if all(nodes.get(n) is before[n] for n in pair)}
         self._edges = _free(kept, nodes, links) | _between(here, links, drives, part)
 
     def add_to(self, drives: nx.Graph) -> None:
-        """Add the passages to a graph of straight drives, between nodes that no drive joins.
+        """Add the passages between nodes that no straight drive joins to a graph of straight drives.
 
-        Each edge stores the ``bends`` of its path, (M, 3) m, from the node with the lower id to the other.
+        Each edge stores the ``bends`` of its path, (M, 3) m, from the node with the lower id to the other node.
         """
         drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
 
@@ -64,7 +64,7 @@ def _free(
 def _between(
     nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, part: Traversability
 ) -> dict[tuple[int, int], dict[str, Any]]:
-    """The edges of passages between nodes on a part of the ground, by lower and higher node id."""
+    """The edges of passages between nodes on a part of the ground, by the lower and the higher node id."""
     edges: dict[tuple[int, int], dict[str, Any]] = {}
     if len(nodes) < 2:
         return edges
@@ -91,7 +91,7 @@ def _nearest(nodes: Mapping[int, Node], xy: Place) -> int:
 
 
 def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
-    """For each pair of touching regions, the two adjacent cells where the path between the nodes is cheapest."""
+    """For each pair of touching regions, the two cells where the cheapest path between the nodes crosses over."""
     source = paths.sources()
     cells = []
     costs = []

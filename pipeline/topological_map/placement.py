@@ -1,8 +1,8 @@
-"""Few connected nodes that together see all the ground: a set cover, updated step by step.
+"""Place a small number of connected nodes that together see all the ground: a set cover, updated in each step.
 
-A greedy cover alone depends on which ground was in view first. Therefore nodes near new ground are thinned out
-afterwards: a node is removed if others see its cells and stay connected, and two nodes are merged if a single one can
-replace both.
+A greedy cover alone would depend on the order in which ground came into view. Therefore nodes near new ground are
+thinned out afterwards: a node is removed if other nodes see its cells and stay connected, and two nodes are merged if
+a single node can replace both.
 """
 
 from collections import deque
@@ -26,7 +26,7 @@ from pipeline.topological_map.node_set import NodeSet
 LINKED = 0.7
 """Fraction of the greatest gain above which a position is preferred if a straight drive joins it to a node."""
 JOINT = 0.6
-"""Distance from a path between groups of nodes within which a single position to join both is sought, m."""
+"""Distance from a path between two groups of nodes within which a single position that joins them is sought, m."""
 SAME_LEVEL = 0.12
 """Maximum difference in height between a segment and ground that belongs to it, m."""
 LARGE_RAMP = 1.8
@@ -65,7 +65,7 @@ def thesis_places(
 
 
 def label_at(point: Place, segments: Segments) -> Label:
-    """The label of a node at a point on the ground: that of a deck within ``SAME_LEVEL``, or else terrain."""
+    """The label of a node at a point on the ground: straight ramp within ``SAME_LEVEL`` of a deck, else terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= SAME_LEVEL:
             return Label.STRAIGHT_RAMP
@@ -73,9 +73,9 @@ def label_at(point: Place, segments: Segments) -> Label:
 
 
 def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
-    """Positions (N, 3) for the nodes of a straight or inclined ramp, m; none on other segments.
+    """(N, 3) m, positions for the nodes of a straight or inclined ramp; other segments have no nodes.
 
-    A segment that is smaller than the robot, or too steep to drive on, such as the side of a ramp, has none.
+    Ramps that are smaller than the robot or too steep to drive on, such as the sides of ramps, have no nodes either.
     """
     if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
@@ -100,7 +100,7 @@ def _bottom(segment: Segment, distance: float) -> Place:
     box = segment.box
     downhill = np.array([*segment.plane.normal[:2], 0.0])
     downhill /= np.linalg.norm(downhill)
-    # The box's y axis runs along the slope, up or down.
+    # The box's y axis runs along the slope; the sign turns it downhill.
     along = box.T_map_box[:3, 1] * np.sign(box.T_map_box[:3, 1] @ downhill)
     return box.T_map_box[:3, 3] + along * box.extent[1] / 2 + downhill * distance
 
@@ -109,7 +109,7 @@ class Placement:
     """Places nodes on the ground of one step."""
 
     def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments, config: TopologicalMapConfig):
-        """``places``: positions of nodes by the thesis's rules, which take precedence over all other positions."""
+        """``places``: positions from the thesis's rules for nodes, preferred to all other positions."""
         self._nodes = nodes
         self._cover = nodes.cover
         self._places = places
@@ -117,14 +117,14 @@ class Placement:
         self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the positions of the thesis's rules at which at least ``place_gain`` is gained."""
+        """Add nodes at the thesis's positions from which at least ``place_gain`` m² of new ground is seen."""
         least = self._config.place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
-        """Add nodes for the cells that no node sees, starting with the node with the greatest gain."""
+        """Add nodes for the cells that no node sees, greedily by the gain of each node."""
         cover = self._cover
         spare = self._config.max_uncovered_cells
         visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
@@ -137,7 +137,7 @@ class Placement:
         cover.leave_rest()
 
     def _best(self, places: Places, gains: Indices) -> int:
-        """Index of the position with the greatest gain, or of one with slightly less and a link to a node."""
+        """Index of the position with the greatest gain, or of one with slightly less gain and a link to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= LINKED * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
@@ -157,10 +157,10 @@ class Placement:
                 return
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
-        """(N, 2) positions that join a group of nodes to another: a single position, or else the path's bends."""
+        """(N, 2) m, positions that join a group of nodes to another: a single position, or else the path's bends."""
         traversability = self._cover.traversability
         nodes = self._nodes.nodes
-        # The search starts from the smaller groups, so that its front is smaller.
+        # The search starts from the smaller groups, which makes the search front smaller.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
         targets = np.array([nodes[n].position for n in sorted(part)])
         nearest = paths.nearest(targets)
@@ -176,10 +176,10 @@ class Placement:
         return simplify(way, traversability)[1:-1]
 
     def thin_out(self, active: set[int]) -> None:
-        """Remove ``active`` nodes or merge them with others, as long as no ground and no connection is lost."""
+        """Remove ``active`` nodes or merge them with others, without losing ground or connections."""
         cover = self._cover
-        # Remove nodes that add hardly any ground to that of the others and connect nothing, those that see least
-        # first.
+        # Remove nodes that see hardly any ground that other nodes do not see, and that connect no other nodes. Nodes
+        # with the least such ground come first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.max_uncovered_cells
             if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
@@ -187,8 +187,8 @@ class Placement:
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
-        # Merge pairs that one node can replace: at a position of the thesis's rules, or anywhere around them. A new
-        # node may be merged again.
+        # Merge pairs that one node can replace, at one of the thesis's positions or anywhere around active nodes. A
+        # new node may be merged again.
         around = cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
         lattice = cover.candidates(around, self._config.sight)
         candidates = np.vstack([*(place.xy[None] for place in self._places), lattice])
@@ -202,7 +202,7 @@ class Placement:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
     def _merge(self, pair: tuple[int, int], candidates: Places) -> int | None:
-        """Replace two nodes by one; return its id, or None if none of the candidates can replace both."""
+        """Replace two nodes by one node; return its id, or None if no node at a candidate can replace both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
@@ -220,7 +220,10 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
-        """(K, 2) positions that can replace two nodes: first the thesis's, then by the number of cells seen."""
+        """(K, 2) m, positions of nodes that can replace two nodes.
+
+        The thesis's positions come first; positions of either kind are sorted by the number of cells that are seen.
+        """
         sight = self._config.sight
         spare = self._config.max_uncovered_cells
         cell = self._cover.grid.cell
@@ -240,7 +243,7 @@ class Placement:
         return visible.places[good][np.lexsort([-seen, is_other])]
 
     def _label(self, xy: Place) -> Label:
-        """The label of a position (2,): that of the thesis's position there, if any, or else that of the ground."""
+        """The label of the thesis's position at ``xy``, (2,) m, or else the label of the ground there."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label

@@ -24,7 +24,7 @@ from pipeline.topological_map.passages import Passages
 from pipeline.topological_map.placement import Placement, thesis_places
 
 GraphKind = Literal["mst", "roadmap"]
-"""The graph used for planning: the thesis's minimum spanning tree, or this tree and loops that shorten detours."""
+"""The graph used for planning: the thesis's minimum spanning tree, or this tree and edges that shorten detours."""
 
 
 class TopologicalMap:
@@ -33,7 +33,7 @@ class TopologicalMap:
     Attributes:
         kind: kind of the graph used for planning.
         tree: the minimum spanning tree, a networkx graph of node ids with ``weight``, s, and ``length``, m.
-        graph: the graph used for planning: the tree itself, or the roadmap, whose loops may also have ``bends``.
+        graph: the graph used for planning: the tree itself, or the roadmap, whose other edges may have ``bends``.
     """
 
     def __init__(self, graph: GraphKind = "roadmap", *, config: TopologicalMapConfig = TopologicalMapConfig()):
@@ -90,7 +90,7 @@ class TopologicalMap:
         }
 
     def place(self, poses: Poses, moving: Mask) -> None:
-        """Move nodes and bends along with the keyframes that are ``moving`` (K,); :meth:`update` adapts them."""
+        """Move nodes and bends with the keyframes that are ``moving`` (K,); the next :meth:`update` adapts both."""
         self._set.place(self._places.at(poses), moving[self._places.keyframe])
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
@@ -126,7 +126,7 @@ class TopologicalMap:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
     def _reachable(self, paths: PosePaths) -> MaskLayer:
-        """Cells that the robot can reach; if it can reach no node, also those reachable from the nodes."""
+        """Cells that the robot can reach; if it can reach no node, also the cells reachable from the nodes."""
         places = [node.position for node in self.nodes.values()]
         if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable
@@ -134,11 +134,11 @@ class TopologicalMap:
 
 
 def collision_free_tree(free: nx.Graph) -> nx.Graph:
-    """The minimum spanning tree of the edges that meet no obstacle, one for each group of nodes that they connect.
+    """The minimum spanning trees of the edges that meet no obstacle, one tree for each connected group of nodes.
 
-    The thesis computes the tree of the complete graph, adds a huge number to the weight of each of its edges that
-    meets a wall, and repeats this until no edge meets one, which results in the same tree. Because all edges are
-    tested anyway, one pass over the free ones is enough.
+    The thesis computes the tree of the complete graph, adds a huge number to the weights of the tree's edges that
+    meet a wall, and repeats both steps until no edge of the tree meets a wall. The result is the same tree. Because
+    all edges are tested anyway, one pass over the free edges is enough.
 
     Args:
         free: graph of all nodes and of the edges that can be driven, with ``weight``.
@@ -147,15 +147,15 @@ def collision_free_tree(free: nx.Graph) -> nx.Graph:
 
 
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
-    """The tree, and enough other drives that no path is longer than ``max_detour`` times that over all drives.
+    """The tree with other drives, so that no path costs more than ``max_detour`` times the minimum over all drives.
 
     A greedy spanner (Althöfer et al. 1993) that starts with the tree: drives are considered in order of their weight,
-    and a drive is added if the current path between its ends is longer than ``max_detour`` times the drive.
+    and a drive is added if the cheapest path so far between its ends costs more than ``max_detour`` times its weight.
 
     Args:
         tree: graph of all nodes and some of the drives.
         drives: graph of all drives between these nodes, with ``weight``.
-        max_detour: maximum ratio of the lengths, at least 1.
+        max_detour: maximum ratio between the costs of paths, at least 1.
     """
     graph = tree.copy()
     row = {n: k for k, n in enumerate(graph)}

@@ -1,4 +1,4 @@
-"""Read QR codes and AprilTags in an image with OpenCV; the content of a code is only data and never acted upon."""
+"""Read QR codes and AprilTags in an image with OpenCV; the content of a code is stored but never acted upon."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ class CodeReader:
     def __init__(self, config: CodesConfig = CodesConfig()) -> None:
         """Use OpenCV's two decoders of QR codes, and its detector of tags.
 
-        The decoder based on ArUco takes a quarter of the other's time per image; the other one reads more rectified
+        The decoder based on ArUco takes a quarter of the other decoder's time per image, but it reads fewer rectified
         codes.
         """
         self._config = config
@@ -32,8 +32,9 @@ class CodeReader:
     def read(self, squares: SquareCandidates) -> list[Reading]:
         """The codes in an image, decoded ones first.
 
-        QR codes are searched for in the image and in rectified squares with as many changes of grey level as a code,
-        because decoders cannot read codes seen obliquely, or with modules smaller than about three pixels.
+        QR codes are searched for in the image, and in rectified squares whose grey levels change as much as those of
+        a code. In the image, decoders cannot read codes that are seen obliquely or whose modules are smaller than
+        about three pixels.
         """
         grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)
         pyramid, found = Pyramid(grey), [*self._read_tags(grey), *self._read_codes(self._in_images, grey)]
@@ -50,12 +51,12 @@ class CodeReader:
             yield Reading("april_tag", str(number), quad.reshape(4, 2).astype(np.float32), 1.0)
 
     def _read_codes(self, decoder: Any, grey: NDArray[np.uint8]) -> Iterator[Reading]:
-        """Codes, including those located but not decoded, which the robot should view from a shorter distance."""
+        """Codes, including undecoded ones, which the robot should view from a shorter distance."""
         for text, quad in _decoded(decoder, grey, self._config.min_area):
             yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else self._config.undecoded)
 
     def _may_be_code(self, patch: NDArray[np.uint8]) -> bool:
-        """Whether grey levels along the rows and columns of a patch change as much as those of a code."""
+        """Whether grey levels along the rows and columns of a patch change as much as in a code."""
         grey = patch.astype(np.float32) / np.iinfo(np.uint8).max
         changes = np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)])
         return bool(changes > self._config.changes)

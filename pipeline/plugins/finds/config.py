@@ -10,11 +10,11 @@ class SquaresConfig:
     """Criteria for outlines in an image that may be squares.
 
     Attributes:
-        max_pixels: maximum size of an image, pixels; larger images are shrunk, so that they take about as long as
-            one of 1600 × 1200 pixels.
+        max_pixels: maximum number of pixels in an image; larger images are shrunk, so that they take about as long
+            as an image of 1600 × 1200 pixels.
         min_side: minimum side of a sign that can be recognised, pixels.
-        small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
-            compared with, pixels.
+        small_window, window: sides of the square neighbourhoods with whose mean brightness or saturation a pixel is
+            compared, pixels.
         contrast: offset of the thresholds below and above the mean, in levels from 0 to 255.
         saturation_offset: offset above the mean saturation beyond which a pixel is coloured, in levels from 0 to 255.
         hue_step: step from one colour mask to the next, 256ths of the circle of hues.
@@ -23,11 +23,11 @@ class SquaresConfig:
         faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
         tolerances: maximum errors of the polygon that approximates an outline, as fractions of the outline's length,
             tried in turn until the polygon has at most four corners.
-        filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
-        max_side_ratio: maximum ratio of two sides, which is that of a square seen at 70° to its normal.
+        filled: minimum ratio of the smaller to the larger of two areas: the quadrilateral and its outline's hull.
+        max_side_ratio: maximum ratio of two sides; the default corresponds to a square seen at 70° to its normal.
         oblong: ratio of two sides above which signs are expected side by side only along the longer side.
-        same: maximum difference between the centres and sizes of outlines of the same square, as a fraction of the
-            diagonal.
+        same: difference between the centres and sizes of two outlines below which they are outlines of the same
+            square, as a fraction of the diagonal.
         smallest, largest: minimum and maximum side of signs and codes, m, checked where the depth is known; the
             leagues' signs are up to 0.3 m wide.
     """
@@ -58,8 +58,9 @@ class HazmatConfig:
 
     Attributes:
         confidence: minimum confidence of a sign, exclusive.
-        prior_odds_ratio: odds of a sign among the training patches, divided by those among the squares of a camera's
-            image; chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
+        prior_odds_ratio: odds of a sign among the training patches, divided by the odds of a sign among the squares
+            of an image. The default was chosen with other weights, on the photos of boards and rooms on which the
+            results are reported.
         alike: minimum intersection over union of squares that vote on a sign's class.
         sizes: scales of a square's outline over which probabilities are averaged, because outlines are inexact.
     """
@@ -77,7 +78,8 @@ class CodesConfig:
     Attributes:
         checked_side: side of a rectified square that is checked for the modules of a code, pixels.
         changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
-            range. Half of the 21 modules of the smallest code differ from the one before: 10 changes of 30%.
+            range. Half of the 21 modules of the smallest code differ from the module before, so the default
+            corresponds to 10 changes of 30%.
         read_side: side of a rectified square that is decoded, pixels; at least three per module up to version 10.
         min_area: minimum area of a code, square pixels.
         undecoded: confidence of a code that was located but not decoded; the robot views it from a shorter distance.
@@ -100,7 +102,7 @@ class ShapesConfig:
         hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
         min_saturation: saturation, out of 255, above which a pixel of such a hue is red.
         spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations; 97%
-            of the objects are less than two above the median.
+            of objects are less than two standard deviations above the median.
         confidence: minimum confidence of an object, exclusive.
     """
 

@@ -13,11 +13,11 @@ from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, rectified
 from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
 
 SIGN = "hazmat_sign"
-SIGN_SIDE = 96  # Side of a patch, pixels; the sign takes up 80% of it, so that a letter of a word has ten pixels
+SIGN_SIDE = 96  # Side of a patch, pixels; the sign covers 80% of the side, so that a letter of a word has ten pixels
 
 
 class HazmatReader:
-    """Finds hazmat signs in any orientation, and their classes."""
+    """Finds and classifies hazmat signs in any orientation."""
 
     def __init__(self, network: PatchNetwork, config: HazmatConfig = HazmatConfig()):
         """Read with a trained network."""
@@ -55,7 +55,7 @@ class HazmatReader:
     def _signs(
         self, quads: NDArray[np.float32], chances: NDArray[np.float32]
     ) -> Iterator[tuple[Pixels, float, NDArray[np.float32]]]:
-        """The best square of each sign, its confidence, and the class shares, on which similar squares vote too."""
+        """The best square of each sign, the sign's confidence, and its class shares among similar squares."""
         config, left = self._config, list(chances[:, -1].argsort(kind="stable"))
         while left and (sure := float(self._sign_probability(chances[left[0], -1]))) > config.confidence:
             best, *others = left
@@ -65,5 +65,5 @@ class HazmatReader:
             left = [k for k in others if not is_same(quads[best], quads[k])]
 
     def _sign_probability(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Probability of a sign by Bayes' rule, given the network's probability that there is none."""
+        """Probability of a sign by Bayes' rule, given the network's probability ``no_sign`` that there is no sign."""
         return np.asarray((1 - no_sign) / (1 - no_sign + self._config.prior_odds_ratio * no_sign), np.float32)

@@ -55,12 +55,12 @@ class PatchNetwork(nn.Sequential):
 def _to_input(patches: NDArray[np.uint8]) -> Tensor:
     """(N, channels, H, W) float32 from (N, H, W, channels) uint8 patches.
 
-    Each patch's colours are standardised to zero mean and about unit variance; a relief is scaled to 0 to 1.
+    Each patch's colours are standardised to zero mean and about unit variance; its relief is scaled to [0, 1].
     """
     images = torch.from_numpy(np.ascontiguousarray(patches)).permute(0, 3, 1, 2).float()
     colours, relief = images[:, :3], images[:, 3:]
     mean = colours.mean((1, 2, 3), keepdim=True)
-    # Several times as fast as PyTorch's std; the squares are small enough for float32.
+    # This is several times as fast as PyTorch's std, and the squared differences are small enough for float32.
     deviation = ((colours - mean).square_().mean((1, 2, 3), keepdim=True)).sqrt_()
     evened = (colours - mean) / (deviation + 1)
     return torch.cat([evened, relief / np.iinfo(np.uint8).max], 1)

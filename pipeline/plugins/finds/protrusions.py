@@ -21,7 +21,7 @@ from pipeline.tracks.likelihood import SPREAD, THINNEST
 
 @dataclass(frozen=True)
 class Sizes:
-    """Limits of the sizes of bottles' and levers' regions, m or m².
+    """Limits on the size of a region that may be a bottle or a lever, m or m².
 
     Attributes:
         relief: median height by which a bottle stands out, which is its width.
@@ -137,8 +137,8 @@ def _is_red(rgb: Rgb, config: ShapesConfig) -> PixelMask:
 
 
 def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> list[NDArray[np.int64]]:
-    """(N, 2) rows and columns of each connected region that is as large as objects may be."""
-    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's own shifts the mask by a pixel
+    """(N, 2) rows and columns of the pixels of each connected region whose size is within the limits."""
+    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's opening shifts the mask by a pixel
     clean = cv2.dilate(cv2.erode(mask.astype(np.uint8), pair), pair, anchor=(0, 0))
     count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
     away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]

@@ -1,4 +1,4 @@
-"""Find squares in an image, such as those that signs are printed on, as outlines with four corners."""
+"""Find squares in an image, such as printed signs, as outlines with four corners."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,7 +11,7 @@ from pipeline.plugins.finds.config import SquaresConfig
 
 
 def find_quads(rgb: Rgb, config: SquaresConfig) -> NDArray[np.float32]:
-    """(N, 4, 2) corners, pixels, clockwise, of the possible squares in an image, each once."""
+    """(N, 4, 2) pixels, corners, clockwise, of the possible squares in an image, without duplicates."""
     found = [quad for mask in _masks(rgb, config) for quad in _quads_of(mask, config)]
     quads = np.array(found, np.float32).reshape(-1, 4, 2)
     quads = quads[_distinct(quads, config.same)]
@@ -71,7 +71,7 @@ def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels
 
 
 def _large(contours: Sequence[cv2.typing.MatLike], min_side: int) -> Iterator[cv2.typing.MatLike]:
-    """The contours (N, 1, 2) at least ``min_side`` pixels wide and high, which in a noisy image are one in 300."""
+    """The contours (N, 1, 2) at least ``min_side`` pixels wide and high; in a noisy image, one in 300 is so large."""
     if not contours:
         return
     begins = np.cumsum([0, *map(len, contours[:-1])])
@@ -95,7 +95,7 @@ def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
 
 
 def _distinct(quads: NDArray[np.float32], same: float) -> NDArray[np.intp]:
-    """Indices of the quadrilaterals without repetitions of earlier ones, whichever corner comes first."""
+    """Indices of the quadrilaterals that do not repeat an earlier one, whichever corner comes first."""
     kept: list[int] = []
     for k, quad in enumerate(quads):
         others = quads[kept]

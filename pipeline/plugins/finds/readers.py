@@ -1,4 +1,4 @@
-"""All readers of finds combined, which extract the readings from a frame."""
+"""All readers of finds, combined to extract the readings from a frame."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +25,7 @@ class FindReaders:
     """
 
     def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
-        """Combine a reader of hazmat signs and one of extinguishers and levers with a reader of codes."""
+        """Combine a reader of hazmat signs and a reader of extinguishers and levers with a reader of codes."""
         self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
         self._config, self.kinds = config, config.kinds
 

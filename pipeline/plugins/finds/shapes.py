@@ -1,4 +1,4 @@
-"""Recognise fire extinguishers and door levers: regions that stand out are classified by colour and relief."""
+"""Recognise fire extinguishers and door levers: regions that stand out or are red are classified by a network."""
 
 from pathlib import Path
 

@@ -74,10 +74,10 @@ def _bounded(rgb: NDArray[np.uint8], max_pixels: int) -> tuple[Rgb, float]:
 
 
 class Pyramid:
-    """An image pyramid: each level halves the one before, and is made when it is first used."""
+    """An image pyramid; each level halves the previous level, and is computed when it is first used."""
 
     def __init__(self, image: NDArray[np.uint8]):
-        """The pyramid of an (H, W, ...) image."""
+        """Start with an (H, W, ...) image as level 0."""
         self._levels = [image]
 
     def __getitem__(self, level: int) -> NDArray[np.uint8]:

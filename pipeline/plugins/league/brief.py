@@ -9,7 +9,7 @@ from pipeline.errors import InputError
 
 HANDED_IN = "handed_in"  # Folder of the files, in the folder of the run
 Task = Literal["explore", "find", "home", "park"]
-"""Map the arena, report what is in it, return to the start in time, end next to living victims."""
+"""A task: map the arena, report the finds in it, return to the start in time, or end next to living victims."""
 DEFAULT_START = datetime.fromisoformat("2026-01-26T14:30:00")
 """Start of a mission whose brief names none; it is fixed so that the same seed gives the same files."""
 
@@ -25,12 +25,13 @@ class Rewards:
         teleoperated, autonomous: factors on the points of teleoperated and of autonomous runs, Rescue Robot League
             2026D.
         beta: weight of the portals in the score, Virtual Robot 2022; set by the map's designer between 0.1 and 1.
-        reading: points for each code read, small league 2026.
+        reading: points for each code that is read, small league 2026.
         placed: additional points for a code whose distances on the map are correct, small league 2026.
         near_fiducials: maximum error of these distances, m, small league 2026.
         reading_alone: factor on the points of a run in which nobody drives the robot, small league 2026.
         alpha: difficulty of the map, Virtual Robot 2022; set by the map's designer between 0.1 and 2.
-        beside: maximum distance of a mark or robot from the victim to which it is credited, m, Virtual Robot 2022.
+        beside: maximum distance between a victim and a mark or robot that is credited to the victim, m, Virtual Robot
+            2022.
     """
 
     detection: float = 1.0
@@ -112,7 +113,7 @@ class MissionBrief:
 
     @property
     def cloud_name(self) -> str:
-        """File name of the 3D map; assumed to be like that of the 2D map, as the summary of the rules gives none."""
+        """File name of the 3D map, by analogy with the 2D map, because the summary of the rules gives no name."""
         return f"{self.stem}.ply"
 
     @property

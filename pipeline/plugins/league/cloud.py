@@ -18,7 +18,7 @@ from pipeline.transforms import inverse, transform_points
 
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
-"""Type of each property; that ``confidence`` is between 0 and 1 is an assumption."""
+"""Type of each property. It is an assumption that ``confidence`` is between 0 and 1."""
 WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
 ALIASES = {"float32": "float", "uint8": "uchar"}
 COMMENTS = ("team", "start time", "mission")
@@ -39,7 +39,7 @@ class CloudFile:
     errors: list[str] = field(default_factory=list)
 
     def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
-        """(N, 3) positions, m, or the columns with other names; no rows if a column is missing."""
+        """(N, K) values of the columns ``names``, by default positions, m; no rows if a column is missing."""
         if not all(name in self.columns for name in names):
             return np.zeros((0, len(names)))
         return np.stack([self.columns[name] for name in names], axis=1)
@@ -62,7 +62,7 @@ def write_cloud(
         brief: the mission's brief, which supplies the comments.
         points: points on surfaces.
         colours: (N, 3) RGB.
-        cameras: positions of the camera; each normal points towards the nearest one.
+        cameras: positions of the camera; each normal points towards the nearest position.
         metric_map: the confidence of a point is the probability that its voxel of this map is occupied.
         T_map_league: pose of the league's frame.
         neighbours: number of neighbours from which a point's normal is estimated.
@@ -95,7 +95,7 @@ def _normals(points: Points, cameras: Places, neighbours: int) -> Directions:
     small_gicp.estimate_normals(cloud, num_neighbors=neighbours)
     normals: Directions = cloud.normals()[:, :3]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    # A point with too few neighbours has no normal; any will do, such as one that points up.
+    # A point with too few neighbours has no normal and gets an arbitrary one, which points up.
     normals = np.where(length > 0, normals / np.maximum(length, np.finfo(float).tiny), [0.0, 0.0, 1.0])
     _, nearest = cKDTree(cameras).query(points)
     away = ((cameras[nearest] - points) * normals).sum(axis=1, keepdims=True) < 0
@@ -150,7 +150,7 @@ def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
 
 
 def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
-    """Read the vertices into the columns, or note the error in them."""
+    """Read the vertices into the columns, or note an error if the vertices are invalid."""
     rows = lines[:count]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))

@@ -14,7 +14,7 @@ from pipeline.tracks.find import Find
 from pipeline.transforms import inverse, transform_points
 
 CODES_ENDING = "-codes.json"
-"""Ending of the file name; the format is sarsim's own, as the rule book requires a file but specifies none."""
+"""Ending of the file name. The format is sarsim's own, because the rule book specifies no format for this file."""
 QR_CODE = "qr_code"
 EXAMPLE = '{"text": "A", "position": [1.0, 2.0, 0.5], "autonomous": true}'
 
@@ -35,7 +35,7 @@ class ReadCode:
 
 
 def codes_among(finds: Iterable[Find], T_map_league: Pose) -> list[ReadCode]:
-    """The most confident QR code of each text among finds, positioned in the frame with the pose ``T_map_league``."""
+    """For each text, the most confident QR code among finds; ``T_map_league``: pose of the frame of its position."""
     kept: dict[str, ReadCode] = {}
     for find in sorted(finds, key=lambda find: -find.confidence):
         if find.kind == QR_CODE and find.text not in kept:

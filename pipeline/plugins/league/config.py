@@ -14,9 +14,9 @@ class ValidationConfig:
             arena of 1 m exceeds the maximum.
         around: horizontal distance from the origin of a point cloud within which floor is expected, m.
         lowest_share: quantile of the heights of the points around the origin that is taken as the floor.
-        floor: maximum error of the floor's height, m, which is the size of a voxel.
+        floor: maximum error of the floor's height, m; the default is the size of a voxel.
         unit: maximum error of the length of a normal.
-        rarest: minimum fraction of the pixels along the image's border that each grey of the checkerboard must have.
+        rarest: minimum fraction of the pixels along the image's border for each grey of the checkerboard.
     """
 
     smallest: float = 1.0
@@ -33,16 +33,17 @@ class InspectionConfig:
     """When a keyframe has shown a wall well enough, and from where the other walls are inspected.
 
     Attributes:
-        square: side of the image squares that are tested as pieces of wall, depth pixels.
+        square: side of the squares of a depth image that are tested as pieces of wall, pixels.
         flatness: RMS distance of points from their plane above which a piece is rejected, in standard deviations of
             the depth.
         upright: maximum vertical component of a piece's normal.
-        highest: maximum height of a piece above the ground, m; signs and other finds hang no higher.
+        highest: maximum height of a piece above the ground, m, because signs and other finds hang no higher.
         sign: side of a typical sign, such as the hazmat signs that the leagues print, m.
         readable: minimum width of such a sign in the image for it to be readable, pixels.
-        standoff: distance from a wall to the points that represent it, m. The points on its two sides are then
-            farther apart than ``spacing``.
-        spacing: spacing of these points, m; a point this close to one that was read or aimed at needs no inspection.
+        standoff: distance from a wall to the points in front of it that represent its pieces, m. Points on the two
+            sides of a wall are then farther apart than ``spacing``.
+        spacing: spacing of these points, m; a point within this distance of a point that was readable or aimed at
+            needs no inspection.
         depth: length in front of a wall over which a line of sight is not checked, m.
         beside_camera: length at the camera over which a line of sight is not checked, m, because the robot will be
             there.
@@ -71,7 +72,7 @@ class LeagueConfig:
     Attributes:
         normal_neighbours: number of neighbours from which a point's normal is estimated.
         validation: tolerances of the validation.
-        inspection: inspection of walls after exploration.
+        inspection: settings of the inspection of walls after exploration.
     """
 
     normal_neighbours: int = 20

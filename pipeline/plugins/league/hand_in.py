@@ -1,4 +1,4 @@
-"""Submit a mission: write the leagues' files from the maps and finds at the end of a run."""
+"""Write the files that the leagues require, from the maps and finds at the end of a run."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -101,7 +101,7 @@ def league_frame(T_map_start: Pose, front: float) -> Pose:
 
 
 def _surface(semantic_map: SemanticMap, metric_map: MetricMap) -> tuple[Points, NDArray[np.uint8]]:
-    """Points and their colours (N, 3): of the semantic map or, if it is empty, of the occupied voxels."""
+    """(N, 3) m, points of the semantic map or, if it is empty, of the occupied voxels, and (N, 3) their colours."""
     if len(semantic_map):
         return semantic_map.points(), COLOURS[semantic_map.labels()]
     centres = metric_map.occupied_centres()

@@ -88,7 +88,10 @@ class Inspection(Strategy):
         """Do nothing, because the keyframes store their own observations."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The pose reached soonest from which signs on a remaining wall are readable; None if there is none."""
+        """The pose, of all poses from which signs on a remaining wall are readable, that the robot reaches soonest.
+
+        None if there is no such pose.
+        """
         left = self._left(context)
         paths = context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
@@ -121,7 +124,7 @@ class Inspection(Strategy):
         self._aimed.append(AnchoredPlaces.anchored(aimed, context.poses, len(context.poses) - 1))
 
     def _is_free(self, camera: Place, point: Place) -> bool:
-        """Whether nothing is between a camera and a point on a wall."""
+        """Whether the line of sight between a camera and a point on a wall is free."""
         free = self._walls.depth, self._walls.beside_camera
         return bool(self._map.are_free_along(camera[None], point, cKDTree(point[None]), *free)[0])
 
@@ -140,7 +143,10 @@ class Inspection(Strategy):
         return left.where(first)
 
     def _shows(self, walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
-        """(N, M) whether signs on N pieces are readable and not too close from positions (M, 3) on the ground, m."""
+        """(N, M) whether a sign on each of N pieces is readable and not too close to a camera above each position.
+
+        ``places``: (M, 3) m, positions on the ground.
+        """
         cameras = places + _height(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
         return far & (walls.sides_from(cameras, frame) >= self._walls.readable)
@@ -157,7 +163,7 @@ def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> Wall
 
 
 def _height(frame: Frame) -> Place:
-    """Offset from the ground up to a camera, (3,) m."""
+    """(3,) m, offset of a frame's camera from the robot's position on the ground."""
     return np.array([0.0, 0.0, frame.T_base_camera[2, 3]])
 
 
@@ -168,7 +174,7 @@ def _bearings(walls: WallPieces, places: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _squares(points: NDArray[np.float32], side: int) -> NDArray[np.float64]:
-    """(N, S², 3) the squares of S × S points of an image (H, W, 3), m, without squares that lack a return."""
+    """(N, S², 3) m, the squares of S × S points in an image (H, W, 3) of points; every point must be a return."""
     h, w = points.shape[0] // side, points.shape[1] // side
     parts = points[: h * side, : w * side].reshape(h, side, w, side, 3).swapaxes(1, 2).reshape(h * w, side**2, 3)
     return parts[(parts[..., 2] > 0).all(axis=1)].astype(np.float64)

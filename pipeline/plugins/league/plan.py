@@ -89,7 +89,7 @@ def draw_league_map(
     )
     _draw_ground(league_map, ground, T_map_league)
     _draw_start(league_map, driven[0])
-    # Drawn over the start, because the path of a robot that could not leave its start is a dot there.
+    # The path is drawn over the start, because it is only a dot there if the robot could not leave its start.
     line = league_map.pixel_of(driven)[:, None].astype(np.int32)
     cv2.polylines(league_map.image, [line], False, MAP_COLOURS["path"], pixels("path"))
     for poi in pois:
@@ -137,14 +137,14 @@ def _draw_ground(league_map: LeagueMap, ground: SearchedGround, T_map_league: Po
 
 
 def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """(nx, ny) greys of the confidence, from ``searched`` to ``text``, 0 where nothing is known; and walls."""
+    """(nx, ny) greys of the confidence, from ``searched`` to ``text``, or 0 on unknown ground; and (nx, ny) walls."""
     (least, *_), (most, *_) = MAP_COLOURS["searched"], MAP_COLOURS["text"]
     greys = np.rint(least + (2 * ground.confidence - 1) * (most - least))
     return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
 
 
 def _as_seen(league_map: LeagueMap, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
-    """(H, W) values of a layer (nx, ny), whose grid is in ``map``, at a map's pixels; 0 outside the grid."""
+    """(H, W) values of a layer (nx, ny) at the pixels of a league map; 0 outside the layer's grid in ``map``."""
     pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
     x, y = league_map.corner + np.array([pixel, -pixel]) / 2
     of_pixels = np.array([[pixel, 0, x], [0, -pixel, y], [0, 0, 1]])
@@ -157,7 +157,7 @@ def _as_seen(league_map: LeagueMap, layer: NDArray[np.uint8], grid: Grid, T_map_
 
 
 def _draw_start(league_map: LeagueMap, start: Points) -> None:
-    """Draw an arrow that points up, at the robot's centre at the start."""
+    """Draw an arrow that points up, centred on the robot's start position."""
     x, y = league_map.pixel_of(start).tolist()
     half = pixels("arrow", 0.5)
     side = half // 2
@@ -166,7 +166,7 @@ def _draw_start(league_map: LeagueMap, start: Points) -> None:
 
 
 def _draw_find(league_map: LeagueMap, poi: PointOfInterest) -> None:
-    """Draw a tag as a disc with its number, other finds as a diamond with the first two letters of the name."""
+    """Draw a tag as a disc with its number, or another find as a diamond with the first two letters of its name."""
     x, y = league_map.pixel_of(poi.position).tolist()
     if poi.type == "ar_code":
         radius, text = pixels("disc", 0.5), poi.name
@@ -180,7 +180,7 @@ def _draw_find(league_map: LeagueMap, poi: PointOfInterest) -> None:
 
 
 def _draw_scale(league_map: LeagueMap, title: str) -> None:
-    """Draw the file's name at the top left; the scale and the axes, x up and y left, at the top right."""
+    """Draw the file's name at the top left, and the scale and the axes, with x up and y left, at the top right."""
     letter, right, axis = pixels("title"), league_map.image.shape[1] - pixels("margin", 0.5), pixels("axis")
     _write(league_map, (letter, 2 * letter), title, letter, "file_name")
     first = right - pixels("scale")
@@ -193,5 +193,5 @@ def _draw_scale(league_map: LeagueMap, title: str) -> None:
 
 
 def _write(league_map: LeagueMap, at: tuple[int, int], text: str, height: float, element: str) -> None:
-    """Write a text with capitals of a height, pixels, in exactly the colour that the rules give to the element."""
+    """Write a text with capitals ``height`` pixels high, in exactly the colour that the rules give to the element."""
     write(league_map.image, at, text, height / CAPITALS, MAP_COLOURS[element], is_smooth=False)

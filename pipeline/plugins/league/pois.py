@@ -23,7 +23,7 @@ TYPE_OF = {
     "heat": "heat_sig",
     **dict.fromkeys(("victim", "fire_extinguisher", "door_lever"), "real_object"),
 }
-"""The league's type for each kind of find; QR codes have none. That victims are objects is an assumption."""
+"""The league's type for each kind of find; QR codes have no type. It is an assumption that victims are objects."""
 POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
 MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
@@ -44,7 +44,7 @@ class PointOfInterest:
         type: one of ``POI_TYPES``.
         name: number of a tag, class of a sign, or kind of an object.
         position: position in the frame of the 3D map, m.
-        robot: name of the robot that found it.
+        robot: name of the robot that made the find.
         mode: a key of ``MODES``.
     """
 

@@ -178,7 +178,7 @@ def _longest_run(mask: PixelMask) -> int:
 
 
 def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[str]:
-    """Errors in the elements, which are recognised by their colours."""
+    """Errors about missing or misplaced elements, which are recognised by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
             yield f"no {element.replace('_', ' ')}: no pixel has the colour RGB {MAP_COLOURS[element]}"

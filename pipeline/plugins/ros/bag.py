@@ -1,4 +1,4 @@
-"""Write a ROS 2 bag: a folder with metadata.yaml and an MCAP file, for ``ros2 bag play`` and Foxglove."""
+"""Write ROS 2 bags, which are folders with metadata.yaml and an MCAP file, for ``ros2 bag play`` and Foxglove."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.plugins.ros.messages import nanoseconds, type_of
 
 LATCHED = ("/tf_static", "/map", "/camera/color/camera_info", "/camera/depth/camera_info", "/camera/transform")
-"""Topics whose last message is also delivered to listeners that join later."""
+"""Topics whose last message is also delivered to subscribers that join later."""
 
 
 class Bag(ExitStack):
@@ -22,7 +22,8 @@ class Bag(ExitStack):
         """Start a bag in a new folder.
 
         Raises:
-            InputError: the folder already exists or cannot be written. Later calls raise it too if writing fails.
+            InputError: the folder already exists or cannot be written. The other methods also raise this error if
+                writing fails.
         """
         super().__init__()
         self.path = path
@@ -34,7 +35,7 @@ class Bag(ExitStack):
         self.callback(self._finish)
 
     def write(self, topic: str, time: float, message: Message) -> None:
-        """Add a message that was sent at ``time``, s."""
+        """Write a message that was sent at ``time``, s."""
         name = type_of(message)
         with self._writing():
             if topic not in self._connections:
@@ -59,7 +60,7 @@ class Bag(ExitStack):
 
 
 def _latched() -> Qos:
-    """The quality of service of a topic whose last message is kept; other topics have ROS's default."""
+    """The quality of service of a topic whose last message is kept; other topics use ROS's default."""
     unlimited = QosTime(0, 0)
     return Qos(
         QosHistory.KEEP_LAST,

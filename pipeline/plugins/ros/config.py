@@ -11,10 +11,11 @@ class Nav2Config:
     """Parameters of drives performed by a robot's Nav2 stack.
 
     Attributes:
-        patience: time that a drive may take in addition to the time for its path, s, because Nav2 may wait, back up
-            and try again.
-        min_speed: mean speed along the planned path below which a drive is given up, m/s.
-        moved, turned: minimum change of a goal in ``odom``, after a correction of the map, for which the goal is sent
+        patience: time that a drive may take in addition to the time for its path, s; Nav2 may wait, back up and try
+            again.
+        min_speed: assumed minimum of the mean speed along the planned path, m/s, from which the time for the path is
+            computed.
+        moved, turned: change of a goal in ``odom``, after a correction of the map, beyond which the goal is sent
             again, m and rad.
         braking: maximum time that a robot takes to stop, s.
     """
@@ -33,21 +34,21 @@ class LiveConfig:
     Attributes:
         discovery: time within which nodes on one machine discover each other and acknowledge messages, s.
         idle: maximum time between two calls of a node's ``idle``, s.
-        odometry_queue: number of messages of a topic that are queued while a program computes, and of odometry poses
-            that are kept; enough for a few seconds of odometry.
-        queue: number of messages of a topic that are queued for a subscriber, which is ROS's default, and of images
-            that are kept.
-        min_speed, min_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
+        odometry_queue: number of messages that are queued per subscribed topic while the pipeline computes, and
+            number of odometry poses that are kept; enough for a few seconds of odometry.
+        queue: number of messages that are queued per published topic, and number of images that are kept; the default
+            is ROS's.
+        min_speed, min_turn_rate: speed and turn rate up to which a robot may ignore commands, m/s and rad/s.
         min_distance, min_turn: minimum motion that shows that a robot follows commands, m and rad.
         min_period: minimum control period, s.
-        command_timeout: time on the robot's clock after which the robot is stopped if there is no new command,
-            because the pipeline is computing, s. A frame may be older than the newest odometry by half of this time.
+        command_timeout: time without a new command after which a robot is stopped because the pipeline is computing,
+            on the robot's clock, s. A frame may be older than the newest odometry by at most half of this time.
         starting: number of odometry messages from which their period is estimated.
-        trajectory: how long odometry is valid.
-        depth_range: nearest and farthest depth that the camera measures, m. None: those of the camera that topics or
-            frames name; if they name none, those of an Xtion are assumed, and no returns are left out.
-        depth_noise: standard deviation of depth at 1 m, m, which grows with the square of depth. None: that of the
-            camera that topics or frames name, or else of an Xtion.
+        trajectory: how long an odometry pose is valid.
+        depth_range: nearest and farthest depth that the camera measures, m; by default, the range of the camera that
+            topics or frames name. If they name no camera, an Xtion is assumed, and no returns are left out.
+        depth_noise: standard deviation of depth at 1 m, m, which grows with the square of depth; by default, the
+            noise of the camera that topics or frames name, or else of an Xtion.
         nav2: parameters of drives performed by a robot's Nav2 stack.
     """
 

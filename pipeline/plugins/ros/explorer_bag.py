@@ -18,7 +18,7 @@ class ExplorerBag(Bag, Sink):
     """A bag of a robot's sensor data and motions, and of the maps that an explorer builds from them.
 
     Attributes:
-        robot: the robot for the explorer to drive.
+        robot: the robot that the explorer drives, whose data are written to the bag.
         plugins: plug-ins that may have messages for the bag.
     """
 
@@ -35,9 +35,12 @@ class ExplorerBag(Bag, Sink):
         *,
         config: RosConfig = RosConfig(),
     ):
-        """Start a bag of a robot that navigates with the maps of ``mapper``; InputError if it cannot be written.
+        """Start a bag of a robot that navigates with the maps of ``mapper``.
 
-        The other arguments are those of :class:`ReportingRobot`.
+        The last three positional arguments are described at :class:`ReportingRobot`.
+
+        Raises:
+            InputError: the bag cannot be written.
         """
         super().__init__(path)
         topics = RobotTopics(self.write, images)
@@ -50,7 +53,7 @@ class ExplorerBag(Bag, Sink):
         self.plugins: Sequence[Plugin] = ()
 
     def on_motion(self, motion: Motion) -> None:
-        """Write the measurements of plug-ins' sensors."""
+        """Write the measurements of the plug-ins' sensors."""
         for plugin in self.plugins:
             for topic, time, message in plugin.measurements():
                 self.write(topic, time, message)

@@ -1,4 +1,4 @@
-"""Convert pipeline data to ROS 2 messages (Jazzy's types; units and frames as in REP 103, 105, 118), and back.
+"""Convert the pipeline's data to ROS 2 messages (Jazzy's types; units and frames as in REP 103, 105 and 118).
 
 Serialised messages are the same in a bag and on a network.
 """
@@ -52,7 +52,10 @@ def decode(data: bytes, name: str) -> Message:
 
 
 def time_of(data: bytes) -> float:
-    """The time, s, in the header at the start of a CDR message; the rest is not decoded, because images are large."""
+    """The time, s, in the header at the start of a message as CDR.
+
+    The rest of the message is not decoded, because images are large.
+    """
     return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
@@ -108,7 +111,7 @@ def transforms(time: float, links: Mapping[tuple[str, str], Pose]) -> Message:
 
 
 def transform(time: float, parent: str, child: str, T_parent_child: Pose) -> Message:
-    """A pose of one frame in another as geometry_msgs/TransformStamped."""
+    """The pose of a child frame in its parent frame as geometry_msgs/TransformStamped."""
     place = make("geometry_msgs/Transform", _vector(T_parent_child[:3, 3]), _quaternion(T_parent_child))
     return make("geometry_msgs/TransformStamped", header(time, parent), child, place)
 
@@ -203,7 +206,7 @@ def labelled_cloud(time: float, points: Points, labels: Labels) -> Message:
 
 
 def cloud(time: float, frame: str, columns: Mapping[str, NDArray]) -> Message:
-    """Values (N,) of points by the name of their field, x, y and z in m, as sensor_msgs/PointCloud2."""
+    """Points as sensor_msgs/PointCloud2; ``columns``: (N,) values by the name of the field, x, y and z in m."""
     layout = np.dtype([(name, values.dtype) for name, values in columns.items()])
     data = np.empty(len(next(iter(columns.values()))), layout)
     for name, values in columns.items():

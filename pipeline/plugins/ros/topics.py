@@ -19,9 +19,9 @@ from pipeline.plugins.ros.config import RosConfig
 from pipeline.robot import Motion, Velocity
 
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
-"""Depth in whole mm or in m (REP 118), and whether colour images are compressed."""
-Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
-STILL = 1e-6  # m, maximum change of the camera's pose that is not sent, because it may be a simulator's rounding
+"""Encoding of depth, in whole mm or in m (REP 118), followed by ``-jpeg`` if colour images are compressed."""
+Send = Callable[[str, float, Message], None]  # Function that takes a topic, the time in s and a message
+STILL = 1e-6  # m, maximum change of the camera's pose that is not sent, because a simulator may have rounded the pose
 
 
 class RobotTopics:
@@ -47,13 +47,13 @@ class RobotTopics:
             self._send("/camera/color/image_raw", time, messages.image(time, "rgb8", frame.rgb))
         if frame.label is not None:
             self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
-        # The depth image is sent last, so that listeners have the others when it arrives.
+        # The depth image is sent last, so that listeners have all other messages when it arrives.
         metres = np.where(frame.returns, frame.depth, 0).astype(np.float32)
         pixels = metres if self._depth_encoding == "32FC1" else frame.millimetres
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
     def odometry(self, odometry: OdometrySample) -> None:
-        """Send the robot's pose from its odometry, the pose of ``odom`` in ``map``, and the true pose, if known."""
+        """Send the odometry and, if they are known, the pose of ``odom`` in ``map`` and the robot's true pose."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
         links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
@@ -62,7 +62,7 @@ class RobotTopics:
             self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
 
     def motion(self, motion: Motion, command: Velocity | None = None) -> None:
-        """Send a control period's inertial measurements, the time, and the command unless it came as a message."""
+        """Send the time and the inertial measurements of a motion and, if given, the command."""
         self._send("/clock", motion.time, messages.clock(motion.time))
         if command is not None:
             self._send("/cmd_vel", motion.time, messages.velocity(command))

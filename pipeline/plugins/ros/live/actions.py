@@ -1,4 +1,4 @@
-"""ROS actions: goals that another node pursues until it ends them."""
+"""ROS actions, whose goals another node pursues until they end."""
 
 from enum import Enum
 from importlib import import_module
@@ -10,7 +10,7 @@ from pipeline.plugins.ros.messages import encode, type_of
 
 
 class GoalEnd(Enum):
-    """How a goal ended; the numbers are those of action_msgs/GoalStatus, which has none for a rejected goal."""
+    """How a goal ended, with the numbers of action_msgs/GoalStatus, which has no number for a rejected goal."""
 
     REJECTED = 0
     SUCCEEDED = 4
@@ -27,7 +27,7 @@ class ActionGoal:
     """
 
     def __init__(self, answer: Any):
-        """Follow a goal; ``answer`` is rclpy's future of its handle."""
+        """Track a goal; ``answer``: rclpy's future of the goal's handle."""
         self.end: GoalEnd | None = None
         self.why = ""
         self._handle: Any = None
@@ -35,7 +35,7 @@ class ActionGoal:
         answer.add_done_callback(self._take_answer)
 
     def cancel(self) -> None:
-        """Ask the other node to cancel the goal, now or as soon as it has accepted it."""
+        """Ask the other node to cancel the goal, at once or as soon as that node has accepted the goal."""
         was_cancelled, self._is_cancelled = self._is_cancelled, True
         if self._handle is not None and self.end is None and not was_cancelled:
             self._handle.cancel_goal_async()
@@ -67,7 +67,7 @@ class Action:
         self._client, self._kind = client, kind
 
     def send(self, **fields: Message) -> ActionGoal:
-        """Send a goal with messages as its fields; it replaces a goal that is being pursued."""
+        """Send a goal, which replaces any goal that is being pursued; ``fields``: messages by the goal's field."""
         goal = self._kind.Goal()
         deserialize = import_module("rclpy.serialization").deserialize_message
         for name, message in fields.items():

@@ -1,7 +1,7 @@
 """A robot that its own Nav2 stack drives: viewpoints are goals of NavigateToPose, and no velocities are sent.
 
-Goals are given in the robot's ``odom`` frame, in which the pose of the pipeline's ``map`` is known, because Nav2's
-transforms contain ``odom`` whether or not Nav2 has a map.
+Goals are given in the robot's ``odom`` frame, because Nav2's transforms contain ``odom`` whether or not Nav2 has a
+map. The pipeline knows the pose of ``odom`` in its own ``map``.
 """
 
 import logging
@@ -25,11 +25,11 @@ from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 _log = logging.getLogger(__name__)
 NAVIGATE, KIND = "navigate_to_pose", "nav2_msgs/action/NavigateToPose"
 STATUS = "/_action/status"
-"""Suffix that turns the name of an action into that of its server's status topic."""
+"""Suffix that turns the name of an action into the name of its status topic."""
 ENDS = {Verdict.DONE: Outcome.DONE, Verdict.UNSURE: Outcome.UNSURE, Verdict.SPINNING: Outcome.STUCK}
-"""How a drive ends for each verdict after which it must not, or need not, continue."""
+"""Outcome of a drive for each verdict after which the drive must not, or need not, continue."""
 LATEST = 0.0
-"""Time stamp of goals, s, with which Nav2 uses the latest transform."""
+"""Timestamp of goals, s, for which Nav2 uses the latest transform."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,7 +55,7 @@ class Nav2Robot(RosRobot):
         return None if end is None else end is GoalEnd.SUCCEEDED
 
     def stop(self) -> None:
-        """End the drive, and wait briefly until Nav2 confirms this."""
+        """End the drive, and wait briefly for Nav2 to confirm the end."""
         super().stop()
         if (goal := self._goal) is not None:
             self._node.wait(lambda: goal.end is not None, self._config.discovery)
@@ -78,7 +78,7 @@ class Nav2Robot(RosRobot):
         return next((name for name in self._names() if self._node.publishers(name + STATUS)), "")
 
     def _names(self) -> list[str]:
-        """The names that the action may have: in the namespace of the odometry, or one that contains it."""
+        """The possible names of the action, in the namespace of the odometry and in its parent namespaces."""
         spaces = f"/{self.topics.odom.strip('/')}".split("/")[:-1]
         return ["/".join([*spaces[:depth], NAVIGATE]) for depth in range(len(spaces), 0, -1)]
 
@@ -93,7 +93,7 @@ class Nav2Robot(RosRobot):
             self._goal = self._action.send(pose=pose)
 
     def _rest(self) -> None:
-        """Do nothing: Nav2 keeps the robot safe while the pipeline computes."""
+        """Do nothing, because Nav2 keeps the robot safe while the pipeline computes."""
 
     def why_ended(self) -> str:
         """How the newest goal ended, according to Nav2."""
@@ -142,7 +142,7 @@ class Nav2Navigator(Navigator):
         return outcome
 
     def _go_to(self, place: Place, length: float, send: Send) -> Outcome:
-        """Let Nav2 drive to x, y and heading in ``map`` along a path of ``length`` m."""
+        """Let Nav2 drive to ``place``, (3,) x, y and heading in ``map``; ``length``: length of the path, m."""
         command = GoTo(place=self._in_odom(place))
         latest = self._time + self._nav2.patience + length / self._nav2.min_speed
         while True:
@@ -166,7 +166,7 @@ class Nav2Navigator(Navigator):
         return Outcome.STUCK if self._time > latest else None
 
     def _in_odom(self, place: Place) -> Place:
-        """X, y and heading in ``map``, converted to ``odom``."""
+        """(3,) x and y, m, and heading, rad, converted from ``map`` to ``odom``."""
         x, y, heading = place
         T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
         return np.append(T[:2, 3], yaw_of(T))

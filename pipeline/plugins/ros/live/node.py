@@ -88,8 +88,8 @@ class RosNode:
     def advertise(self, topic: str, name: str) -> None:
         """Announce a topic of messages of the type ``package/msg/Name``, so that subscribers can connect.
 
-        Messages are sent reliably, which suits every subscriber, because with best effort, parts of images get lost
-        even on one machine.
+        Messages are published reliably, because parts of images get lost with best effort, even on one machine. Every
+        subscriber can receive reliable messages.
         """
         qos, kind = import_module("rclpy.qos"), interface(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
@@ -101,7 +101,7 @@ class RosNode:
 
         Args:
             topic: name of the topic; if no type is given, a node must already publish it.
-            take: called with the CDR of each message, in the listening thread, so it must not take long.
+            take: called in the listening thread with the CDR of each message; must return quickly.
             name: name of the type, ``package/msg/Name``.
 
         Raises:
@@ -137,7 +137,10 @@ class RosNode:
         return Action(client, found)
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
-        """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""
+        """Wait until a condition holds; False if it does not hold within ``seconds``.
+
+        The condition is checked after every message.
+        """
         end = self.now() + seconds
         with self.received:
             while not until():
@@ -161,7 +164,7 @@ class RosNode:
 
 
 def _rclpy() -> Any:
-    """rclpy, from a sourced installation of ROS 2 or from this environment."""
+    """The module rclpy, from a sourced installation of ROS 2 or from this environment."""
     filterwarnings("ignore", category=DeprecationWarning, module="lark")  # a parser that rclpy depends on
     try:
         return import_module("rclpy")

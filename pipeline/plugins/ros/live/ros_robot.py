@@ -57,7 +57,7 @@ class RosRobot:
                 twice this time.
             wait: additional wall-clock time in which a robot that is not yet on the network may start, s.
             on_motion: called with every motion; an exception that it raises ends the run.
-            config: time limits, and the slowest commands that a robot follows.
+            config: settings of robots on a network.
 
         Raises:
             InputError: a necessary topic, subscriber or transform is missing.
@@ -108,7 +108,7 @@ class RosRobot:
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
 
     def _missing_receivers(self) -> list[str]:
-        """The missing receivers of the robot's commands."""
+        """One text for each missing receiver of the robot's commands."""
         return [] if self._node.subscribers(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
@@ -117,7 +117,7 @@ class RosRobot:
         self._node.advertise(self.topics.cmd_vel, self._kind)
 
     def _subscribe_to_others(self) -> None:
-        """Listen to topics that not every robot has: inertial data, transforms, camera_info of the colour images."""
+        """Subscribe to topics that not every robot has: IMU, transforms and camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
         def places() -> list[str]:
@@ -145,7 +145,7 @@ class RosRobot:
         return f"; published instead: {', '.join(there)}; choose with the --topics flags" if there else ""
 
     def _sent(self, *kinds: str) -> list[str]:
-        """The topics on which messages of given types are sent."""
+        """The topics on which messages of given types are published."""
         return sorted(
             topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.publishers(topic)
         )
@@ -244,7 +244,7 @@ class RosRobot:
             raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")
 
     def _wait(self, until: Callable[[], bool]) -> None:
-        """Wait until messages fulfil a condition; if they do not in time, stop the robot and raise InputError."""
+        """Wait until messages fulfil a condition; if this takes too long, stop the robot and raise InputError."""
         if self._node.wait(until, self._patience):
             return
         self.stop()

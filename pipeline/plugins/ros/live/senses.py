@@ -22,7 +22,7 @@ from pipeline.plugins.ros.messages import decode, time_of
 from pipeline.robot import Motion
 from pipeline.sensor import SensorModel
 
-SETTINGS = "ros.live.depth_range", "ros.live.depth_noise"  # In a settings file
+SETTINGS = "ros.live.depth_range", "ros.live.depth_noise"  # Names in a settings file
 
 
 class SensorReceiver:
@@ -33,13 +33,13 @@ class SensorReceiver:
         info: the camera_info of the depth images.
         colour_info: the camera_info of the colour images; None if there is none.
         odom_frame: name of the frame in which the odometry is given.
-        T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry is received.
+        T_driven_base: pose of ``base_link``, which is on the ground, in the frame whose odometry is received.
         sensor: range and noise of the camera, set by :meth:`camera`; None if they are neither known nor given.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
     def __init__(self, half_width: float, config: LiveConfig):
-        """Start without messages; ``half_width`` is the distance from the robot's centre to its wheels, m."""
+        """Start without messages; ``half_width``: half the width of the robot's footprint, m."""
         self.frame_tree = FrameTree()
         self.info: Message | None = None
         self.colour_info: Message | None = None
@@ -74,7 +74,7 @@ class SensorReceiver:
         self.colour_info = self.colour_info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_odometry(self, data: bytes) -> None:
-        """Receive an Odometry; it is ignored if it is not newer than the last."""
+        """Receive an Odometry; it is ignored if its pose is invalid or it is not newer than the previous Odometry."""
         message = decode(data, "nav_msgs/msg/Odometry")
         time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
         T = pose_matrix(pose.position, pose.orientation)
@@ -84,7 +84,7 @@ class SensorReceiver:
             self._twist = np.array([twist.linear.x, twist.angular.z])
 
     def take_imu(self, data: bytes) -> None:
-        """Receive an Imu."""
+        """Receive an Imu; measurements that are not finite are ignored."""
         message = decode(data, "sensor_msgs/msg/Imu")
         self.imu_frame = message.header.frame_id
         felt = np.stack([vector_of(message.angular_velocity), vector_of(message.linear_acceleration)])
@@ -107,7 +107,7 @@ class SensorReceiver:
 
     @property
     def period(self) -> float:
-        """The median time between two odometry messages, s."""
+        """The median time between successive odometry messages, s."""
         return float(np.median(np.diff([time for time, _ in self._poses])))
 
     @property
@@ -132,8 +132,8 @@ class SensorReceiver:
         """The camera of the depth and colour images of two topics.
 
         Raises:
-            InputError: its intrinsics are missing or invalid, depth cannot be registered to colour, or the range or
-                the noise in the settings is invalid.
+            InputError: the camera's intrinsics are missing or invalid, depth cannot be registered to colour, or the
+                range or the noise in the settings is invalid.
         """
         of_depth, of_colour = (
             ImageSource(topic, info, info.header.frame_id if info else "")

@@ -1,4 +1,4 @@
-"""Names of a robot's topics, in a separate module, because ``--help`` needs nothing else."""
+"""Names of a robot's topics, in a separate module, because ``--help`` needs no other module of this package."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,8 @@ class TopicNames:
     """Names of a robot's topics.
 
     Attributes:
-        depth: topic of the depth images: 16UC1 (mm) or 32FC1 (m), raw or compressedDepth. Those not registered to
-            colour need transforms and a camera_info of the colour images.
+        depth: topic of the depth images: 16UC1 (mm) or 32FC1 (m), raw or compressedDepth. Images that are not
+            registered to colour need transforms and a camera_info of the colour images.
         color: topic of the colour images, raw or compressed.
         camera_info: topic of the intrinsics of the depth images.
         odom: topic of the odometry.

@@ -7,16 +7,17 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True, kw_only=True)
 class Confirmation:
-    """When a track is reported; each detection has a confidence from 0 to 1, and each miss a confidence of 0.
+    """Conditions for reporting a track; each detection has a confidence from 0 to 1, each miss a confidence of 0.
 
     Attributes:
-        confidence: the mean over detections and misses must exceed this; 0.5 means more likely real than not.
+        confidence: value that the mean confidence of detections and misses must exceed; 0.5 means more likely real
+            than not.
         evidence: minimum sum of the confidences.
         full_size: visible size of most objects of the kind, m; anything smaller may be part of another object.
         evidence_of_part: minimum sum of the confidences if less than ``full_size`` is seen.
         misses: maximum number of misses per detection, exclusive; None for no limit.
-        baseline: minimum distance between the two camera positions farthest apart, m, because from a single position,
-            the edge of an object may look like another object.
+        baseline: minimum distance between the two camera positions that are farthest apart, m. From a single
+            position, the edge of an object may look like another object.
     """
 
     confidence: float = 0.0
@@ -40,7 +41,7 @@ Extents = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class PeopleConfig:
-    """When a person is reported, and when a suspected one is looked at again.
+    """When a person is reported, and when a suspected person is looked at again.
 
     Attributes:
         confirmation: when a person is reported.
@@ -62,15 +63,15 @@ class ObjectConfig:
 
     Attributes:
         confirmation: when an object is reported.
-        across: width of the object that must be in the image when it is looked at again, m; by default, the width of
-            the largest signs.
+        across: width of the object that must be in the image when the object is looked at again, m; by default, the
+            width of the largest signs.
         readable: minimum side length at which signs and codes are reliably read, pixels; the default is two pixels
             per module of a small QR code.
         max_person_distance: maximum distance from a person at which a find belongs to that person, m.
         is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
         has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
             not decoded is not reported.
-        extents: median extents of each form of the kind, m; without any, the kind is not weighed against background.
+        extents: median extents of each form of the kind, m; a kind without extents is not weighed against background.
     """
 
     confirmation: Confirmation = Confirmation(confidence=0.5)

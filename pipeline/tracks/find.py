@@ -33,7 +33,7 @@ class Reading:
         kind: one of ``KINDS``, or a kind of a user's own reader.
         text: the class of a sign or the content of a code; empty if the text cannot be read, or if there is none.
         corners: corners of the outline.
-        confidence: 0 to 1.
+        confidence: confidence from 0 to 1.
     """
 
     kind: str
@@ -63,10 +63,10 @@ class Find:
         text: the class of a sign or the content of a code.
         position: position in ``map``.
         covariance: covariance of the position.
-        time_s: time at which it was first seen, s; NaN if in an earlier run.
-        confidence: 0 to 1.
-        photo: the photo that shows it best.
-        of_person: whether it is given off by a person on the map, like heat; its position is then the person's.
+        time_s: time at which the object was first seen in this run, s; NaN if only an earlier run saw the object.
+        confidence: confidence from 0 to 1.
+        photo: the photo that shows the object best.
+        of_person: whether the find is heat from a person on the map; its position is then the person's.
     """
 
     kind: str
@@ -86,7 +86,7 @@ def box_corners(box: tuple[float, float, float, float]) -> Pixels:
 
 
 def is_find_kind(kind: str) -> bool:
-    """Whether a name can be the kind of a find, including a user's own reader's; people are not finds."""
+    """Whether a name can be the kind of a find, for example of a user's own reader; people are not finds."""
     return kind != VICTIM and OWN_KIND.fullmatch(kind) is not None
 
 
@@ -96,7 +96,7 @@ def is_same(one: Pixels, other: Pixels) -> bool:
 
 
 def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
-    """The area that two outlines share, divided by that of their union and by that of the smaller one."""
+    """Ratios of the area that two outlines share to the area of their union and to the area of the smaller one."""
     common, _ = cv2.intersectConvexConvex(cv2.convexHull(one), cv2.convexHull(other))
     areas = cv2.contourArea(one), cv2.contourArea(other)
     return common / max(sum(areas) - common, 1), common / max(min(areas), 1)

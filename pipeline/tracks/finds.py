@@ -47,19 +47,19 @@ class Finds(Tracks):
             kind: policy.max_person_distance for kind, policy in self._policies.items() if policy.max_person_distance
         }
         if not any(find.kind in reach for find in found):
-            return found  # checking whether people are confirmed takes long, and this is called at every step
+            return found  # checking whether people are confirmed takes long, and each step reads this property
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
 
     @property
     def shown(self) -> list[Points]:
-        """The points of each flat find that is confirmed.
+        """The points of each confirmed find that is flat.
 
-        Flat finds on a wall look like the wall; other finds stand out from it.
+        Flat finds on a wall look like the wall; other finds stand out from the wall.
         """
         return [shown(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
 
     def policy_of(self, kind: str) -> ObjectPolicy:
-        """How a kind is tracked, including kinds of a user's own readers."""
+        """The policy for tracking a kind, which may be a kind of a user's own reader."""
         if kind not in self._policies:
             self._policies[kind] = ObjectPolicy(kind=kind, **vars(self._kinds.get(kind) or ObjectConfig()))
         return self._policies[kind]
@@ -69,7 +69,7 @@ class Finds(Tracks):
 
         Args:
             frame: the keyframe's frame, with its depth.
-            readings: readings in its image.
+            readings: readings in the keyframe's image.
             T_map_base: pose of the robot.
             keyframe: index of the keyframe.
         """
@@ -85,11 +85,11 @@ class Finds(Tracks):
 def one_per_person(
     finds: Sequence[Find], people: Sequence[Track], suspected: Sequence[Track], reach: Mapping[str, float]
 ) -> Iterator[Find]:
-    """The finds, with the heat that parts of one person give off merged into one find in the middle of the person.
+    """Yield the finds; heat from several parts of one person is merged into one find at the middle of the person.
 
     Clothes, blankets and objects in front of a person leave several warm regions. A warm region where no person was
     seen stays where it is. An extinguisher or lever on a person is left out, because it is a part of the person. The
-    heat of a person who is only ``suspected`` is merged, too, because it supports the suspicion.
+    heat of a person who is only ``suspected`` is also merged, because heat supports the suspicion.
 
     Args:
         finds: finds to report; none of them are people.

@@ -61,9 +61,10 @@ def weigh(
         for part in _parts(points, free, form[1] / 2):
             ratio = _of_shape(points[part], form, ground) - log(len(extents))
             if in_box is not None:
-                # For background, the fractions of the box's returns and of its area are uniform. For an object, that
-                # of the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits
-                # on four sides.
+                # For background, the part's fractions of the returns in the box and of the box's area are uniformly
+                # distributed. For an object, the fraction of the returns has a triangular distribution. The fraction
+                # of the area is distributed like the maximum of four uniform variables, since a box fits on four
+                # sides.
                 spanned = max(np.ptp(in_box[part], axis=0).prod(), 1 / len(points))
                 ratio += log(2 * part.mean()) + log(4) + 3 * log(spanned)
             if ratio > best.log_ratio:
@@ -74,7 +75,8 @@ def weigh(
 def _of_shape(points: Points, extents: Extents, ground: float) -> float:
     """Log Bayes factor from the extents and the height of a part's points, for an object with these extents."""
     seen = np.maximum(extents_of(points), THINNEST)
-    # E[1/F; F > e] for a log-normal full extent F and a visible one e, over 1 / (e · log range) of the background.
+    # E[1/F; F > e] for a log-normal full extent F and a visible extent e, divided by the background's density,
+    # 1 / (e · log range).
     sizes = np.log(seen / extents) + SPREAD**2 / 2 + log(log(2 * HIGHEST / THINNEST))
     sizes += log_ndtr((np.log(extents / seen) - SPREAD**2) / SPREAD)
     above = float(np.median(points[:, 2])) - ground
@@ -82,7 +84,7 @@ def _of_shape(points: Points, extents: Extents, ground: float) -> float:
 
 
 def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
-    """(N, 2) positions of points in their bounding box as seen by a camera, as fractions of its width and height."""
+    """(N, 2) positions of points in their bounding box in a camera's view, as fractions of the box's two sides."""
     rays = points - camera
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     middle = rays.mean(axis=0)
@@ -92,14 +94,14 @@ def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
 
 
 def extents_of(points: Points) -> Values:
-    """Three extents of points along their principal axes, the longest first, m, without 5% at each end."""
+    """Three extents of points along their principal axes, the longest first, m, without the outer 5% at each end."""
     middle = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(middle.T.astype(np.float64) @ middle)
     return -np.sort(-np.subtract(*np.percentile(middle @ axes, [95, 5], axis=0)))
 
 
 def _parts(points: Points, free: Mask, gap: float) -> Iterator[Mask]:
-    """Masks of the parts into which the ``free`` points fall; parts are separated by about ``gap`` m."""
+    """Yield masks of the parts into which the ``free`` points fall; parts are separated by about ``gap`` m."""
     if not free.any():
         return
     part_of = np.zeros(len(points), np.int64)

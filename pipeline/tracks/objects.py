@@ -1,4 +1,4 @@
-"""Signs, codes, objects and heat: how they are located with the depth of an image, and how they are tracked."""
+"""Locate signs, codes, objects and heat with the depth of an image, and track them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolic
 from pipeline.transforms import inverse, transform_points
 
 NEARER = 0.5
-"""Minimum distance of another look, as a fraction of the nearest so far."""
+"""Minimum distance of another look, as a fraction of the shortest distance so far."""
 SAME_SIDE = radians(40)
 """Maximum angle to an earlier line of sight, rad; at greater angles, a sign looks narrower or is hidden."""
 SIGMAS = 3.0
@@ -37,10 +37,13 @@ PHOTO_MARGIN = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPolicy(ObjectConfig, TrackPolicy):
-    """Tracks objects; those seen only small or without depth are looked at again from nearer."""
+    """Tracks objects; objects that were seen only small or without depth are looked at again from nearer."""
 
     def locate(self, placed: Sequence[Observation]) -> Location:
-        """The information-weighted mean; the covariance is that of the best observation, as errors are correlated."""
+        """The information-weighted mean of the observed positions, with the covariance of the best observation.
+
+        Further observations do not reduce the covariance, because their errors are correlated.
+        """
         counting = with_depth(placed)
         total = sum(seen.information for seen in counting)
         position = np.linalg.solve(total, sum(seen.information @ seen.position for seen in counting))
@@ -58,14 +61,14 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return np.inf if is_other else mahalanobis(track, new)
 
     def separation(self, one: Track, other: Track) -> float:
-        """Distance within the gate, else infinite; flat objects that one keyframe shows side by side are distinct."""
+        """Squared Mahalanobis distance within the gate, else infinite; flat objects in one keyframe are distinct."""
         if self.is_flat and one.keyframes & other.keyframes:
             return np.inf
         distance = self.distance(one, other)
         return distance if distance <= GATE else np.inf
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
-        """Whether the object is in the image, as near as in some earlier view, from a similar side and not hidden."""
+        """Whether the object is in the image, not hidden, and as near and from the same side as in earlier views."""
         if not track.is_placed:
             return False
         here = inverse(T_camera_map)[:3, 3]
@@ -85,10 +88,11 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return measured > 0 and abs(measured - point[0, 2]) < SIGMAS * np.sqrt(track.covariance.trace())
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """Whether an object had no depth, was not read or always looked small, and was missed less often than seen.
+        """Whether an object has no depth or is unread, and was missed less often than seen.
 
-        The robot does not drive anywhere to see a shape again, because in arenas with nothing to find, such drives
-        took a quarter more time than exploration alone.
+        An object with a checksum is unread if no text was decoded, another flat object if it always looked too small.
+        The robot does not drive anywhere to see a shape again: in arenas without finds, such drives made exploration
+        take a quarter more time.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
@@ -104,21 +108,21 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
 
 
 def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
-    """The observations with depth, or all if none has depth, because the object's distance is then a guess."""
+    """The observations with depth, or all observations if none has depth and the object's distance is a guess."""
     return [seen for seen in placed if seen.has_depth] or placed
 
 
 def shown(track: Track) -> Points:
-    """The object's returns in the observation with the best photo, with depth if any has depth."""
+    """The object's returns in the observation with the best photo; observations with depth take precedence."""
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
 def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
     """An observation, in ``map``, of a reading in a frame's image.
 
-    A flat object's depth is the median within its outline. Another object is located at the middle of its own
-    returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction; so may
-    one with returns in at most half of its outline, because these may be from the rim of a nearer object.
+    A flat object's depth is the median within its outline. Any other object is located at the middle of its own
+    returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction. Returns
+    in at most half of its outline are not used, because they may be from the rim of a nearer object.
     """
     outline = _inside(frame, reading)
     inside = outline & frame.returns
@@ -127,7 +131,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     z = float(np.median(depth)) if depth.size else frame.sensor.farthest
     k, (u, v) = frame.intrinsics, reading.corners.mean(axis=0)
     in_camera = np.array([(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0]) * z
-    # The uncertainty along the ray is that of the depth, or the whole range; across the ray, it is a pixel.
+    # The uncertainty along the ray is the depth's or, without depth, the whole range; across the ray, it is a pixel.
     along = frame.sensor.sigma(z) if depth.size else z
     ray = in_camera / np.linalg.norm(in_camera)
     covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + POSE_SIGMA**2)
@@ -160,7 +164,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
 def _weighed(
     reading: Reading, points: Points, T_map_camera: Pose, ground: float, policy: ObjectPolicy
 ) -> tuple[Reading, Mask]:
-    """A reading with its confidence updated from its points, and which of these belong to the object."""
+    """A reading with its confidence updated from its points, and which of the points belong to the object."""
     if not policy.extents:
         return reading, np.zeros(len(points), np.bool_)
     weighed = weigh(policy.extents, points, ground, camera=T_map_camera[:3, 3])

@@ -26,9 +26,9 @@ the open side of the box.
 SPACING = 0.3
 """Distance between two viewpoints below which both show the same side of an object, m."""
 MARGIN = 0.3
-"""Distance from the object at which the line of sight to it may end, m."""
+"""Distance from an object at which a line of sight to the object may end, m."""
 BESIDE_CAMERA = 0.3
-"""Length at the start of a line of sight that is assumed to be free, m, because the robot will be there."""
+"""Length at the start of a line of sight that is assumed to be free, m, because the robot will stand there."""
 
 
 class Reobservation:
@@ -52,7 +52,7 @@ class Reobservation:
 
     @property
     def wanted(self) -> list[Track]:
-        """The objects to be seen again: worth another look, and not tried too often."""
+        """The objects that are worth another look and were not tried too often."""
         unconfirmed = (track for tracks in self._tracks for track in tracks.unconfirmed)
         return [track for track in unconfirmed if len(track.tried) < self._config.max_tries]
 
@@ -64,7 +64,7 @@ class Reobservation:
         return total
 
     def aim(self, place: Place, heading: float) -> None:
-        """Note that the next frame is to be taken at a place on the ground with a heading, rad."""
+        """Store which objects the next frame is aimed at, given its place on the ground and its heading, rad."""
         bearing = np.array([heading])
         aimed = [track for track in self.wanted if self._gains(track, place[None], bearing).any()]
         poses = self._keyframes.poses
@@ -72,7 +72,7 @@ class Reobservation:
         self._aimed = [(track, anchored) for track in aimed]
 
     def count(self, frame: Frame) -> None:
-        """Count this frame as a try for each object at which it was aimed."""
+        """Count a frame as a try for each object at which the frame was aimed."""
         self.camera = frame
         for track, place in self._aimed:
             track.tried.append(place)
@@ -105,7 +105,7 @@ def half_view(frame: Frame, track: Track) -> float:
 
 
 def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values:
-    """Fraction of the reward: 0 near earlier viewpoints, and on the side of viewpoints that showed nothing.
+    """(N,) fraction of the reward: 0 near earlier viewpoints and on the side of viewpoints that showed nothing.
 
     A flat object shows nothing new from another side.
     """

@@ -21,7 +21,7 @@ from pipeline.transforms import transform_places
 GATE = chi2_gate(3, 0.99)
 """Maximum squared Mahalanobis distance between two measured positions of one object; 99% are within this distance."""
 MAX_MISSES = 2.0
-"""Maximum number of misses per detection; a track with more is given up."""
+"""Maximum number of misses per detection; a track with more misses is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Observation:
     Attributes:
         reading: reading of the object in the image.
         keyframe: index of the keyframe.
-        position: middle of the object; without depth, the end of the camera's range in its direction.
+        position: middle of the object; without depth, the end of the camera's range in the object's direction.
         information: inverse of the position's covariance.
         camera: position of the camera.
         points: the object's own returns, thinned.
-        photo: photo of the object; empty if another of its observations shows more.
+        photo: photo of the object; empty if another observation of the object shows more.
         time: time of the frame, s; NaN if it is from an earlier run.
         has_depth: whether the object's distance was measured.
     """
@@ -80,8 +80,8 @@ class TrackPolicy(ABC):
     Attributes:
         kind: one of :data:`pipeline.tracks.find.KINDS`, or a kind of a user's own reader.
         confirmation: when a track is reported.
-        across: width of the object that must be in the image when it is looked at again, m.
-        extents: median extents of each form of the kind, m; without any, the kind is not weighed against background.
+        across: width of the object that must be in the image when the object is looked at again, m.
+        extents: median extents of each form of the kind, m; a kind without extents is not weighed against background.
         is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
         has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
             not decoded is not reported.
@@ -108,15 +108,15 @@ class TrackPolicy(ABC):
 
     @abstractmethod
     def distance(self, track: "Track", new: "Track") -> float:
-        """Squared Mahalanobis distance of a new observation from a track; infinite if it is of another object."""
+        """Squared Mahalanobis distance of a new observation from a track; infinite if the objects are different."""
 
     @abstractmethod
     def separation(self, one: "Track", other: "Track") -> float:
-        """Distance between two tracks, to merge those of one object; infinite if they are of different objects."""
+        """Distance between two tracks that may be merged; infinite if the objects are different."""
 
     @abstractmethod
     def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
-        """Whether a frame should have shown the object; a frame that should have but did not is a miss."""
+        """Whether a frame should have shown the object, so that a frame without the object is a miss."""
 
     @abstractmethod
     def is_worth_a_look(self, track: "Track") -> bool:
@@ -127,7 +127,7 @@ class TrackPolicy(ABC):
         """Minimum and maximum horizontal distance from which a camera would show enough of the object, m."""
 
     def has_shape(self, track: "Track") -> bool:
-        """Whether all points seen of the object together have the shape of its kind."""
+        """Whether all points seen of the object, taken together, have the shape of the object's kind."""
         return True
 
 
@@ -136,14 +136,14 @@ class Track:
     """An object on the map, reported or not.
 
     Attributes:
-        policy: policy of its kind.
-        seen: its observations, in the ``base_link`` of their keyframes.
+        policy: policy for the object's kind.
+        seen: observations of the object, in the ``base_link`` of their keyframes.
         placed: the same observations in ``map``.
-        ground: height of the lowest ground from which it was seen, m in ``map``.
-        missed: indices of the keyframes that should have shown it and did not.
-        tried: places on the ground from which the robot tried to see it again, one per try.
+        ground: height of the lowest ground from which the object was seen, m in ``map``.
+        missed: indices of the keyframes that should have shown the object and did not.
+        tried: places on the ground from which the robot tried to see the object again, one per try.
         tried_at: the same places in ``map``.
-        where: its location according to all observations.
+        where: location of the object according to all observations.
     """
 
     policy: TrackPolicy
@@ -214,7 +214,7 @@ class Track:
 
     @property
     def times(self) -> list[float]:
-        """Times of this run's frames that show it, s, in ascending order."""
+        """Times of this run's frames that show the object, s, in ascending order."""
         return sorted(observation.time for observation in self.seen if np.isfinite(observation.time))
 
     @property
@@ -232,18 +232,18 @@ class Track:
 
     @property
     def confidence(self) -> float:
-        """1 if it was decoded; else the mean confidence of detections and misses, whose confidence is 0."""
+        """1 if the object was decoded; else the mean confidence of detections and misses, 0 for a miss."""
         return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + len(self.missed))
 
     @property
     def baseline(self) -> float:
-        """Greatest distance between two camera positions from which it was seen, m."""
+        """Greatest distance between two camera positions from which the object was seen, m."""
         each = np.array(self.cameras)
         return float(np.linalg.norm(each[:, None] - each[None], axis=2).max())
 
     @property
     def size(self) -> float:
-        """Diagonal of the box with the extents of its points, m."""
+        """Diagonal of a box with the extents of the object's points, m."""
         return float(np.linalg.norm(extents_of(self.points)))
 
     @property
@@ -253,12 +253,12 @@ class Track:
 
     @property
     def is_decoded(self) -> bool:
-        """Whether it was decoded, and correctly, as its checksum shows."""
+        """Whether the object was decoded, and correctly according to its checksum."""
         return self.policy.has_checksum and bool(self.text)
 
     @property
     def is_given_up(self) -> bool:
-        """Whether it was missed too often; decoded objects are never given up."""
+        """Whether the object was missed too often; decoded objects are never given up."""
         return len(self.missed) > MAX_MISSES * len(self.seen) and not self.is_decoded
 
     @property
@@ -271,13 +271,13 @@ class Track:
             return False
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False
-        # Distances and sizes come last, because they take longest, and this is called several times a step.
+        # Distances and sizes come last, because they take longest and this property is read several times a step.
         if self.baseline < least.baseline or (self.evidence < least.evidence_of_part and self.size < least.full_size):
             return False
         return self.policy.has_shape(self)
 
     def find(self) -> Find:
-        """The find to report; its time is that of this run's first frame with the object, or NaN if there is none."""
+        """The find to report, with the time of this run's first frame of the object, or NaN without such a frame."""
         first, confidence = min(self.times, default=np.nan), min(1.0, self.confidence)
         return Find(self.policy.kind, self.text, self.position, self.covariance, first, confidence, self.photo)
 

@@ -1,4 +1,4 @@
-"""All tracks of some kinds: which observations are of one object, and which objects are confirmed or given up."""
+"""All tracks of some kinds, and the choice of the observations that are of one object."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,7 +11,7 @@ from pipeline.tracks.track import GATE, Track
 from pipeline.transforms import inverse
 
 Join = Callable[[list[Track], Sequence[Track]], list[Track]]
-"""Adds new tracks to a list, each to a track of the same object or as a new entry; returns the tracks that grew."""
+"""Function that adds each new track to a track of the same object or to the list; it returns tracks that grew."""
 
 
 class Tracks:
@@ -22,7 +22,7 @@ class Tracks:
     """
 
     def __init__(self, join: Join) -> None:
-        """Start without tracks; ``join``: decides which observations of a frame are of known objects."""
+        """Start without tracks; ``join`` decides which observations of a frame are of known objects."""
         self.all: list[Track] = []
         self._join = join
 
@@ -37,7 +37,7 @@ class Tracks:
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 
     def place(self, poses: Poses) -> None:
-        """Move all tracks with their keyframes, to these ``poses`` in ``map``, and merge those of one object."""
+        """Move all tracks with their keyframes to these ``poses`` in ``map``, and merge tracks of one object."""
         for track in self.all:
             track.place(poses)
         self._merge()

@@ -15,8 +15,10 @@ SAMPLES = 3000
 TRIALS = 200
 """Number of point triples that RANSAC draws for each plane."""
 CANDIDATES = 12
-"""Number of random samples among which each further point of a triple is the nearest to the first point in the image;
-nearby points are preferred because planes are small and far apart."""
+"""Number of random samples among which each further point of a triple is chosen.
+
+The sample nearest to the first point in the image is chosen, because planes are small and far apart.
+"""
 MIN_SHARE = 0.02
 """Minimum fraction of all samples that must lie on a plane."""
 BEYOND = 0.25
@@ -40,9 +42,9 @@ class _Samples:
     Attributes:
         points: points of the samples, in ``camera_optical``.
         pixels: (N, 2) row and column.
-        inside: whether each lies in the box.
+        inside: whether each sample lies in the box.
         solid_angle: solid angle that each sample represents, sr.
-        sensor: the camera that measured them.
+        sensor: model of the camera.
     """
 
     points: Points
@@ -56,7 +58,7 @@ class _Samples:
 
 
 def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> list[Planes]:
-    """The background's planes in and around a box, pixels; the planes are in ``camera_optical``.
+    """The planes of the background in and around a box in pixels; the planes are in ``camera_optical``.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
@@ -93,7 +95,10 @@ def _tolerance(points: Points, sensor: SensorModel) -> NDArray[np.floating]:
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
-    """The pixels with depth on a grid of about ``SAMPLES``, over the box and a margin as wide as its longer side."""
+    """The pixels with depth on a grid of about ``SAMPLES`` pixels.
+
+    The grid covers the box and a margin as wide as the box's longer side.
+    """
     low, high = np.array(box[:2]), np.array(box[2:])
     margin = (high - low).max()
     size = (frame.intrinsics.width, frame.intrinsics.height)

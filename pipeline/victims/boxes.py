@@ -11,7 +11,7 @@ ScoredBoxes = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 def joined(parts: Iterable[ScoredBoxes]) -> ScoredBoxes:
-    """All boxes of one or more parts."""
+    """The boxes and confidences of one or more parts, concatenated."""
     boxes, scores = zip(*parts, strict=True)
     return np.concatenate(boxes), np.concatenate(scores)
 
@@ -26,7 +26,7 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 MAX_BOXES = 3000
-"""Maximum number of boxes that are compared, because a network that sees people everywhere would take minutes."""
+"""Maximum number of boxes that are compared; if a network sees people everywhere, comparing all takes minutes."""
 
 
 def best_boxes(
@@ -39,7 +39,7 @@ def best_boxes(
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
 
     Args:
-        boxes: (N, 4), of which empty ones are dropped.
+        boxes: (N, 4); empty boxes are dropped.
         scores: (N,) confidences.
         min_confidence: minimum confidence, greater than 0.
         overlap: intersection over union with a better box above which a box is dropped.

@@ -7,18 +7,19 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """Which of the networks' boxes are detections.
+    """Limits that decide which of the networks' boxes are detections.
 
     Attributes:
-        confidence: minimum confidence of a detection; a detection this uncertain suffices only together with others.
+        confidence: minimum confidence of a detection; at this confidence, a single detection does not confirm a
+            person.
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
         size: width and height of the shipped networks' input for a whole image, pixels, multiples of 32.
-        max_hints: maximum number of hints of people in an image of an arena. An image with more is unlike those that
-            the arena network was trained on. Of 485 frames of three arenas, 1% have more; of 116 photos of rooms and
-            people, all have more.
-        min_corroboration: minimum confidence of a box of the COCO network that corroborates a suspect. Even with a
-            minimum this low, the network sees people in hardly any image without people, and two networks rarely make
-            the same mistake.
+        max_hints: maximum number of hints of people in an image of an arena. An image with more hints is unlike the
+            images on which the arena network was trained. Of 485 frames of three arenas, 1% have more; of 116 photos
+            of rooms and people, all have more.
+        min_corroboration: minimum confidence of a box of the COCO network that corroborates a suspect. Even with this
+            low minimum, the network sees people in hardly any image without people, and two networks rarely make the
+            same mistake.
     """
 
     confidence: float = 0.25
@@ -38,11 +39,12 @@ class DetectorConfig:
 
 @dataclass(frozen=True)
 class HeatConfig:
-    """Which regions are warm.
+    """Limit that decides which regions are warm.
 
     Attributes:
-        min_temperature_excess: minimum temperature above the median of the image, °C: clothes on a living person are
-            6 to 8 °C warmer than the air in a room, and the noise of an uncooled camera is 0.05 °C.
+        min_temperature_excess: minimum excess of a warm region's temperature over the median of the image, °C.
+            Clothes on a living person are 6 to 8 °C warmer than the air in a room, and the noise of an uncooled
+            camera is 0.05 °C.
     """
 
     min_temperature_excess: float = 5.0

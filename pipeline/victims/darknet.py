@@ -32,7 +32,7 @@ DEFAULTS = {
     "upsample": {"stride": "2"},
     "reorg": {"stride": "1"},
 }
-"""Darknet's defaults of settings for which OpenCV has others."""
+"""Darknet's defaults for settings for which OpenCV has other defaults."""
 IGNORED = {
     "convolutional": dict.fromkeys(("antialiasing", "binary", "xnor", "deform", "assisted_excitation"), "0")
     | {"dilation": "1"},
@@ -51,7 +51,12 @@ class DarknetNetwork(OpenCvNetwork):
     """A Darknet network with [yolo] or [region] layers."""
 
     def __init__(self, sections: "Sequence[Section]", weights: bytes, header: int) -> None:
-        """From the sections of a ``.cfg`` and the content of its weights file, whose header has ``header`` bytes.
+        """Create a network from the sections of a ``.cfg`` and the content of its weights file.
+
+        Args:
+            sections: sections of the ``.cfg``.
+            weights: content of the weights file.
+            header: size of the header of the weights file, bytes.
 
         Raises:
             cv2.error: OpenCV cannot read the network.
@@ -67,11 +72,11 @@ class DarknetNetwork(OpenCvNetwork):
 
     @classmethod
     def load(cls, cfg: Path, weights: Path, names: Sequence[str], where: str) -> Self:
-        """Read a ``.cfg`` and its weights; ``names``: names of its classes, which come from the file ``where``.
+        """Read a ``.cfg`` and its weights; ``names``: names of the classes, which come from the file ``where``.
 
         Raises:
             InputError: a file is missing or damaged, the files do not belong together, OpenCV cannot run the
-                network, or none of its classes is known.
+                network, or none of the network's classes is known.
         """
         sections = read_sections(cfg)
         kinds = kinds_of(cfg, _class_count(cfg, sections), names, where)
@@ -105,9 +110,9 @@ class Section:
     """A section of a ``.cfg``.
 
     Attributes:
-        kind: the word in its brackets.
-        where: file and line of its header.
-        settings: its settings, by key.
+        kind: the word in the brackets of the header.
+        where: file and line of the header.
+        settings: settings of the section, by key.
     """
 
     kind: str
@@ -151,7 +156,7 @@ class Section:
 
 
 def read_sections(path: Path) -> list[Section]:
-    """The sections of a ``.cfg``; the first is taken for [net].
+    """The sections of a ``.cfg``; the first section is read as [net], whatever its header.
 
     Raises:
         InputError: the file cannot be read, is not a ``.cfg``, or has a setting that OpenCV would misread or ignore.
@@ -190,7 +195,7 @@ def _class_count(cfg: Path, sections: Sequence[Section]) -> int:
 
 
 def header_size(content: bytes, path: Path) -> int:
-    """Size of the header of a weights file, bytes; InputError if it has none.
+    """Size of the header of a weights file, bytes; InputError if the file has no header.
 
     The header consists of three int32 (major, minor, revision) and the number of images seen, int64 (int32 before
     version 0.2).

@@ -16,7 +16,7 @@ class Detection:
 
     Attributes:
         box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
-        confidence: 0 to 1.
+        confidence: confidence from 0 to 1.
         kind: one of :data:`pipeline.tracks.find.KINDS`.
     """
 
@@ -37,7 +37,7 @@ def check_detections(detections: object, detector: object) -> None:
     """Check that a detector has returned detections of known kinds, with boxes of four finite numbers in pixels.
 
     Raises:
-        InputError: it has returned something else.
+        InputError: the detector has returned something else.
     """
     where = f"{type(detector).__name__}.detect"
     if not isinstance(detections, list) or not all(isinstance(found, Detection) for found in detections):

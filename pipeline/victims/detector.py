@@ -1,4 +1,4 @@
-"""The detector of people in camera images, and of other objects for which its network has classes."""
+"""Detector of people in camera images, and of other objects for which the detector's network has classes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ class BoxNetwork(Protocol):
 
     @property
     def kinds(self) -> Mapping[str, Sequence[int]]:
-        """Indices of its classes, by kind of object; other classes are ignored."""
+        """Indices of the network's classes, by kind of object; other classes are ignored."""
         ...
 
     def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
@@ -32,10 +32,10 @@ class BoxNetwork(Protocol):
 
 
 class VictimDetector:
-    """Finds people, and other objects for which its network has classes, with a network of the YOLO family."""
+    """Finds people with a network of the YOLO family, and other objects for which the network has classes."""
 
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
-        """``network``: finds boxes; ``config``: which of them are kept."""
+        """``network``: network that finds boxes; ``config``: limits that decide which boxes are detections."""
         self._network, self._config = network, config
 
     @classmethod
@@ -45,10 +45,10 @@ class VictimDetector:
         """A detector from the shipped ``.safetensors``, an ONNX file, or the ``.cfg`` and ``.weights`` of Darknet.
 
         Args:
-            files: the network.
-            names: file with the names of its classes, one per line; by default, a ``.names`` file next to the first
-                file, if there is one.
-            config: which boxes are detections.
+            files: files of the network.
+            names: file with the names of the network's classes, one per line; by default, a ``.names`` file next to
+                the first file, if there is one.
+            config: limits that decide which boxes are detections.
 
         Raises:
             InputError: see :meth:`TwoStages.load`, :meth:`OnnxNetwork.load` and :meth:`DarknetNetwork.load`; or the
@@ -86,7 +86,7 @@ class VictimDetector:
 
 
 def _class_names(network: Path, names: Path | None) -> tuple[list[str], str]:
-    """The names of a network's classes, from the file ``names`` or one next to the network, and the file's name."""
+    """The names of a network's classes and the file's name; the file is ``names`` or lies next to the network."""
     beside = network.with_suffix(".names")
     if names is not None:
         return read_text(names).split("\n"), str(names)

@@ -19,7 +19,7 @@ def unconfirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
 
 
 def letters(k: int) -> str:
-    """A, B, … Z, AA, AB, … for k = 0, 1, …"""
+    """The letters A, B, … Z, AA, AB, … for k = 0, 1, …"""
     head, last = divmod(k, 26)
     return (letters(head - 1) if head else "") + chr(ord("A") + last)
 

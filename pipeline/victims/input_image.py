@@ -18,11 +18,11 @@ GREY = 128  # Brightness of the bars next to a fitted image, as in Darknet's let
 CELLS = 16, 12
 """Columns and rows of the coarse grid that holds the brightness of the surroundings."""
 BLUR = 2.0
-"""Standard deviation of the Gaussian that smooths the grid, cells: dark objects stay dark, dark regions do not."""
+"""Standard deviation of the Gaussian that smooths the grid, cells; dark objects stay dark, dark regions do not."""
 BRIGHTNESS = 130.0
 """Value, of 255, to which the brightest channel of the surroundings is raised if it is lower."""
 DARKEST = 12.0
-"""Brightness, of 255, below which the gain no longer increases, because there is only noise."""
+"""Brightness, of 255, below which the gain does not increase further, because darker regions contain only noise."""
 
 
 def evenly_exposed(rgb: Rgb) -> Rgb:
@@ -45,7 +45,7 @@ def scaled(rgb: Rgb, ratio: float) -> Rgb:
 
 @dataclass(frozen=True)
 class Letterbox:
-    """How an image is fitted into the network's input without changing its aspect ratio.
+    """Scale and position of an image in the network's input, into which it is fitted with its aspect ratio kept.
 
     Attributes:
         scale: pixels of the input per pixel of the image, in x and y; the two differ only by rounding.
@@ -59,7 +59,7 @@ class Letterbox:
 
     @classmethod
     def fit(cls, image: Rgb, width: int, height: int) -> tuple[Self, Rgb]:
-        """Fit an image into the middle of an input of width × height pixels, and return the input, too."""
+        """Fit an image into the middle of an input of width × height pixels; return the letterbox and the input."""
         rows, columns = image.shape[:2]
         small = scaled(image, min(width / columns, height / rows))
         h, w = small.shape[:2]

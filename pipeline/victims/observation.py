@@ -34,7 +34,7 @@ def observe(
 
     Args:
         frame: the keyframe's frame, with its depth.
-        detection: a detection in its image.
+        detection: a detection in the keyframe's image.
         T_map_camera: pose of ``camera_optical``.
         keyframe: index of the keyframe.
         policy: how people are tracked.
@@ -53,7 +53,7 @@ def observe(
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
         return Refusal(detection, f"{extents} m: more like background than a person")
-    # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
+    # Parts of the person may be hidden, so the middle's standard deviation is half the points' standard deviation.
     spread = np.cov(person.T.astype(np.float64)) / 4 + np.eye(3) * SKIN_TO_MIDDLE**2
     return Observation(
         reading=Reading(VICTIM, "", box_corners(detection.box), detection.confidence),

@@ -35,11 +35,11 @@ class OnnxNetwork(OpenCvNetwork):
 
     @classmethod
     def load(cls, path: Path, names: Sequence[str], where: str) -> Self:
-        """Read a file; ``names``: names of its classes, which come from the file ``where``.
+        """Read a network; ``names``: names of the network's classes, which come from the file ``where``.
 
         Raises:
-            InputError: the file is missing or damaged, OpenCV cannot run the network, its output has another layout,
-                or none of its classes is known.
+            InputError: the file is missing or damaged, OpenCV cannot run the network, the network's output has
+                another layout, or none of its classes is known.
         """
         check_hash(path)
         content = read_bytes(path)
@@ -88,10 +88,10 @@ class OnnxNetwork(OpenCvNetwork):
 
 
 def input_size(content: bytes, path: Path) -> tuple[int, int]:
-    """Width and height of the first input of an ONNX file, pixels, which OpenCV knows but does not return.
+    """Width and height of the first input of an ONNX file, pixels, which OpenCV reads but does not return.
 
     Raises:
-        InputError: the content is not that of an ONNX file, or its input is not a colour image of a fixed size.
+        InputError: the content is not an ONNX file, or the network's input is not a colour image of a fixed size.
     """
     try:
         message: Any = content
@@ -108,7 +108,7 @@ def input_size(content: bytes, path: Path) -> tuple[int, int]:
 
 
 def _fields(message: bytes) -> Iterator[tuple[int, Any]]:
-    """The numbers and values (int or bytes) of the fields of a message in protobuf's wire format.
+    """Yield the number and value (int or bytes) of each field of a message in protobuf's wire format.
 
     Raises:
         IndexError, ValueError: the bytes are not such a message.

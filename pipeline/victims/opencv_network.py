@@ -25,7 +25,10 @@ PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
 """Kind of each known class by name, with underscores for spaces; other classes are ignored."""
 SECONDS, MEMORY = 60, 3_000_000_000
-"""Limits for reading a network: processor time, s, and memory, bytes, which also limits the outputs of its layers."""
+"""Processor time, s, and memory, bytes, allowed for reading a network.
+
+The memory also limits the total size of the outputs of the network's layers.
+"""
 CRASHED = f"OpenCV crashed on this network, or needed more than {SECONDS} s or {MEMORY / 1e9:g} GB to read it"
 
 
@@ -33,9 +36,9 @@ class OpenCvNetwork(ABC):
     """A network that OpenCV runs once per image.
 
     Attributes:
-        kinds: indices of its classes, by kind of object.
+        kinds: indices of the network's classes, by kind of object.
         net: the network.
-        size: width and height of its input, pixels.
+        size: width and height of the network's input, pixels.
         outputs: names of the layers whose outputs are decoded.
     """
 
@@ -74,11 +77,11 @@ Network = TypeVar("Network", bound=OpenCvNetwork)
 
 
 def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -> Network:
-    """Make a network after it was tried in a separate process, and run it once.
+    """Try a network in a separate process, then make the network and run it once.
 
     Args:
-        files: its files, for errors.
-        make: makes the network; it must be picklable.
+        files: the network's files, for error messages.
+        make: picklable function that makes the network.
         remedy: advice at the end of the error message if OpenCV cannot run the network.
 
     Raises:
@@ -98,7 +101,7 @@ def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -
 
 
 def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
-    """The error message if a network is invalid, or GOOD."""
+    """The error message if a network is invalid; otherwise GOOD."""
     try:
         network = make()
         outputs = sum(4 * prod(shape) for layer in network.shapes() for shape in layer)
@@ -124,9 +127,9 @@ def kinds_of(path: Path, count: int, names: Sequence[str], where: str) -> dict[s
 
     Args:
         path: file of the network.
-        count: number of its classes.
-        names: their names, in order; empty if unknown.
-        where: source of the names, for errors.
+        count: number of the network's classes.
+        names: names of the classes, in order; empty if unknown.
+        where: source of the names, for error messages.
 
     Raises:
         InputError: there are more or fewer names than classes, or none of the names is known.

@@ -1,4 +1,4 @@
-"""How people are tracked: where they are, which observations show the same person, and which show none."""
+"""Policy for tracking people: where they are, which observations show one person, and which frames are misses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from pipeline.transforms import transform_points
 ACROSS = 0.85
 """Width of a person that must be in the image when the person is looked at again, m."""
 EXTENTS = (1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14)
-"""Median extents, the longest first, m.
+"""Median extents of each form of people, the longest first, m.
 
-Of standing or lying people, stature, shoulder breadth and chest depth; of sitting people, sitting height, depth
-including the thighs, and shoulder breadth (NASA-STD-3000, section 3.3); of dolls, as in the RoboCup Rescue arena
-designer.
+- Standing or lying people: stature, shoulder breadth and chest depth (NASA-STD-3000, section 3.3).
+- Sitting people: sitting height, depth including the thighs, and shoulder breadth (from the same source).
+- Dolls, as in the RoboCup Rescue arena designer.
 """
 TOUCH = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
 OPEN_SHARE = 0.7
-"""Minimum fraction of a person's points that must be in view, without a return nearer by ``TOUCH`` or more."""
+"""Minimum fraction of a person's points that must be in view, not hidden by a return nearer by at least ``TOUCH``."""
 VOXEL = 0.03
 """Edge length of a person's voxels, m."""
 AGREED = 0.2
@@ -42,7 +42,7 @@ SKIN_TO_MIDDLE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class PersonVoxels:
-    """The voxels that observations of one person show; voxels that only a few of them show belong to something else.
+    """The voxels that a person's observations show; voxels that only a few observations show belong to other objects.
 
     Attributes:
         edge: edge length of a voxel, m.
@@ -69,7 +69,7 @@ class PersonVoxels:
         return cls(edge, seen[first_of(voxel, len(keys))], shown)
 
     def agreed(self, frames: float) -> Points:
-        """A point in each voxel that at least ``frames`` observations show; in every voxel if there is none."""
+        """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel."""
         is_agreed = self.shown >= frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen
 
@@ -95,12 +95,12 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom the keyframes show in these voxels, without the voxels that only a few of them show."""
+        """A person whom the keyframes show in these voxels, except the voxels that only a few keyframes show."""
         points = voxels.agreed(AGREED * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
     def informed(self, one: Information, other: Information) -> Information:
-        """The sum of both, with a lower bound of the covariance, as errors from one viewpoint are correlated."""
+        """The sum of two information matrices, limited because errors from one viewpoint are correlated."""
         return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
@@ -108,22 +108,22 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return len(observation.points) * observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
-        """Squared Mahalanobis distance; infinite if neither near nor touching, or if a frame shows both apart."""
+        """Squared Mahalanobis distance; infinite if the tracks are too far apart, or if a frame shows them apart."""
         distance = mahalanobis(track, new)
         is_near = distance <= GATE or self._touch(track.points, new.points)
         return distance if is_near and not self._are_seen_apart(track, new) else np.inf
 
     def separation(self, one: Track, other: Track) -> float:
-        """0 if the two touch and no frame shows them apart; otherwise infinite."""
+        """0 if both tracks touch and no frame shows them apart; otherwise infinite."""
         return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
 
     def _touch(self, one: Points, other: Points) -> bool:
-        """Whether the nearest points of both are at most ``TOUCH`` apart."""
+        """Whether the nearest points of two sets are at most ``TOUCH`` apart."""
         small, large = sorted((one, other), key=len)
         return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
-        """Whether a frame shows both without contact, so that they are two people, however near."""
+        """Whether a frame shows both tracks without contact, so that they are two people, however near."""
         both = one.keyframes & other.keyframes
         return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
 
@@ -141,7 +141,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return bool(is_open.sum() > OPEN_SHARE * len(points))
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """Whether there is evidence of the person, but not enough to confirm it."""
+        """Whether there is evidence of the person, but not enough to confirm the person."""
         return track.evidence >= self.evidence_to_look and not track.is_confirmed
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
@@ -155,7 +155,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
 @dataclass(frozen=True, eq=False)
 class PersonBody(Location):
-    """The location of a person, with the data that locate the person again as observations are added.
+    """The location of a person, with data for locating the person again when observations are added.
 
     Attributes:
         voxels: the voxels that the observations show.
@@ -174,7 +174,7 @@ def middle(points: Points) -> Place:
 
 
 def _in_frame(track: Track, keyframe: int) -> Points:
-    """A track's points as a keyframe shows them, in its ``base_link``; the keyframe must show some."""
+    """A track's points as a keyframe shows them, in its ``base_link``; the keyframe must show the object."""
     return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
 
 

@@ -23,12 +23,15 @@ MIN_OUTLINE = 4
 class FindReader(Protocol):
     """Finds objects of some kinds in a frame; users may write their own.
 
-    A reader may have an attribute ``kinds``: by kind, a :class:`pipeline.tracks.config.ObjectConfig` that defines how
-    objects of this kind are tracked.
+    A reader may have an attribute ``kinds``, a mapping from kinds to :class:`pipeline.tracks.config.ObjectConfig`,
+    which defines how objects of each kind are tracked.
     """
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
-        """The objects that a frame shows, given a detector's boxes in its image; may be called in another thread."""
+        """The objects that a frame shows, given a detector's boxes in its image.
+
+        The method may be called in another thread.
+        """
         ...
 
 
@@ -84,16 +87,16 @@ class BackgroundReader:
         self._begun: Future[ReadFrame] | None = None
 
     def begin(self, frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> None:
-        """Begin to read the frame of a keyframe; the previous one must have been taken with :meth:`end`.
+        """Begin to read the frame of a keyframe; the previous frame must have been taken with :meth:`end`.
 
-        Without a detector, no people and no heat are found; without readers, nothing else is.
+        Without a detector, no people and no heat are found; without readers, no other objects are found.
         """
         if self._begun is not None:
             raise RuntimeError("the previous frame has not been taken with end()")
         self._begun = self._thread.submit(_read, frame, keyframe, detector, readers, self._heat)
 
     def end(self) -> ReadFrame | None:
-        """Wait until the frame that was begun has been read, and return its objects; None if none was begun."""
+        """Wait until the frame that was begun has been read, and return it with its objects; None without a frame."""
         begun, self._begun = self._begun, None
         return None if begun is None else begun.result()
 
@@ -121,11 +124,11 @@ def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) 
 
 
 def _compute_alone() -> None:
-    """Make OpenCV and PyTorch start no threads of their own for this one, because those wait for work in a busy loop.
+    """Keep OpenCV and PyTorch from starting threads of their own, which would wait for work in a busy loop.
 
     On two cores, while another thread computes as well, such loops make an image take up to seven times as long.
-    PyTorch's setting applies to the thread that calls it. OpenCV's applies to the whole process, so that OpenCV then
-    computes everything in the thread that calls it.
+    PyTorch's setting applies only to the calling thread. OpenCV's setting applies to the whole process, so that every
+    call of OpenCV then computes in the calling thread.
     """
     torch.set_num_threads(1)
     cv2.setNumThreads(1)

@@ -1,8 +1,9 @@
 """The shipped detector of people: the arena network finds suspects, which the COCO network must corroborate.
 
-The arena network (YOLOv3-small) was trained on renderings of arenas only: it misses few people there, but sees
-many false ones in photos. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
-times as much per pixel. It therefore looks only at suspects, or everywhere if the image does not look like an arena.
+The arena network (YOLOv3-small) was trained only on renderings of arenas: it misses few people there, but has many
+false detections in photos. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
+times as much per pixel. The COCO network therefore examines only suspects, unless the image does not look like an
+arena.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from pipeline.victims.config import DetectorConfig
 from pipeline.victims.yolo import Yolo, load_shipped
 
 NEAR_SIZE = 224, 160
-"""Size of a second, smaller input, pixels, for people so near that they are too large in the first one."""
+"""Size of a second, smaller input, pixels, for people so near that they are too large in the first input."""
 LARGE_BOX = 0.15
 """Minimum longer side of a box found in the second input, relative to the image's longer side."""
 HINT = 0.02
@@ -29,19 +30,19 @@ WITNESS_IOU = 0.3
 VIEW = 128, 128
 """Size of the COCO network's input for a suspect, pixels, multiples of 32."""
 CONTEXT = 1.25
-"""Side of the square that this input shows, relative to the suspect's longer side."""
+"""Side of the square around a suspect that this input shows, relative to the suspect's longer side."""
 LYING = 0.8
-"""Minimum width of a suspect, relative to its height, for its square to be rotated; few photos show people lying."""
+"""Minimum ratio of a suspect's width to its height for its square to be rotated, as few photos show people lying."""
 NOTHING: ScoredBoxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
 class TwoStages:
-    """Finds people that both networks see, and those that the COCO network is sure of by itself."""
+    """Finds people whom both networks see, and people of whom the COCO network alone is certain enough."""
 
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
     def __init__(self, arena: Yolo, coco: Yolo, config: DetectorConfig) -> None:
-        """``arena``: the network that finds suspects; ``coco``: the network that must corroborate them."""
+        """``arena``: the network that finds suspects; ``coco``: the network that must corroborate the suspects."""
         self._arena = arena
         self._coco = coco
         self._config = config
@@ -67,14 +68,14 @@ class TwoStages:
         return self._best(joined(parts), min_confidence), hints
 
     def _near(self, network: Yolo, image: Rgb, min_confidence: float) -> ScoredBoxes:
-        """Boxes of people so near that they are too large for a network at the usual size of the input."""
+        """Boxes of people who are so near that they are too large for a network at the usual size of the input."""
         boxes, scores = network.boxes(image, NEAR_SIZE, min_confidence)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
         is_near = extent >= LARGE_BOX * max(image.shape)
         return boxes[is_near], scores[is_near]
 
     def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
-        """Which (N, 4) suspects are corroborated in a square around them, and all boxes seen in the squares."""
+        """(N,) whether each of (N, 4) suspects is corroborated in a square around it, and the squares' boxes."""
         seen, witnessed = NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
             witnessed[number] = self._are_witnessed(suspect, seen)
@@ -89,7 +90,7 @@ class TwoStages:
         return witnessed, seen
 
     def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
-        """Which (N, 4) suspects are corroborated in the whole image, and all boxes seen in it."""
+        """(N,) whether each of (N, 4) suspects is corroborated in the whole image, and all boxes in the image."""
         least = self._config.min_corroboration
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
@@ -115,7 +116,10 @@ class TwoStages:
 
 
 def surroundings(image: Rgb, box: NDArray[np.float32]) -> tuple[NDArray[np.float32], Rgb]:
-    """The upper left corner, pixels, and the image in a square around a box, ``CONTEXT`` times its longer side."""
+    """The upper left corner, pixels, and the content of a square around a box.
+
+    The square is ``CONTEXT`` times as wide as the box's longer side.
+    """
     middle, half = (box[:2] + box[2:]) / 2, CONTEXT * np.max(box[2:] - box[:2]) / 2
     size = image.shape[1::-1]
     x0, y0 = np.clip(np.floor(middle - half), 0, size).astype(int)
@@ -124,12 +128,15 @@ def surroundings(image: Rgb, box: NDArray[np.float32]) -> tuple[NDArray[np.float
 
 
 def moved(found: ScoredBoxes, corner: NDArray[np.float32]) -> ScoredBoxes:
-    """Boxes in an image, from boxes in a part of it whose upper left corner is ``corner`` (2,), pixels."""
+    """Boxes in an image, from boxes in a part of the image whose upper left corner is ``corner`` (2,), pixels."""
     return found[0] + np.tile(corner, 2), found[1]
 
 
 def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) -> NDArray[np.float32]:
-    """(N, 4) boxes in an image of ``shape`` (H, W, 3), from boxes in it rotated by 90° left (1) or right (−1)."""
+    """(N, 4) boxes in an image of ``shape`` (H, W, 3), from boxes in the same image rotated by 90°.
+
+    ``turns``: 1 if the image was rotated to the left, −1 if to the right.
+    """
     height, width, _ = shape
     x0, y0, x1, y1 = boxes.T
     return np.stack([width - y1, x0, width - y0, x1] if turns > 0 else [y0, height - x1, y1, height - x0], axis=1)

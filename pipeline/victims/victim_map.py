@@ -33,7 +33,7 @@ class Victims(Tracks):
 
         Args:
             frame: the keyframe's frame, with its depth.
-            detections: detections in its image, possibly none; those of other kinds are ignored.
+            detections: detections in the keyframe's image, possibly none; other kinds than people are ignored.
             T_map_camera: pose of ``camera_optical`` in ``map``.
             keyframe: index of the keyframe.
         """
@@ -48,5 +48,5 @@ class Victims(Tracks):
         """A track of a single observation in ``map``."""
         thinned = replace(observation, points=PersonVoxels.of(observation.points, VOXEL).seen)
         seen = thinned.moved(inverse(T_map_base))
-        # Placed from the stored observation, so that a rebuilt map is identical.
+        # The track is placed from the stored observation, so that a rebuilt map is identical.
         return Track(self.policy, [seen], [seen.moved(T_map_base)], float(T_map_base[2, 3]))

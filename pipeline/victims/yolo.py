@@ -1,11 +1,11 @@
 """The two networks of the shipped detector: YOLOv3-small, trained on arenas, and YOLOv3-tiny, trained on COCO.
 
-Both follow Redmon and Farhadi, arXiv:1804.02767: the first is YOLOv3 with a quarter of Darknet-53's channels and one
-residual block per stage; the second is as published, but with only the classes person and teddy bear.
+Both follow Redmon and Farhadi, arXiv:1804.02767. The first is YOLOv3 with a quarter of Darknet-53's channels and one
+residual block per stage. The second is as published, but with only the classes person and teddy bear.
 
-Both run on the robot's CPU: batch normalisation is folded into the convolution, which also applies the activation;
-kernels are stored in oneDNN's layout, and images have their channels last. torch.compile calls the same operators on
-a CPU, but calling them directly needs no C++ compiler on the robot, and saves a minute of compiling.
+Both run on the robot's CPU. Batch normalisation is folded into the convolution, which also applies the activation.
+Kernels are stored in oneDNN's layout, and images have their channels last. torch.compile calls the same operators on
+a CPU, but direct calls need no C++ compiler on the robot and save a minute of compiling.
 """
 
 from abc import ABC, abstractmethod
@@ -32,7 +32,7 @@ LEAKY_SLOPE = 0.1  # as in Darknet's activations.h
 OBJECTNESS = 4
 """Index of the objectness among an anchor's numbers in a cell: after x, y, width and height, before the class."""
 LARGEST_EXPONENT = 20.0
-"""Limit of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
+"""Limit of the exponent that scales an anchor; no box in an image is so large, and the square still fits float32."""
 Anchors = tuple[tuple[float, float], ...]
 """Widths and heights in the input, pixels."""
 
@@ -41,12 +41,12 @@ class Convolution:
     """Convolution, batch normalisation and leaky ReLU as one operator; before a grid, a convolution with a bias."""
 
     def __init__(self, tensors: Mapping[str, Tensor], stride: int) -> None:
-        """From the float32 tensors of a layer: its kernel (filters, channels, size, size) and (filters,) others."""
+        """Create the operator from a layer's float32 tensors: a kernel (filters, channels, size, size) and others."""
         kernel = tensors["conv.weight"]
         self._activation: tuple[str, list[float]] = ("none", [])
         bias = tensors.get("conv.bias")
         if bias is None:
-            # In double precision, because a variance close to 0 gives factors that float32 rounds badly.
+            # This uses double precision, because a variance close to 0 gives factors that float32 rounds badly.
             variance = tensors["norm.running_var"].double()
             scale = tensors["norm.weight"].double() / (variance + BATCH_NORM_EPSILON).sqrt()
             bias = (tensors["norm.bias"].double() - scale * tensors["norm.running_mean"].double()).float()
@@ -72,8 +72,8 @@ class Yolo(ABC):
     """A network that finds people in single images of any size.
 
     Attributes:
-        LAYERS: for each convolution, by its number in the shipped file, which counts the layers of both networks as
-            Darknet does: channels, filters, size of the kernel, stride.
+        LAYERS: channels, filters, kernel size and stride of each convolution, by the convolution's number in the
+            shipped file. The numbers count the layers of both networks as Darknet does.
         GRIDS: the anchors of each grid, the coarsest first.
     """
 
@@ -81,7 +81,7 @@ class Yolo(ABC):
     GRIDS: ClassVar[tuple[Anchors, ...]]
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
-        """From the float32 tensors of the shipped file, ``layers.N.conv.weight`` and so on."""
+        """Create a network from the float32 tensors of the shipped file, ``layers.N.conv.weight`` and so on."""
         self.layers: dict[int, Convolution] = {}
         for number, (*_, stride) in self.LAYERS.items():
             start = f"layers.{number}."
@@ -102,7 +102,7 @@ class Yolo(ABC):
 
         Args:
             image: the image, of any size.
-            size: width and height of the input into which it is fitted, pixels, multiples of 32.
+            size: width and height of the input into which the image is fitted, pixels, multiples of 32.
             min_objectness: minimum objectness of a box.
             heads: number of heads to compute, the coarsest first; by default all.
         """
@@ -117,7 +117,7 @@ class Yolo(ABC):
 
 
 class YoloSmall(Yolo):
-    """YOLOv3-small, with grids of 32, 16 and 8 pixels per cell and three anchors on each, fitted to its training."""
+    """YOLOv3-small, with grids of 32, 16 and 8 pixels per cell and three anchors per grid, fitted to its training."""
 
     LAYERS: ClassVar = {
         26: (3, 16, 3, 2), 27: (16, 32, 3, 2),
@@ -153,7 +153,7 @@ class YoloSmall(Yolo):
 
 
 class YoloTiny(Yolo):
-    """YOLOv3-tiny, with grids of 32 and 16 pixels per cell; the anchors come twice, for people and teddy bears."""
+    """YOLOv3-tiny, with grids of 32 and 16 pixels per cell; each anchor occurs twice, for people and teddy bears."""
 
     LAYERS: ClassVar = {
         1: (3, 16, 3, 1), 3: (16, 32, 3, 1), 5: (32, 64, 3, 1), 7: (64, 128, 3, 1), 9: (128, 256, 3, 1),
@@ -187,7 +187,7 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
     check_hash(path)
     wanted: dict[str, Tensor] = {}
     for number, (channels, filters, size, _) in (YoloSmall.LAYERS | YoloTiny.LAYERS).items():
-        # The last layers before a grid have a bias for each number of each anchor, the others batch normalisation.
+        # The last layers before a grid have a bias for each number of each anchor; all others have normalisation.
         is_last = filters in (3 * (OBJECTNESS + 2), 6 * (OBJECTNESS + 2))
         norm = ("norm.bias", "norm.weight", "norm.running_mean", "norm.running_var")
         wanted[f"layers.{number}.conv.weight"] = torch.empty(filters, channels, size, size)

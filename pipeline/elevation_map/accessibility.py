@@ -14,19 +14,18 @@ from pipeline.geometry.parts import parts
 def is_inaccessible(
     ground: Traversability, places: Places, points: NDArray[np.floating], from_below: Mask | np.bool_ = np.False_
 ) -> Mask:
-    """Which of the points (N, 3), m, that look like ramps and decks cannot carry the robot.
+    """(N,) whether points that look like ramps or decks cannot carry the robot, for one of two reasons.
 
-    This is so if a point is farther than half the robot's width from every square with this side length on the
-    points' surface, as on the feet of a chair. It is also so if a point is higher than the headroom above the nearest
-    ground that the robot can reach and belongs to no surface that comes down to this ground, as every ramp does,
-    however steep.
+    A point may be farther than half the robot's width from every square with this side length on the points'
+    surface, as on the feet of a chair. Or a point may be higher than the headroom above the nearest ground that the
+    robot can reach, and belong to no surface that comes down to this ground, as every ramp does, however steep.
 
     Args:
         ground: traversability of the ground.
         places: positions where the robot has been, (K, 3).
-        points: points labelled as ramps and decks.
-        from_below: which points belong to decks seen from below; the ground that leads up to them may not have been
-            in view.
+        points: (N, 3) points labelled as ramps and decks, m.
+        from_below: (N,) whether a point belongs to a deck seen from below; the ground that leads up to such a deck
+            may not have been in view.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
@@ -40,7 +39,7 @@ def is_inaccessible(
 
 
 def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, joint: float) -> Mask:
-    """(N,) which points (N, 3), m, in the mask ``counts`` form a surface that comes down to almost no ``height``.
+    """(N,) whether points (N, 3), m, of the mask ``counts`` are on a surface that comes down to almost no ``height``.
 
     ``joint``: side of the voxels that form one surface if adjacent, and maximum ``height`` of the surface's lowest
     point, m.

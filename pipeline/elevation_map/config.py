@@ -42,14 +42,14 @@ class PathCosts:
 
 @dataclass(frozen=True)
 class TraversabilityConfig:
-    """Where the robot may stand, turn and drive.
+    """Settings that determine where the robot may stand, turn and drive.
 
     Attributes:
         drop_gap: maximum width of unknown ground between the two sides of a drop, m.
         ramp_margin: distance to a ramp within which the robot drives as on the ramp, because its wheels may already
             be on it, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
-        min_tall_height: height above the surrounding ground above which a hazard hides the ground behind it, m.
+        min_tall_height: minimum height above the surrounding ground at which a hazard hides the ground behind it, m.
         keep_off: distance from people within which ground is treated as a hazard, m, because the hand of a person who
             lies on the floor is lower than a step.
         costs: costs of driving.
@@ -73,8 +73,8 @@ class ElevationConfig:
 
     Attributes:
         cell: side of a cell, m.
-        lowest: lowest height that is mapped, m above the robot when it first sees a cell (usually negative). It is
-            relative to the robot because estimated heights drift over long drives, and slopes lead far up or down.
+        lowest: lowest height that is mapped, m, relative to the robot when it first sees a cell; negative. It is not
+            relative to ``map``, because estimated heights drift over long drives, and slopes lead far up or down.
         bin: height of the bins of a column, m. The returns in a bin are averaged; one bin is centred on z = 0.
         levels: number of bins of a column.
         fewest: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.

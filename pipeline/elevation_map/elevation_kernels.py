@@ -32,7 +32,7 @@ class Columns(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """The bins of the cells' columns; cells without returns have none.
+    """The bins of the cells' columns; cells without returns have no column.
 
     Attributes:
         row: (nx, ny) int32, row of each cell's column in the other arrays; ``NO_COLUMN`` without one.
@@ -124,9 +124,10 @@ def column_height(bins, i, j, columns):
 
 @njit(cache=True, nogil=True)
 def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts):
-    """(K, 2) int64, the cells of points (N, 3), m, that are within two bins of the ground or where it is unknown.
+    """Count the dropouts in each cell, and return the cells that contain any, (K, 2) int64.
 
-    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), initially 0, counts them in each cell.
+    Each of the points (N, 3), m, is the mean of ``counts`` (N,) dropouts. Only points within two bins of the ground,
+    or over unknown ground, are counted. The numbers are added to ``dropouts`` (nx, ny), initially 0.
     """
     nx, ny = dropouts.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -145,7 +146,7 @@ def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts
 
 @njit(cache=True)
 def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, origin, cell):
-    """Mark the cells in which a keyframe has dropouts, and clear those that it shows from another direction.
+    """Mark the cells in which a keyframe has dropouts, and clear cells that it shows from another direction.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
     none. ``dropouts`` and ``returns`` (nx, ny) are the numbers of dropouts and returns in ``cells`` (K, 2) of a
@@ -169,10 +170,10 @@ def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, 
 def lowest_rays(points, counts, camera, cell, ray_height, fewest):
     """(R, 3) float32 m, lowest point in each cell of a fine grid on rays from ``camera`` (3,) to ``points`` (N, 3).
 
-    The grid is so fine that each cell of ``cell`` m contains the centre of one of its cells. Cells in which the
-    keyframe has ``fewest`` returns or more are left out; ``counts`` (N,) is the number of returns per point. A ray is
-    followed back from a cell before its return, so that noise does not matter, up to ``ray_height`` m above the
-    return.
+    The grid is so fine that each cell of ``cell`` m contains the centre of at least one fine cell. Fine cells in
+    which the keyframe has ``fewest`` returns or more are left out; ``counts`` (N,) is the number of returns per
+    point. Because of noise, each ray is followed back only from a cell before its return, up to ``ray_height`` m
+    above the return.
     """
     step = cell / np.sqrt(2.0)
     x0, y0, x1, y1 = camera[0], camera[1], camera[0], camera[1]
@@ -202,7 +203,10 @@ def lowest_rays(points, counts, camera, cell, ray_height, fewest):
 
 @njit(cache=True, nogil=True)
 def lower_ceiling(ceiling, rays, origin, cell, within):
-    """Lower ``ceiling`` (nx, ny), m, to the points ``rays`` (R, 3), m, on rays; return their cells, (K, 2) int64."""
+    """Lower ``ceiling`` (nx, ny), m, to points on rays, and return the cells of these points, (K, 2) int64.
+
+    ``rays``: (R, 3) the points, m.
+    """
     nx, ny = ceiling.shape
     cells, size = np.empty((len(rays), 2), np.int64), 0
     for n in range(len(rays)):
@@ -252,7 +256,7 @@ def extract_elevation(bins, cells, columns, elevation):
 def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
     """Number of steps along (di, dj) from cell (i, j) to the next known cell of ``elevation`` (nx, ny).
 
-    0 if more than ``max_gap`` unknown cells, a ``dropout`` (nx, ny) cell or the border come first.
+    The number is 0 if more than ``max_gap`` unknown cells, a ``dropout`` (nx, ny) cell or the border come first.
     """
     for gap in range(1, max_gap + 2):
         a, b = i + gap * di, j + gap * dj
@@ -271,8 +275,8 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
 
     Gaps run along the axes and diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
     determines the height. A cell is filled only if a ray passed over it, at ``ceiling`` (nx, ny), m, at most
-    ``ray_height`` m above the ground, because elsewhere there may be a thin wall that was seen from neither side.
-    Nothing is filled across a ``dropout`` (nx, ny) cell.
+    ``ray_height`` m above the ground. Elsewhere, there may be a thin wall that was seen from neither side. Nothing is
+    filled across a ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -298,7 +302,7 @@ def fill_pockets(elevation, dropout, most, level):
     It is filled at their mean height. Pockets that contain or touch a ``dropout`` (nx, ny) cell are not filled.
 
     Where frames end on all sides of a pocket, it remains unseen, and no ray passes over it. A wall that is seen
-    end-on leaves a gap as long as the wall, which no known ground surrounds.
+    end-on, in contrast, leaves a gap as long as the wall, and known ground does not surround this gap.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -342,8 +346,8 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 
     A step is a pair of 8-connected neighbours that differ by more than ``max_step`` m, in addition to the slope on
     both sides, see :func:`rise_beside`. A drop is a pair of known cells along an axis or diagonal, with up to
-    ``max_gap`` unknown cells in between, that differ by more than ``max_step`` m plus a slope of ``steepest`` m per
-    cell.
+    ``max_gap`` unknown cells in between. The heights of the two differ by more than ``max_step`` m plus a slope of
+    ``steepest`` m per cell.
     """
     nx, ny = elevation.shape
     hazard = np.zeros((nx, ny), np.bool_)

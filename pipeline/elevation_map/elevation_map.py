@@ -1,6 +1,6 @@
 """The elevation map: the height of the ground in each cell.
 
-Voxels of 0.1 m cannot distinguish a ramp from a step, so the elevation map keeps the mean height of the returns in
+Voxels of 0.1 m cannot distinguish a ramp from a step, so the elevation map keeps the mean heights of the returns in
 finer columns.
 """
 
@@ -208,7 +208,7 @@ class ElevationMap:
         Only cells within the boxes change, at any height.
 
         Yields:
-            A function that returns which of other boxes overlap these cells.
+            A function that returns whether each of some other boxes overlaps these cells.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
         within, meets = self.grid.touched(boxes)

@@ -1,4 +1,4 @@
-"""Evidence about the ground, relative to the robot's pose at the time, so that it moves if the pose is corrected."""
+"""Evidence about the ground, stored relative to a keyframe's pose, so that it moves when the pose is corrected."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -21,7 +21,7 @@ from pipeline.transforms import inverse, transform_points, yaw_of
 FEWEST_OF_GAP = 3
 """Minimum extent of a gap in the depth image, in pixels along a row and in searched rows; smaller ones are noise."""
 WIDEST_GAP = 60
-"""Maximum width of a gap, pixels; wider ones leave unknown ground behind them."""
+"""Maximum width of a gap, pixels; in wider gaps, the ground stays unknown."""
 ROW_STEP = 2
 """Spacing of the rows that are searched for gaps, rows."""
 NEARER = 0.05
@@ -38,7 +38,7 @@ TURNING_ROOM = 0.1
 BESIDE = 0.05
 """Distance to both sides over which an overhang must continue, with ground below, m.
 
-This rules out upright edges, which also hide the space behind them.
+This condition rules out upright edges, which also hide the space behind them.
 """
 BEFORE_STEP = 0.01
 """Spacing of points between the camera and the nearest ground that a panel hides, as a fraction of the distance
@@ -86,7 +86,8 @@ class AssumedGround:
     def under(cls, T_base_start: Pose, robot: RobotModel, config: ElevationConfig) -> "AssumedGround":
         """The ground that the robot needs to turn in place where it was set down.
 
-        The camera cannot see a wall that is nearer than its nearest return, so no more ground than this is assumed.
+        The camera cannot see a wall that is nearer than the camera's minimum range, so no more ground than this is
+        assumed.
         """
         radius = turning_radius(robot)
         points = _lattice(-radius, radius, radius, config.cell)
@@ -96,8 +97,8 @@ class AssumedGround:
     def before(cls, frame: Frame, points: Points, robot: RobotModel, config: ElevationConfig) -> "AssumedGround":
         """The ground ahead of a robot, in the directions in which the camera's nearest return is level ground.
 
-        Towards the edge of a deck or a wall, the camera has no such return within ``start_ahead``. Directions outside
-        its view are treated like the edge of the view. ``points``: the camera's returns in ``base_link``.
+        Towards a wall or the edge of a deck, the camera has no such return within ``start_ahead``. Directions outside
+        the camera's view are treated like the edge of the view. ``points``: the camera's returns in ``base_link``.
         """
         widest = np.arctan(frame.intrinsics.cx / frame.intrinsics.fx)
         ahead = config.start_ahead
@@ -138,7 +139,7 @@ class DrivenTrack:
     Attributes:
         track: successive positions of the robot's centre.
         yaws: (N,) float32 headings of the robot there, rad.
-        obstacles: points on obstacles in its path.
+        obstacles: points on obstacles in the robot's path.
         touched: points that the robot touched.
     """
 
@@ -155,7 +156,7 @@ class DrivenTrack:
     def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the track, obstacles and contacts to a map for a given pose of the keyframe.
 
-        The robot can stand where it has been until an obstacle is found there.
+        The robot is assumed to be able to stand where it has been, until an obstacle is found there.
         """
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
         elevation_map.update(obstacles, height=float(T_map_base[2, 3]))
@@ -168,13 +169,13 @@ class DrivenTrack:
 def find_depth_dropouts(
     depth: Depth, intrinsics: Intrinsics, T_base_camera: Pose, sensor: SensorModel, near: float
 ) -> Points:
-    """Points in ``base_link``, m, where a thin panel may stand, because ground is seen only on both sides of them.
+    """Points in ``base_link``, m, where a thin panel may stand, because ground is seen on both sides but not there.
 
-    A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too
-    close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides. If the
-    stripe extends to where the camera sees no ground, the panel may begin anywhere between there and a distance of
-    ``near`` m from the robot's centre. The points in between are as high as the camera, so that they do not rule out
-    known ground.
+    A thin upright panel seen edge-on gives no returns, because its face is seen at a grazing angle, and its end may
+    be too close to the camera. Its only trace is a stripe without ground in the image, with ground on both sides. If
+    no ground is seen below the stripe in the image, the panel may begin anywhere between the stripe and a distance of
+    ``near`` m from the robot's centre. The points added in between are as high as the camera, so that they do not
+    rule out known ground.
     """
     dropouts = np.zeros_like(depth)
     limits = FEWEST_OF_GAP, WIDEST_GAP, ROW_STEP

@@ -49,11 +49,11 @@ def overhangs(points, noise, depth, pinhole, up, limits):
 
 @njit(cache=True)
 def _space_above(point, noise, depth, pinhole, up, limits):
-    """Follow the vertical line above a return through the image, pixel by pixel.
+    """The state of the space above a return, from the pixels along the vertical line above the return.
 
     A ray that meets the level of the return only beyond the sensor's range is expected to give no return. An edge too
-    close to the sensor gives none either, so such a ray is evidence of free space only above returns that are too far
-    away for the edge to overhang them.
+    close to the sensor gives no return either, so such a ray is evidence of free space only above returns too far
+    away to be overhung by the edge.
     """
     fx, fy, cx, cy = pinhole
     step, below, hidden, result = point[2] / fy, point @ up, 0, OPEN
@@ -86,7 +86,7 @@ def _hides(d, z, noise, limits):
 
 @njit(cache=True)
 def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
-    """Whether the surface that hides the space above a return extends to both sides of it without hiding the ground.
+    """Whether the surface that hides the space above a return extends to both sides without hiding the ground there.
 
     Next to the upright edge of a wall or post, a tilted camera sees the ground, and above it the wall.
     """
@@ -106,10 +106,10 @@ def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
 
 @njit(cache=True)
 def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
-    """Whether the surface that hides the space above a return continues below it, as a wall does around a hole.
+    """Whether the surface that hides the space above a return continues below the return, like a wall around a hole.
 
-    The image is followed from the return, away from the ``pixel`` that hides the space. Where the level distance is
-    the same as at this pixel, a wall continues straight down, but ground does not.
+    The image is followed from the return, away from the ``pixel`` that hides the space. Where the horizontal distance
+    is the same as at this pixel, a wall continues straight down, but ground does not.
     """
     fx, fy, cx, cy = pinhole
     u, v = fx * point[0] / point[2] + cx, fy * point[1] / point[2] + cy
@@ -135,7 +135,10 @@ def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
 
 @njit(cache=True, inline="always")
 def _height_and_distance(u, v, d, pinhole, up):
-    """Height above the camera, m, and level distance from it, m, of the return with depth ``d``, m, at a pixel."""
+    """Height above the camera and horizontal distance from the camera of the return at a pixel, m.
+
+    ``d``: depth of the return, m.
+    """
     fx, fy, cx, cy = pinhole
     x, y = d * (u - cx) / fx, d * (v - cy) / fy
     height = x * up[0] + y * up[1] + d * up[2]

@@ -13,8 +13,7 @@ from pipeline.geometry.cells_kernels import cell_at
 
 _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
 VECTORS = np.concatenate([_HALF, -_HALF])
-"""(16, 2) displacement by a move along each heading, cells; the headings are directions of a lattice, 18 to 27°
-apart."""
+"""(16, 2) displacement of a move along each heading, cells; the headings are lattice directions, 18 to 27° apart."""
 HEADINGS, ORIENTATIONS = len(VECTORS), len(_HALF)
 """Number of headings, and number of headings with different footprints, because opposite headings have the same
 footprint."""
@@ -37,12 +36,13 @@ class Terrain(NamedTuple):
             pose may, cm.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
-        clearance: (nx, ny, 16) int8 cm, distance to the nearest obstacle, negative inside: from the footprint at each
-            of eight headings, and from the area that it sweeps in a turn from each of these headings to the next. On
-            and near a ramp, it also covers the room as far downhill as the body leans and, in a turn, slides.
+        clearance: (nx, ny, 16) int8 cm, distance from the robot to the nearest obstacle, negative if the obstacle is
+            inside. The first eight entries are for the footprint at each heading, the others for the area swept in a
+            turn from each heading to the next. On and near a ramp, the clearance includes room as far downhill as the
+            body leans and, in a turn, slides.
         required_clearance: int8 minimum allowed clearance, cm.
-        ramp: where the wheels may be on a ramp.
-        uphill: (nx, ny, 2) gradient of that ramp, m per m; 0 where there is none.
+        ramp: cells in which the wheels may be on a ramp.
+        uphill: (nx, ny, 2) gradient of this ramp, m per m; 0 where there is none.
     """
 
     origin: Place
@@ -66,9 +66,9 @@ class Costs(NamedTuple):
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
         spread: additional deviation in a turn, m per unit of slope.
-        slide: distance by which the robot slides downhill in a turn, m per unit of slope; that of a quarter turn is
-            used.
-        lean: distance by which the body leans downhill, m per unit of slope, which is the height at which it is
+        slide: distance by which the robot slides downhill in a turn, m per unit of slope; the value for a quarter
+            turn is used.
+        lean: distance by which the body leans downhill, m per unit of slope, equal to the height at which the body is
             widest.
         across: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
@@ -179,8 +179,8 @@ def allow_for_slopes(clearance, uphill, lean, slide):
 def heading_bits(cells, yaws):
     """(K,) uint16 bits, numbered as the entries of a clearance, of the headings nearest to ``yaws`` (K,), rad.
 
-    A pose in the same cell, of ``cells`` (K, 2), as the pose before it, but with the next heading to either side,
-    sets the bit of this turn too.
+    ``cells`` (K, 2) are the cells of the poses. If a pose is in the same cell as the pose before it and has an
+    adjacent heading, the bit of the turn between the two is set, too.
     """
     bits, last = np.zeros(len(cells), np.uint16), -1
     for k in range(len(cells)):
@@ -235,7 +235,7 @@ def free_poses(clearance, required_clearance, sweep):
 
 @njit(cache=True)
 def collision_probability(clearance, spread):
-    """Probability that the robot hits an obstacle ``clearance`` m away if it strays from its path by ``spread`` m."""
+    """Probability that a robot that strays up to ``spread`` m from its path hits an obstacle ``clearance`` m away."""
     return max(0.0, 1.0 - max(clearance, 0.0) / spread) if spread > 0 else 0.0
 
 
@@ -302,7 +302,10 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 @njit(cache=True)
 def room_on_slope(x, y, cos, sin, uphill, downhill, terrain, costs):
-    """The smaller :func:`room_at` a pose on a slope ``uphill`` and ``downhill`` m per unit of slope farther down."""
+    """Room at a pose, m, see :func:`room_at`; on a slope, the smaller of this and the room farther downhill.
+
+    ``uphill``: (2,) gradient of the slope; ``downhill``: distance to the position downhill, m per unit of slope.
+    """
     room = room_at(x, y, cos, sin, terrain, costs)
     if uphill[0] != 0 or uphill[1] != 0:
         below = room_at(x - downhill * uphill[0], y - downhill * uphill[1], cos, sin, terrain, costs)
@@ -332,7 +335,7 @@ def pose_clearances(poses, terrain, costs):
 
 @njit(cache=True)
 def line_seconds(ax, ay, bx, by, backward, terrain, costs):
-    """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
+    """Cost, s, of a straight drive between two points, m; inf if the footprint meets an obstacle.
 
     ``backward`` affects only the cost.
     """
@@ -341,7 +344,7 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     length = np.sqrt(dx * dx + dy * dy)
     cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
     steps = int(np.ceil(length / terrain.cell)) + 1
-    # An obstacle this close to the centre is inside the footprint at any heading; this finds most blocked lines.
+    # An obstacle this close to the centre is inside the footprint at any heading; this test finds most blocked lines.
     inside = min(costs.half_length, costs.half_width) - terrain.leniency - terrain.cell
     for s in range(steps + 1):
         i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)
@@ -372,9 +375,9 @@ def lines_seconds(starts, ends, terrain, costs):
 
 @njit(cache=True)
 def turn_seconds(x, y, start, end, terrain, costs):
-    """Cost of the shorter turn in place between two headings, rad, at (x, y) m, in s; inf if it meets an obstacle.
+    """Cost, s, of the shorter turn in place between two headings, rad, at (x, y), m; inf if it meets an obstacle.
 
-    On level ground, only the headings in between are checked; :func:`line_seconds` checks those at both ends.
+    On level ground, only the headings in between are checked; :func:`line_seconds` checks the headings at both ends.
     """
     nx, ny = terrain.required_clearance.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)

@@ -22,18 +22,18 @@ from pipeline.robot import RobotModel
 FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
 SLOPE_REACH = 3
 """Radius of the neighbourhood over which the slope of a cell is fitted, cells: about half the distance between a
-robot's axles, over which a small step tilts it."""
+robot's axles, because a small step tilts the robot over this distance."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
-"""m per m, and m. A neighbour whose height differs by more than this slope times its distance plus this rise belongs
-to another surface, such as a wall or the floor under a deck, and is left out of the fit."""
+"""Slope, m per m, and rise, m. A neighbour whose height differs by more than the slope times its distance plus the
+rise is left out of the fit. It belongs to another surface, such as a wall or the floor under a deck."""
 WIDEST_HEIGHT_FRACTION = 0.5
-"""Height at which a body is widest, as a fraction of its height, because tyres bulge there, and the top plate is
-narrower."""
+"""Height at which a robot's body is widest, as a fraction of the body's height; tyres bulge there, and the top plate
+is narrower."""
 SWEEP = 1
 """Distance by which a turn to the next heading may come closer to an obstacle than the footprint at a pose may,
 cm."""
 MIN_DRIVEN = -0.03
-"""Minimum clearance where the robot's centre has been, m.
+"""Minimum clearance required where the robot's centre has been, m.
 
 This clearance is also assumed to exist there, so that noise in later keyframes does not trap the robot.
 """
@@ -51,7 +51,7 @@ TICK = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Traversability:
-    """Where the robot may drive according to an elevation map; all arrays are (nx, ny) on the map's grid.
+    """An elevation map's ground, assessed for driving; all arrays are (nx, ny) on the map's grid.
 
     Attributes:
         grid: the map's grid.
@@ -101,7 +101,7 @@ class Traversability:
 
     @cached_property
     def without_margin(self) -> "Traversability":
-        """The same ground if the footprint only has to avoid the centres of cells with obstacles, not whole cells.
+        """The same ground if the footprint must avoid only the centres of cells with obstacles, not whole cells.
 
         The centre is where the obstacle is expected. A passage two cells wider than the robot is then passable,
         wherever it lies on the grid.
@@ -159,7 +159,7 @@ class Traversability:
 
         Args:
             places: (N, 2) positions that the grid must contain, m.
-            margin: distance around each of them that it must contain too, m.
+            margin: distance around each of these positions that the grid must contain, too, m.
             shut: (M, 2) positions of unknown ground that nevertheless is not free, m.
             doubts: whether depth dropouts, where a thin panel may stand, are not free.
         """
@@ -236,7 +236,7 @@ class Traversability:
         return pose_kernels.pose_clearances(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
 
     def has_ramp(self, xy: ArrayLike) -> bool:
-        """Whether the robot drives as on a ramp near a position (2,), m."""
+        """Whether the robot drives at a position (2,), m, as on a ramp."""
         return bool(self.grid.at(self.ramp, xy, outside=False))
 
     def on_ground(self, xy: ArrayLike) -> Places:
@@ -394,7 +394,7 @@ def _clearances(
 
 
 def _on_slopes(level: NDArray[np.int8], uphill: Layer, robot: RobotModel, cell: float) -> NDArray[np.int8]:
-    """Clearances with room downhill on slopes, computed from ``level``, those as on level ground."""
+    """Clearances with room downhill on slopes, computed from ``level``, the clearances as on level ground."""
     return pose_kernels.allow_for_slopes(
         level, uphill, WIDEST_HEIGHT_FRACTION * robot.body_height / cell, slide_of(robot) / cell
     )
@@ -436,7 +436,7 @@ class TraversabilityLayer:
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
-        """The same result as that of ``assess_map`` for the map; earlier results do not change."""
+        """The result that ``assess_map`` would return for the map; earlier results do not change."""
         source, last = elevation_map.layers, self._last
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         self._revision = source.revision
@@ -451,7 +451,7 @@ class TraversabilityLayer:
 
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
     # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach,
-    # also those from which the robot leans or slides that far.
+    # including cells from which the robot leans or slides that far.
     cell, config = last.grid.cell, last.config
     robot = last.robot
     reach = reach_of(robot, config, cell) + config.drop_gap + _farthest_downhill(robot)

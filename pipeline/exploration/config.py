@@ -1,4 +1,4 @@
-"""Parameters of exploration and missions: the ground that views are expected to show, and their worth."""
+"""Parameters of exploration and missions: the ground that views are expected to show, and the worth of viewpoints."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,19 @@ from pipeline.labels import RAMP_TILT
 
 @dataclass(frozen=True)
 class VisibilityConfig:
-    """Which unseen ground a view is expected to show.
+    """Settings for predicting the unseen ground that a view will show.
 
     Attributes:
         rays: number of directions, all around a position, in which rays are cast.
-        stride: side of the square blocks that each contribute one cell for viewpoints, cells.
+        stride: side of the square blocks, cells; one cell of each block is a candidate for viewpoints.
         max_undershoot: maximum distance by which the robot may stop short of a viewpoint, m; the camera's range is
             reduced by it.
         max_overshoot: maximum distance by which the robot may come nearer than planned to ground that it looks at
             because this ground may block a path, m.
         nist_slope: slope of a NIST ramp, m per m; ground missed by a keyframe is assumed to fall at least this
             steeply.
-        blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
+        blocked: probability with which a wall must have stopped a ray in unknown ground for the ray to be followed no
+            further.
         min_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
             walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
@@ -47,7 +48,7 @@ class VisibilityConfig:
 
 @dataclass(frozen=True)
 class UnseenWaysConfig:
-    """How the robot searches for paths to goals through unseen ground.
+    """Settings of the search for paths to goals through unseen ground.
 
     Attributes:
         margin: distance around a goal within which a path may go around obstacles, m.
@@ -79,10 +80,11 @@ class UnseenWaysConfig:
 
 @dataclass(frozen=True)
 class ExplorationConfig:
-    """When a viewpoint is worth a drive, and when a drive has ended.
+    """Conditions under which a viewpoint is worth a drive, and a drive has ended.
 
-    Exploration ends when ``more_time`` would show less than ``more_ground``. With equal factors, this would be the
-    marginal value theorem of foraging (Charnov 1976), which says when to leave a patch; here, the robot simply stops.
+    Exploration ends when increasing the run's time by the factor ``more_time`` would increase the seen ground by less
+    than the factor ``more_ground``. With equal factors, this would be the marginal value theorem of foraging (Charnov
+    1976), which states when to leave a patch; here, the robot stops instead.
 
     Attributes:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
@@ -98,7 +100,8 @@ class ExplorationConfig:
             blocked.
         progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
             a bend.
-        shown: fraction of the expected ground that must be seen, even during the drive, for a viewpoint to be done.
+        shown: minimum fraction of the expected ground that must be seen, even if only during the drive, for a
+            viewpoint to be done.
         visibility: settings for the ground that a view is expected to show.
         unseen_ways: settings for paths to goals through unseen ground.
     """

@@ -76,7 +76,7 @@ class Deadline:
         self.retreat: Retreat | None = None
         self.has_called = False
         self.begin, self._finds, self._wants_home = begin, finds, home
-        # The robot may stop this far short of a position, because the position is then considered reached.
+        # The robot may stop ``arrived`` m short of a position, because the position is then considered reached.
         self._near = None if beside is None else beside - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
@@ -90,7 +90,7 @@ class Deadline:
         begin, seconds = self._last
         taken = context.frame.time - begin
         self._late = max(self._late, taken - seconds)
-        self._taken += taken if seconds else 0.0  # turns in place say nothing about drives
+        self._taken += taken if seconds else 0.0  # turns in place do not show how fast the robot drives
         self._last = context.frame.time, 0.0
         place = None
         if self._near is not None:
@@ -106,7 +106,7 @@ class Deadline:
 
         Planned times are multiplied by the ratio of actual to planned times so far, if above 1, and the longest delay
         so far is added as a margin. If the map shows no path to the retreat, the drive there is assumed to take as
-        long as the run so far and the drive to the position.
+        long as the run so far plus the drive to the position.
         """
         now = context.frame.time
         if self.retreat is None:
@@ -133,7 +133,7 @@ def _finite(seconds: float, otherwise: float) -> float:
 
 
 def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
-    """The position, cheapest to reach, with the most victims (N, 2) within ``near`` m; None if there are none."""
+    """Of the positions with the most victims (N, 2) within ``near`` m, the cheapest to reach; None without any."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid

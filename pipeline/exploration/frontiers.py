@@ -20,10 +20,13 @@ def unseen(context: Context) -> MaskLayer:
 
 
 def cells_touching(context: Context, cells: MaskLayer, beyond: float = 0.0) -> MaskLayer:
-    """The cells from which the robot's corners may touch any of the given cells, and those ``beyond`` m farther."""
+    """The cells from which the robot's corners may touch any of the given cells.
+
+    Cells up to ``beyond`` m farther away are included.
+    """
     reach = context.traversability.robot.corner_radius + beyond
     side = 2 * round(reach / context.traversability.grid.cell) + 1
-    # This is many times faster than SciPy's filter.
+    # OpenCV's filter is many times faster than SciPy's.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 
 

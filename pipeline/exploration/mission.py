@@ -19,7 +19,7 @@ from pipeline.planning.pose_paths import PosePaths
 
 
 class RobotState(Protocol):
-    """The state of the robot that a mission needs."""
+    """The part of a robot's state that a mission needs."""
 
     @property
     def T_map_start(self) -> Pose | None:
@@ -97,7 +97,7 @@ class Mission:
         return self.goals is not None and self.goals.is_tight
 
     def tighten(self) -> bool:
-        """Plan paths to the current goals without a margin; False if they already are, or if no goal is left."""
+        """Plan paths to the current goals without a margin; False if this is so already, or if no goal is left."""
         if self.goals is None or not self.goals.remaining or self.goals.is_tight:
             return False
         self.goals.is_tight = True
@@ -127,7 +127,10 @@ class Mission:
         return has_answer and required(self._sender).is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
-        """Whether the clock, which is ignored on the retreat, allows the drive; if so, its start is recorded."""
+        """Whether the clock allows the drive; if so, the start of the drive is recorded.
+
+        On the retreat, the clock is ignored.
+        """
         if self.deadline is None:
             return True
         if not self._is_on_retreat and not self.deadline.allows(viewpoint.position, context):
@@ -205,8 +208,8 @@ class Visit:
         goal: (2,) m, position of the goal in ``map``.
         failure_reason: why the robot did not reach it, as a line for the log; None if it did.
         way: distance driven by odometry towards this goal, m.
-        begin, end: the robot's times at the end of the previous visit, or at the start of the task, and at the end of
-            this visit, s.
+        begin: the robot's time at the end of the previous visit or, without one, at the start of the task, s.
+        end: the robot's time at the end of this visit, s.
     """
 
     goal: Place
@@ -290,7 +293,7 @@ class Goals(Strategy):
 
     @property
     def may_open(self) -> bool:
-        """Whether exploration may open a path to a remaining goal, which hazards alone do not rule out."""
+        """Whether exploration may open a path to a remaining goal, because hazards alone do not block all paths."""
         unseen, context = self._unseen, self._context
         if unseen is None or context is None or not self.is_tight:
             return False
@@ -310,13 +313,13 @@ class Goals(Strategy):
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
-        """Give up the remaining goals; the reason is ``why``, or else the one that the last step showed."""
+        """Give up the remaining goals for the reason ``why``, which by default is the last step's."""
         for goal in list(self.remaining):
             reason = self._unreachable_reason(goal) if why is None else None
             self._end(goal, reason or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _unreachable_reason(self, goal: Place) -> str | None:
-        """Why no path leads to a goal, as a line for the log; None if one may lead there."""
+        """The reason, as a line for the log, why no path leads to a goal; None if a path may lead there."""
         context, unseen = self._context, self._unseen
         if context is None or unseen is None or (known := unreachable_reason(context.paths, goal)) is None:
             return None
@@ -325,7 +328,7 @@ class Goals(Strategy):
         return unseen.unreachable_reason(goal, context) or known
 
     def _place(self, goal: Place, paths: PosePaths) -> Place:
-        """The position to drive to for a goal: the nearest reachable one close to it, or else the goal itself."""
+        """The position to which the robot drives for a goal: the nearest reachable one close to it, or the goal."""
         if not np.isfinite(goal).all():
             return goal
         t = paths.traversability

@@ -46,7 +46,7 @@ class RemainingGround:
         return visibility.cells_in_view(viewpoint.position, viewpoint.heading, self.camera, terrain)
 
     def after(self, viewpoint: Viewpoint) -> "RemainingGround":
-        """What remains after a keyframe at a viewpoint that shows all the ground that it should."""
+        """The ground that remains after a keyframe at a viewpoint has shown all the ground that it should."""
         target = self.terrain.target & ~self.in_view(viewpoint)
         return replace(self, terrain=self.terrain._replace(target=target))
 
@@ -79,7 +79,7 @@ class NextBestView(Strategy):
         self._gains = {kind: visibility.ViewpointGains(config.visibility.stride) for kind in kinds}
 
     def observe(self, context: Context) -> None:
-        """Record which cells the keyframes since the last call showed and missed, and the remaining unseen ground."""
+        """Record the cells that keyframes since the last call showed and missed, and the remaining unseen ground."""
         camera = visibility.camera_view(context.frame, self.config.visibility)
         terrain = self.sightings.observe(context, camera)
         self._began = context.frame.time if self._began is None else self._began
@@ -88,9 +88,10 @@ class NextBestView(Strategy):
         self.remaining = RemainingGround(terrain, camera, seen, seconds)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second, or else one that may open a path; None if no drive is worth it.
+        """The viewpoint that shows the most per second, or else one that may open a path; None if none is worthwhile.
 
-        While the ground that would be given up exceeds ``max_given_up`` of the seen ground, any drive is worth it.
+        While the ground that would be given up exceeds the fraction ``max_given_up`` of the seen ground, every drive
+        is worth its time.
         """
         if viewpoint := self._next(self.remaining, context):
             return viewpoint
@@ -106,7 +107,10 @@ class NextBestView(Strategy):
         return [*self._in_turn(self._best, self.remaining, context), *self._unreachable(context)]
 
     def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
-        """At most ``limit`` viewpoints, ``first`` and others worth a drive, each for ground no earlier one shows."""
+        """At most ``limit`` viewpoints: ``first``, and others that are worth a drive.
+
+        Each viewpoint is for ground that no earlier one shows.
+        """
         return [first, *islice(self._in_turn(self._next, self.remaining.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
@@ -141,7 +145,11 @@ class NextBestView(Strategy):
         return gains / seconds
 
     def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """(N, 16) m², area that viewpoints must show to be worth ``seconds`` until their keyframes, or a scalar."""
+        """(N, 16) m², area that viewpoints must show to be worth the time until their keyframes.
+
+        ``seconds``: (N, 16) time until the keyframe at each viewpoint, s. If it is a scalar, the result is a scalar,
+        too.
+        """
         growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
         return np.asarray(self.remaining.seen * np.expm1(growth * np.log1p(seconds / self.remaining.seconds)))
 
@@ -160,8 +168,8 @@ class NextBestView(Strategy):
     def _opening(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
-        The largest unreachable pieces come first. The cells that block the path may be few, but only unseen cells
-        between reachable ground and the piece are considered.
+        The largest unreachable pieces come first. Only unseen cells between reachable ground and the piece are
+        considered, however few they are.
         """
         terrain = remaining.terrain
         traversability = context.traversability
@@ -190,7 +198,7 @@ class NextBestView(Strategy):
 
         A cell that stays unseen still blocks the path, so only views that show almost as many cells as the best one
         are considered. Views that do so even if the robot arrives closer than planned are preferred, because the
-        camera cannot see the ground right in front of it.
+        camera cannot see the ground right in front of the robot.
         """
         remaining = replace(remaining, terrain=remaining.terrain._replace(target=bars))
         farther = visibility.without_nearest(remaining.camera, self.config.visibility.max_overshoot)
@@ -235,7 +243,10 @@ class NextBestView(Strategy):
         remaining: RemainingGround,
         context: Context,
     ) -> Iterator[Viewpoint]:
-        """The viewpoints that ``best`` returns in turn, without rewards, each for ground no earlier one shows."""
+        """The viewpoints that ``best`` returns in turn, without rewards.
+
+        Each viewpoint is for ground that no earlier one shows.
+        """
         context = replace(context, rewards=None)
         while viewpoint := best(remaining, context):
             yield viewpoint
@@ -249,7 +260,7 @@ class NextBestView(Strategy):
         Args:
             remaining: the ground that remains to be seen.
             context: the context of the decision.
-            min_gain: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
+            min_gain: minimum gain, m²; by default, the area of a row of cells as long as the robot is wide.
             min_fraction: minimum fraction of the highest gain of any viewpoint.
         """
         paths = context.paths
@@ -299,10 +310,10 @@ class NextBestView(Strategy):
         return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 
     def _candidates(self, remaining: RemainingGround, context: Context) -> Cells:
-        """(N, 2) the cell of each block with most reachable headings, and some where the robot cannot turn around.
+        """(N, 2) cell of each block with the most reachable headings, and cells where the robot cannot turn around.
 
         The latter are close to ground that was assumed, not seen, at the start. With its back to the wall of a small
-        room, or on a ramp that it backed up, the robot sees ground that is otherwise too close to its camera.
+        room, or after backing up a ramp, the robot sees ground that is otherwise too close to its camera.
         """
         traversability = context.traversability
         paths = context.paths
@@ -315,7 +326,10 @@ class NextBestView(Strategy):
 
 
 def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
-    """(nx, ny) numbers of the pieces of seen ground to which no path leads, 0 for none, and the pieces' areas, m²."""
+    """(nx, ny) numbers of the pieces of seen ground to which no path leads, and the areas of the pieces, m².
+
+    The number is 0 in cells that belong to no piece.
+    """
     ground = context.traversability
     pieces, _ = ndimage.label(ground.traversable & ~context.paths.reachable, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel()).astype(np.float64) * ground.grid.cell**2

@@ -90,7 +90,7 @@ class Sightings:
         self._drive = AnchoredPlaces.anchored(drive, poses, newest)
 
     def _count_shown(self, context: Context, camera: CameraView) -> int:
-        """Count the targets that were shown; return the index of the first keyframe with misses not counted yet."""
+        """Count the targets that were shown; return the index of the first keyframe whose misses are not counted."""
         layers = self._layers
         before = self._poses
         first = len(before)
@@ -125,11 +125,11 @@ class Sightings:
         self._layers.write("missed_from", missed_from)
 
     def _note_disappointment(self, missed_from: NDArray[np.float32], poses: Poses) -> None:
-        """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
+        """If the last drive ended at its viewpoint or where it began, note the cells that should have been shown.
 
         Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
-        set out, or that sees nothing new from the viewpoint, must look for other ground, but a keyframe taken
-        elsewhere does not show whether the cells can be seen from the viewpoint.
+        set out, or that sees nothing new from the viewpoint, must look for other ground. A keyframe taken elsewhere
+        does not show whether the cells can be seen from the viewpoint.
         """
         here = poses[-1, :2, 3]
         drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
@@ -144,10 +144,10 @@ class Sightings:
 def chances(shown: Values, missed: Values) -> Values:
     """Probability that ground in view is shown after 0, 1, … misses: the means of Beta distributions.
 
-    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries, so the
-    probability is k / (k + 1) times that after k - 1 misses. The run's tries are added to these k + 1. The
-    probability without misses stays 1, because there may be no ground beyond an outer edge, but some behind the next
-    corner.
+    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries. The
+    probability is therefore k / (k + 1) times the probability after k - 1 misses. The run's tries are added to these
+    k + 1 tries. The probability without misses stays 1, because there may be no ground beyond an outer edge, but some
+    behind the next corner.
 
     Args:
         shown: number of tries that showed ground after 0, 1, … misses.

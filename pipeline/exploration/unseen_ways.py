@@ -1,4 +1,4 @@
-"""Paths to goals on the assumption that unseen ground is free (Koenig & Likhachev 2002), and views that show it."""
+"""Paths to goals on the assumption that unseen ground is free (Koenig & Likhachev 2002), and views of this ground."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -44,7 +44,7 @@ class GoalSearch:
     """The cheapest paths to a goal from all poses.
 
     Attributes:
-        ground: the ground, on a grid that may be larger than that of the map.
+        ground: the ground, on a grid that may be larger than the map's.
         goal: (2,) m, position of the goal in ``map``.
         caution: see :class:`PosePaths`.
     """
@@ -55,11 +55,11 @@ class GoalSearch:
 
     @cached_property
     def _paths(self) -> PosePaths:
-        """Paths from the goal; in reverse, with opposite headings, they lead to it at the same cost."""
+        """Paths from the goal; in reverse, with opposite headings, they lead to the goal at the same cost."""
         return PosePaths(self.ground, self.goal, caution=self.caution)
 
     def seconds_from(self, places: NDArray[np.float64], until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s, costs from places (N, 2), m, with each heading to the goal; those above ``until`` may be inf."""
+        """(N, 16) s, costs to the goal from places (N, 2), m, with each heading; costs above ``until`` may be inf."""
         seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
         return np.roll(seconds, ORIENTATIONS, axis=1)
 
@@ -68,7 +68,7 @@ class GoalSearch:
         return self._paths.seconds_at(xy, (heading + ORIENTATIONS) % HEADINGS)
 
     def states_from(self, xy: Place, heading: int) -> Cells:
-        """(N, 3) cells of ``ground`` and headings from a pose to the goal, to which a path must lead."""
+        """(N, 3) cells of ``ground`` and headings on the path from a pose to the goal; the path must exist."""
         states = self._paths.states_to(xy, (heading + ORIENTATIONS) % HEADINGS)[::-1]
         return np.column_stack([states[:, :2], (states[:, 2] + ORIENTATIONS) % HEADINGS])
 
@@ -78,7 +78,7 @@ class Gap(NamedTuple):
 
     Attributes:
         hidden: the unseen cells that keep the robot from following the path.
-        before: (N, 3) cells of the map and headings of the path before the gap.
+        before: (N, 3) cells of the map and headings on the path before the gap.
         seconds: time of the entire path to the goal, s.
     """
 
@@ -108,9 +108,10 @@ class UnseenWays:
         self._terrain = self._sightings.observe(context, self._camera)
 
     def ground_towards(self, goals: NDArray[np.float64], context: Context, doubts: bool = True) -> Traversability:
-        """The ground if unseen ground is free, on a grid that contains goals (N, 2), m, none of them :meth:`is_far`.
+        """The ground if unseen ground is free, on a grid that contains goals (N, 2), m.
 
-        ``doubts``: whether ground that views failed to show, or where a thin panel may stand, is not free.
+        None of the goals may be far, see :meth:`is_far`. ``doubts``: whether ground that views failed to show, or
+        where a thin panel may stand, is not free.
         """
         shut = self._shut(context) if doubts else NONE
         return context.traversability.with_unseen_free(goals, self._numbers.margin, shut, doubts)
@@ -120,7 +121,10 @@ class UnseenWays:
         return not np.linalg.norm(goal - context.T_map_base[:2, 3]) <= self._numbers.farthest
 
     def unreachable_reason(self, goal: Place, context: Context) -> str | None:
-        """Why no path leads to a goal through unseen ground, for the log; None if unseen ground is not the cause."""
+        """The reason why no path leads to a goal through unseen ground, as a line for the log.
+
+        None if unseen ground is not the cause.
+        """
         ground = context.traversability
         if not np.isfinite(goal).all() or context.paths.start is None:
             return None
@@ -134,7 +138,7 @@ class UnseenWays:
         return f"{goal_name(goal)} cannot be reached: every path is blocked, and the ground at the goal was not seen"
 
     def may_open(self, goal: Place, context: Context) -> bool:
-        """Whether a path leads to a goal if only hazards that were seen can block it."""
+        """Whether a path leads to a goal if only hazards that were seen can block paths."""
         start = context.paths.start
         if start is None or self.is_far(goal, context):
             return False
@@ -145,7 +149,7 @@ class UnseenWays:
         """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left."""
         if context.paths.start is None or self.is_far(goal, context):
             return None
-        # Ground that keyframes missed is weighted by its probability to be shown or, if this yields no view, by 1.
+        # Ground that keyframes missed is weighted by the probability that it is shown; if this yields no view, by 1.
         anyhow = np.ones_like(self._terrain.probability)
         for terrain in (self._terrain, self._terrain._replace(probability=anyhow)):
             if (view := self._view_on(terrain, goal, context)) is not None:
@@ -153,7 +157,7 @@ class UnseenWays:
         return None
 
     def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> PathView | None:
-        """The best view among those for a few paths through different unseen ground."""
+        """The best of the views for a few paths through different unseen ground."""
         shut = self._shut(context)
         views = list[tuple[float, PathView]]()
         while len(views) < self._numbers.alternatives:
@@ -210,9 +214,9 @@ class UnseenWays:
         return Gap(hidden, states[:first], search.seconds_from_pose(*start)) if hidden.any() else None
 
     def _known_until(self, states: Cells, search: GoalSearch, context: Context) -> int:
-        """The number of poses of a path, (N, 3) cells of the map and headings, before the first gap.
+        """The number of poses on a path before the first gap; ``states``: (N, 3) cells of the map and headings.
 
-        Unseen ground is not a gap if the robot can drive around it in less time than it needs to look at it.
+        Unseen ground is not a gap if a detour around it takes less time than a look at it.
         """
         paths = context.paths
         can_reach = paths.can_reach(states)
@@ -230,7 +234,7 @@ class UnseenWays:
         return int(near.max()) + 1
 
     def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
-        """Where the path starts: the robot's pose or, if it has too little room there, a pose that it can reach."""
+        """The start of the path: the robot's pose, or a reachable pose if it has too little room there."""
         paths = context.paths
         grid = context.traversability.grid
         start = required(paths.start)
@@ -250,17 +254,17 @@ class UnseenWays:
     def _best_view(
         self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
     ) -> tuple[float, PathView] | None:
-        """The view via which the robot reaches the goal soonest, and its cost; None if no view shows enough of a gap.
+        """The cost and the view via which the robot reaches the goal soonest; None if no view shows enough of a gap.
 
         Args:
             gap: the unseen ground.
             search: the paths to the goal.
             context: the context of the decision.
             terrain: the ground, with the gap as its target.
-            within: maximum delay compared with driving there without a look, s.
+            within: maximum delay compared with a drive to the goal without a look, s.
 
         Returns:
-            Time to the goal via the view, including the expected cost of another look, s; and the view.
+            The time to the goal via the view, including the expected cost of another look, s; and the view.
         """
         t = context.traversability
         paths = context.paths
@@ -273,7 +277,8 @@ class UnseenWays:
         cells = cells[some]
         places = places[some]
         shares = shares[some]
-        # Their cost is the time to the goal via the view, and that of a second look at the ground it does not show.
+        # Their cost is the time to the goal via the view, plus the time of a second look at the ground that the view
+        # does not show.
         left = search.seconds_from(places, gap.seconds + within)
         if not np.isfinite(left).any():
             return None
@@ -292,7 +297,7 @@ class UnseenWays:
         return float(cost[n, m]), view
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
-        """(N, 2) cells from which a gap may be in view: some all around it, and all on the path to it."""
+        """(N, 2) cells from which a gap may be in view: a sample of those around it, and all on the path to it."""
         t = context.traversability
         cells = best_of_blocks(np.bitwise_count(context.paths.headings), self._config.visibility.stride)
         cells = np.unique(np.vstack([cells, gap.before[:, :2]]), axis=0)
@@ -304,7 +309,10 @@ class UnseenWays:
 
 
 def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
-    """The unknown cells that keep the robot from all but the first of successive poses (N, 3), cells and headings."""
+    """The unknown cells that block a path, except those that block only its first pose.
+
+    ``states``: (N, 3) cells and headings of the poses on the path.
+    """
     size = t.robot.half_length, t.robot.half_width
     offsets, distances, _ = footprint_distances(*size, t.grid.cell, t.config.costs.full_speed_clearance)
     is_near = distances + 100 * t.config.leniency < t.required_clearance.max()

@@ -28,12 +28,16 @@ class Viewpoint:
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
         seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
         falls: whether the gain assumes that unknown ground behind crests falls.
-        opens: whether its purpose is to show the cells that may block the path to ground that was seen.
-        why: why the viewpoint is given up, if it is. ``unseen``: no keyframe showed the ground in view, or the cells
-            that block the path to ground that was seen. ``person``: the robot would come too near to a person.
-            ``too_steep``: slopes block the path. ``no_way``: something else blocks it.
-        stands: whether the robot must stop at the viewpoint, unless the drive itself shows enough, because its next
-            drive depends on what it sees.
+        opens: whether the viewpoint's purpose is to show the cells that may block the path to ground that was seen.
+        why: the reason for giving the viewpoint up, if it is given up:
+
+            - ``unseen``: no keyframe showed the ground in view, or the cells that block the path to seen ground
+            - ``person``: the robot would come too near to a person
+            - ``too_steep``: slopes block the path
+            - ``no_way``: something else blocks the path
+
+        stands: whether the robot must stop at the viewpoint, unless the drive itself shows enough, because the next
+            drive depends on the view.
     """
 
     position: Place
@@ -93,7 +97,7 @@ class Context:
 
     @property
     def traversability(self) -> Traversability:
-        """Where the robot may drive."""
+        """The traversability of the ground."""
         return self.paths.traversability
 
 

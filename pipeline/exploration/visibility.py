@@ -16,10 +16,11 @@ from pipeline.transforms import yaw_of
 
 
 def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
-    """The ground in view of a frame's camera, even if the robot stops ``max_undershoot`` m before a viewpoint.
+    """The view of the ground from a frame's camera, with the range reduced by ``max_undershoot``.
 
-    Nothing is expected within half a ray step of the image's lower and upper edges, or within one step of its sides.
-    Values are rounded to 1 mm and 0.1°, so that vibrations of the camera do not change the result.
+    The range is reduced because the robot may stop short of a viewpoint. Nothing is expected within half a ray step
+    of the image's lower and upper edges, or within one step of its sides. Values are rounded to 1 mm and 0.1°, so
+    that vibrations of the camera do not change the result.
     """
     lens, T, step = frame.intrinsics, frame.T_base_camera, 2 * np.pi / config.rays
     pitch = np.arcsin(T[2, 2])
@@ -104,10 +105,14 @@ def count_misses(
     misses: NDArray[np.uint8],
     missed: Indices,
 ) -> None:
-    """Count the target cells that keyframes should have shown but did not, in the order of their poses.
+    """Count the target cells that keyframes should have shown but did not, one keyframe after another.
 
-    Updated in place: ``terrain.missed_from``; ``misses`` (nx, ny), the number of keyframes that missed each cell; and
-    ``missed`` (256,), the number of cells that were missed, by how often they had been missed before.
+    Args:
+        poses: ``T_map_base`` of the keyframes.
+        camera: the camera's view of the ground.
+        terrain: the ground and the targets; its ``missed_from`` is updated in place.
+        misses: (nx, ny) number of keyframes that missed each cell; updated in place.
+        missed: (256,) number of cells that were missed, by the number of earlier misses; updated in place.
     """
     for T in poses:
         kernels.count_misses(*T[:2, 3], _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
@@ -117,7 +122,7 @@ def _bearings(heading: float, camera: kernels.CameraView) -> Values:
     """(R,) bearings (rad) of rays across the field of view at a heading (rad)."""
     half, middle = _rays_in_view(camera) // 2, round(heading / (2 * np.pi) * camera.rays)
     # These include exactly the rays from which the gain was computed, because the slightest change may let a ray
-    # slip between two cells that meet at a corner. Rays in between are added for the cells that lie between them.
+    # slip between two cells that meet at a corner. More rays are added in between, for the cells between these rays.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
     return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
 
@@ -199,8 +204,8 @@ def _bits(values: NDArray) -> NDArray:
 def _rays_by_offset(reach: float, cell: float, stride: int, count: int) -> NDArray[np.int16]:
     """(S, S, 2) the half-open range of rays from a cell to a block within ``reach`` m of it.
 
-    An index is the position of the block's middle cell in a square of cells with the cell at its centre. Rays may be
-    less than 0 or more than ``count``; the range is empty if the block is farther away.
+    The first two indices are the position of the block's middle cell in a square of cells that is centred on the
+    cell. Ray numbers may be negative or exceed ``count``; the range is empty if the block is farther away.
     """
     most, radius, step = int(reach / cell) + stride, stride * cell / np.sqrt(2), 2 * np.pi / count
     i, j = cell * (np.indices((2 * most + 1,) * 2) - most)

@@ -86,8 +86,10 @@ def cast_ray(x, y, bearing, view, terrain, seen):
 
     Unknown ground is never more likely to be seen than the unknown ground just before it, which the ray must pass.
 
-    Returns the sum of the distances of the target cells in view, weighted by their probability, and their number. The
-    sum times the cell size and the angle between rays is an area. The cells' flat indices are written to ``seen``.
+    Returns:
+        The sum of the distances of the target cells in view, m, weighted by their probability; and the number of
+        these cells, whose flat indices are written to ``seen``. The sum times the cell size and the angle between
+        rays is an area.
     """
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
@@ -113,8 +115,8 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain.gradient)
             fall = max(fall_after(rise, terrain.falls, terrain.ramp_slope), fall - levelling)
-        # This also applies below the image, because ground that did not show from farther away is not assumed to
-        # continue out of sight.
+        # The probability is updated below the image, too, because ground that did not show from farther away is not
+        # assumed to continue out of sight.
         probability = min(probability, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
@@ -160,8 +162,8 @@ def fall_after(rise, falls, ramp_slope):
 def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
     """Whether a ray shows the ground that it meets at a horizontal distance of ``d`` m.
 
-    ``slope`` is that of the ray, and ``rise`` that of the ground along the ray. ``from_miss`` (2,) is the offset of
-    the robot from where the last keyframe that missed this ground was taken, m; infinite if none did.
+    ``slope`` is the slope of the ray, and ``rise`` is the slope of the ground along the ray. ``from_miss`` (2,) is
+    the offset, m, of the robot from the last keyframe that missed this ground; infinite if no keyframe missed it.
     """
     ex, ey = from_miss
     if ex * ex + ey * ey < new_view * new_view:
@@ -175,7 +177,7 @@ def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, earlier):
-    """(N, R) m², area that each ray from points (N, 2) should show; cast where ``wanted``, else as ``earlier``."""
+    """(N, R) m², area that each ray from points (N, 2) should show; ``earlier`` values where not ``wanted``."""
     result = earlier.copy()
     step = 2 * np.pi / view.rays
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
@@ -189,7 +191,7 @@ def ray_gains(places, view, terrain, wanted, earlier):
 
 @njit(cache=True)
 def rays_towards(cells, mask, rays, side, count):
-    """(N, R) bool, which of the ``count`` rays from each of the cells (N, 2) pass through blocks of a mask (I, J).
+    """(N, R) bool, whether each of ``count`` rays from cells (N, 2) passes through any block of a mask (I, J).
 
     Blocks have ``side`` × ``side`` cells, where ``side`` is odd. ``rays`` (S, S, 2) is the half-open range of rays by
     the offset of a block's middle cell from the cell, which is at the centre of the array.
@@ -224,7 +226,7 @@ def count_misses(x, y, bearings, view, terrain, misses, missed):
     """Count the target cells that a keyframe at (x, y), m, should have shown along ``bearings``, rad, but did not.
 
     Updated in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of these cells
-    by how often they had been missed before.
+    by their number of earlier misses.
     """
     seen, most = np.zeros(int(view.far / terrain.cell) + 2, np.int64), len(missed) - 1
     for bearing in bearings:

@@ -1,8 +1,8 @@
 """Sets of small grid cells, which show where in its bounding box a surface lies.
 
 A set holds distinct cell indices, sorted. The grid belongs to the map, not to a surface, so the union of sets from
-different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length, as
-floors and walls tend to, because noise would spread a surface on the face between two cells over both of them.
+different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length, where
+floors and walls also tend to lie: noise would spread a surface on the face between two cells over both of them.
 """
 
 from typing import TypeAlias
@@ -28,13 +28,14 @@ With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 
 FRONT = (REACH + 1) ** 2 + 1
 """Minimum number of a set's cells near another set for both to form one surface: one more than at a corner."""
 MIN_POINT_RATIO = 0.25
-"""A cell with less than this fraction of a neighbour's points is noise at the surface's edge."""
+"""Minimum number of points in a cell, as a fraction of a neighbour's; a cell with fewer is noise at the surface's
+edge."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
 """(K, 3) int32 distinct indices of cells, sorted."""
 
 
 def cells_of(points: NDArray[np.floating], edge: float) -> tuple[SurfaceCells, Indices]:
-    """The (K, 3) cells of edge ``edge``, m, that contain points (N, 3), m, and the (N,) row of each point's cell."""
+    """The (K, 3) cells of ``edge`` m that contain points (N, 3), m, and the (N,) row of each point's cell."""
     row, keys = voxels_of(np.asarray(points, np.float32) + np.float32(edge / 2), 1 / edge)
     return unpacked(keys), row
 
@@ -61,7 +62,7 @@ def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
     Cells with few ``points`` (K,) next to cells with many points are noise. Among the others, neighbouring inner
     cells form one piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and
     watersheds. Thus surfaces that touch only at corners or along a thin strip stay separate. An inner cell of a level
-    or upright surface lacks at most one row of the square of its neighbours.
+    or upright surface lacks at most one row of its square of neighbours.
     """
     side = 2 * REACH + 1
     pairs = KDTree(cells).query_pairs(REACH, p=np.inf, output_type="ndarray")

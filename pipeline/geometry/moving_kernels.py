@@ -8,8 +8,8 @@ from numba import njit
 def moved(T, points):
     """(N, 3) float32 points, m, moved by the 4×4 float64 transform ``T``.
 
-    This computes in double precision, unlike ``transform_points``, because maps rebuilt from stored points must be
-    identical.
+    Unlike ``transform_points``, this function computes in double precision, because maps rebuilt from stored points
+    must be identical.
     """
     result = np.empty(points.shape, np.float32)
     for n in range(points.shape[0]):

@@ -1,7 +1,7 @@
 """Planes through three points, found by RANSAC, or fitted by least squares.
 
-All planes follow one convention: the points x with n · x = d, where the unit vector n points to the side from which
-the surface was seen. As an array, a plane is [n, d]. In ``camera_optical`` that side contains the origin, so d ≤ 0.
+A plane consists of the points x with n · x = d, where the unit vector n points to the side from which the surface was
+seen. As an array, a plane is [n, d]. In ``camera_optical``, this side contains the origin, so d ≤ 0.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ class Plane:
         return points - self.distance(points)[:, None] * self.normal
 
     def facing(self, direction: Direction) -> "Plane":
-        """The same plane with its normal on the side to which ``direction``, a vector of any length, points."""
+        """The same plane, with its normal on the side to which ``direction``, a vector of any length, points."""
         return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
 
 
@@ -66,8 +66,8 @@ def ransac_plane(
         points: (N, 3) m, in any frame.
         triples: (S, 3) indices of the three points that define each candidate plane.
         tolerance: distance from a plane within which a point is an inlier, m; a scalar, or (N,) for each point.
-        is_allowed: returns (S,) which planes may be chosen, given the planes (S, 4) and the points' signed distances
-            from them (N, S), m.
+        is_allowed: returns (S,) whether each plane may be chosen, given the planes (S, 4) and the points' signed
+            distances from them (N, S), m.
 
     Returns:
         The plane and its inliers; None if no allowed plane has an inlier.
@@ -139,7 +139,10 @@ class Moments:
         return self.total / self.count
 
     def fit(self, towards: Direction) -> tuple[Plane, float]:
-        """The least-squares plane (of orthogonal distances), facing ``towards``, and the RMS distance from it, m."""
+        """The plane with the least squared distances, facing ``towards``, and the RMS distance from it, m.
+
+        Distances are orthogonal to the plane.
+        """
         centroid = self.centroid
         covariance = self.squares / self.count - np.outer(centroid, centroid)
         variances, axes = np.linalg.eigh(covariance)

@@ -1,7 +1,7 @@
 """Rays through voxels: exact traversal, which finds every voxel on a line, and sampling, which is faster.
 
-The traversal is that of Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987. Coordinates are
-in voxels, relative to the lower corner of a box of voxels.
+The traversal follows Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987. Coordinates are in
+voxels, relative to the lower corner of a box of voxels.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ def _along(begin, end):
 
 @njit(cache=True)
 def cast(rays, origins, voxels, reach, step, free, surface):
-    """The smallest depth up to which each ray is free, and the largest at which it meets a surface, over all origins.
+    """Find the smallest free depth of each ray, and the largest depth at which it meets a surface, over all origins.
 
     All depths are in voxels along the optical axis.
 

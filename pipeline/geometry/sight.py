@@ -10,12 +10,12 @@ from pipeline.geometry import sight_kernels as kernels
 
 
 def visible_cells(cells: Cells, target: MaskLayer, walls: MaskLayer, reach: int) -> NDArray[np.bool_]:
-    """(K, 2 reach + 1, 2 reach + 1) which cells of a ``target`` are seen from K cells, in windows around them.
+    """(K, 2 reach + 1, 2 reach + 1) whether target cells are seen from each of K cells, in a window around it.
 
     Args:
         cells: (K, 2) grid indices of the cells from which to look.
         target: cells to be seen.
-        walls: cells that hide those behind them.
+        walls: cells that hide the cells behind them.
         reach: maximum distance of sight, cells.
     """
     return kernels.visible_cells(cells, target, walls, ray_tree(reach), reach)

@@ -23,7 +23,7 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 @njit(cache=True)
 def cells_in_sight(places, target, origin, cell, sight, free):
-    """Which target cells lie within ``sight`` m of each place, with a free line to their centre.
+    """Find the target cells that lie within ``sight`` m of each place and have a free line to their centre.
 
     Args:
         places: (K, 2) float64, m.
@@ -54,12 +54,12 @@ def cells_in_sight(places, target, origin, cell, sight, free):
 
 @njit(cache=True)
 def visible_cells(cells, target, walls, rays, reach):
-    """Which target cells are seen from each of several cells; walls end the ``rays``.
+    """Find the target cells that are seen from each of several cells; walls end the ``rays``.
 
     Args:
         cells: (K, 2) int64 grid indices of the cells from which to look.
         target: (nx, ny) bool, cells to be seen.
-        walls: (nx, ny) bool, cells that hide those behind them.
+        walls: (nx, ny) bool, cells that hide the cells behind them.
         rays: tree of the rays for this ``reach``, see :func:`pipeline.geometry.sight.ray_tree`.
         reach: maximum distance of sight, cells.
 

@@ -20,8 +20,8 @@ def first_in_voxels(points: NDArray[np.floating], per_unit: float | np.floating 
 def voxel_means(points: Places | Points, size: float) -> Places:
     """(M, 3) the mean of the points (N, 3) in each voxel of ``size`` m, in double precision.
 
-    This is small_gicp's own thinning, for clouds that it registers; a :class:`VoxelCloud` has single precision, and
-    holds the voxel of each point.
+    Points are thinned by small_gicp, which also registers the resulting clouds. A :class:`VoxelCloud`, in contrast,
+    has single precision and stores the voxel of each point.
     """
     if not len(points):
         return np.zeros((0, 3))

@@ -1,4 +1,4 @@
-"""The voxels that contain points, found with a hash table, whose memory grows only with their number."""
+"""The voxels that contain points, found with a hash table, whose memory grows only with the number of voxels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from pipeline.geometry import voxel_hash_kernels as kernels
 
 
 def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> tuple[Indices, NDArray[np.int64]]:
-    """(N,) index of the voxel of each point (N, 3) among the voxels' (M,) sorted keys, and these keys.
+    """(N,) index of the key of each point's voxel, for points (N, 3), and the (M,) sorted keys of all these voxels.
 
     The index is M for points that are not finite or too far from the origin for a key. ``per_unit`` is the number of
     voxels per unit of the points' coordinates. The coordinates are multiplied by it in their own precision, because

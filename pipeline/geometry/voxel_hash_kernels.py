@@ -1,6 +1,6 @@
 """A hash table of voxels with open addressing and linear probing.
 
-A key packs the three indices of a voxel, and keys are ordered like indices. A table has 2ⁿ slots; free ones are
+A key packs the three indices of a voxel, and keys are ordered like indices. A table has 2ⁿ slots; free slots are
 EMPTY.
 """
 
@@ -20,7 +20,7 @@ FIBONACCI = 0x9E3779B97F4A7C15
 
 @njit(cache=True)
 def voxels_of(points, per_unit):
-    """(N,) int32 voxel of each point (N, 3), EMPTY for points without a key, and the (M,) keys in the order found.
+    """(N,) int32 index of the key of each point (N, 3), EMPTY for points without one, and the (M,) keys as found.
 
     ``per_unit`` is the number of voxels per unit of the points' coordinates.
     """
@@ -61,7 +61,7 @@ def voxel_key(point, per_unit):
 
 @njit(cache=True, inline="always")
 def indices_of(point, per_unit):
-    """Indices of the voxel that contains a point (3,); NO_INDEX comes first if the point is NaN or too far away."""
+    """Indices of the voxel that contains a point (3,); the first is NO_INDEX if the point is NaN or too far away."""
     i, j, k = np.floor(point[0] * per_unit), np.floor(point[1] * per_unit), np.floor(point[2] * per_unit)
     if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
         return int64(NO_INDEX), int64(0), int64(0)

@@ -23,11 +23,12 @@ POSE_ERROR = 0.1
 RAY_STEP = 0.25
 """Spacing of the samples of a ray, voxels along the optical axis."""
 STILL_WAY, STILL_TURN = 0.02, radians(2)
-"""Maximum translation, m, and rotation, rad, that the wheels measure between two frames when they are still."""
+"""Maximum translation, m, and rotation, rad, that the odometry measures between two frames while the wheels are
+still."""
 
 
 class Agreement(NamedTuple):
-    """Numbers of image tiles that the map explains or contradicts; unmapped tiles are in neither group.
+    """Numbers of image tiles that the map explains or contradicts; tiles in unmapped space are in neither group.
 
     Attributes:
         explained: tiles that show a surface of the map.
@@ -75,11 +76,11 @@ class Agreement(NamedTuple):
 
 
 def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreement:
-    """Compare a frame with the map in front of the camera, tile by tile of the depth image.
+    """Compare a frame's depth image with the map, tile by tile.
 
-    A tile contradicts the map only if all returns in the window around it are nearer, or all are farther, than
-    everything that the map predicts there for any pose error up to ``POSE_ERROR``. Pose errors at edges and returns
-    from dust are therefore not taken for contradictions.
+    A tile contradicts the map only if all returns in the window around it are nearer than everything that the map
+    predicts there, or all are farther, for every pose error up to ``POSE_ERROR``. Therefore, neither pose errors at
+    edges nor returns from dust are taken for contradictions.
     """
     depth = tile_depths(frame)
     free, surface = expected_depths(frame, T_map_camera, metric_map)
@@ -102,9 +103,8 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap) -> Agreem
 def agreement_with_previous(frame: Frame, last: Frame) -> Agreement | None:
     """Compare a frame with the previous one, tile by tile; None if the wheels moved.
 
-    If the wheels are still, only a carried robot sees another place. This comparison helps where one with the map
-    does not: in front of a wall that is too near for the camera, a frame cannot contradict the map, but it lacks
-    returns where the previous frame had some.
+    If the wheels are still, the view changes only if the robot is carried. In front of a wall that is too near for
+    the camera, a frame cannot contradict the map, but it lacks returns that the previous frame had.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
     if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
@@ -148,7 +148,7 @@ def expected_depths(
 
     Returns:
         (R, C) smallest depth up to which space is free, and (R, C) largest depth at which the ray meets a surface,
-        m along the optical axis; the latter is infinite if the ray from any of the positions meets no surface.
+        m along the optical axis. The largest depth is infinite if the ray from any of the positions meets no surface.
     """
     side = _side(frame)
     rows, columns = (n // side * side for n in frame.depth.shape)

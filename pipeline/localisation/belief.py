@@ -1,9 +1,8 @@
 """The robot's belief about its motion and its position: a hidden Markov filter over five states.
 
-The states change at configured rates. Three observations distinguish them: how well a frame registers under the
-motion that each state implies, how well the frame agrees with the map, and whether the robot leans too far where the
-map is level. Each observation is a vector of log-likelihoods, so the order of independent observations does not
-matter.
+The states change at configured rates. Three observations distinguish the states: the fit of a frame registered under
+each state's motion, the frame's agreement with the map, and whether the robot leans too far where the map is level.
+Each observation is a vector of log-likelihoods, so the order of independent observations does not matter.
 """
 
 from enum import IntEnum, auto
@@ -27,27 +26,27 @@ OBSERVATIONS_PER_IMAGE = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
 """Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
 """Probabilities that a tile for which the map predicts a surface shows this surface, or has no return, if the robot
-is at its estimated pose. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and a fraction of 0.0002 of
-the tiles contradicted the map. Tiles without a return are clustered where surfaces are dark or seen at a grazing
-angle, so they have less weight."""
+is at its estimated pose. In 169 frames of unchanging arenas, 0.99 and 0.01 were measured, and 0.02% of the tiles
+contradicted the map. Tiles without a return are clustered where surfaces are dark or seen at a grazing angle, so they
+have less weight."""
 SHOWN_ELSEWHERE, CONTRADICTED_ELSEWHERE, MISSING_ELSEWHERE = 0.6, 0.2, 0.2
-"""Probabilities that such a tile agrees with the map, contradicts it or has no return in a frame taken elsewhere, as
-measured in 281 frames."""
+"""Probabilities that a tile for which the map predicts a surface agrees with the map, contradicts the map or has no
+return, if the frame was taken elsewhere. They were measured in 281 frames."""
 
 
 class MotionState(IntEnum):
-    """How the robot moves."""
+    """The robot's state of motion."""
 
     NOMINAL = 0
-    """It moves as its odometry reports."""
+    """The robot moves as its odometry reports."""
     SLIPPING = auto()
-    """It moves, but no farther than its wheels measure."""
+    """The robot moves, but no farther than its wheels measure."""
     HELD = auto()
-    """It does not move, whatever its wheels measure."""
+    """The robot does not move, whatever its wheels measure."""
     CARRIED = auto()
-    """It was picked up and set down elsewhere."""
+    """The robot was picked up and set down elsewhere."""
     BLIND = auto()
-    """Its camera shows nothing, and it has moved too far on odometry alone to trust its pose."""
+    """The camera shows nothing, and the robot has moved too far on odometry alone for its pose to be trusted."""
 
 
 class Belief:
@@ -78,7 +77,7 @@ class Belief:
         self.probabilities = weights / weights.sum()
 
     def observe_lean(self) -> None:
-        """Update the belief after the robot leaned too far where its map is level, an error that is rare in maps."""
+        """Update the belief after the robot leaned too far where the map is level; such errors are rare in maps."""
         rare = 1 - self.config.confidence
         self.observe(np.log([rare, rare, rare, 1.0, 1.0]))
 
@@ -93,14 +92,17 @@ class Belief:
 
     @property
     def knows_place(self) -> bool:
-        """Whether the robot is almost certainly neither carried nor blind, so that its pose is valid despite slip."""
+        """Whether the robot is almost certainly neither carried nor blind.
+
+        Its pose is then valid even if its wheels slip.
+        """
         return bool(self.probabilities[MotionState.CARRIED :].sum() <= 1 - self.config.confidence)
 
 
 def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray[np.float64]:
     """(5, 5) transition probabilities from each state (row) to each state (column) over a distance, m, and a time, s.
 
-    Only observations lead from CARRIED or BLIND back to the other states.
+    Only observations lead from CARRIED or BLIND back to the first three states.
     """
     rates = np.zeros((len(MotionState),) * 2)
     rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = (
@@ -113,7 +115,7 @@ def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray
 
 
 def tile_log_likelihoods(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
-    """(5,) log-likelihoods of a frame with these numbers of tiles.
+    """(5,) log-likelihoods of a frame under each state, given its numbers of tiles.
 
     Args:
         explained, contradicted: numbers of tiles that agree with the map and that contradict it.
@@ -125,7 +127,7 @@ def tile_log_likelihoods(explained: int, contradicted: int, missing: int, config
 
 
 def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
-    """Whether the tiles of several frames show that these were taken elsewhere.
+    """Whether the tiles of several frames show that the frames were taken elsewhere.
 
     Unlike the evidence of a single frame, this evidence is not bounded.
     """
@@ -145,16 +147,18 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
 def overlap_log_likelihood_ratio(overlap: float, chance: float, covered: float = 1.0) -> float:
     """Log-likelihood ratio of a correct pose to a wrong one, from the fraction of points that fit.
 
-    An overlap of up to ``chance`` is evidence for neither pose, because the other points may be new ground or dust.
-    ``covered``: fraction of the image that the points cover.
+    An overlap of up to ``chance`` is evidence for neither pose, because the points that do not fit may be new ground
+    or dust. ``covered``: fraction of the image that the points cover.
     """
     return float(-np.log(chance) * covered * OBSERVATIONS_PER_IMAGE * max(0.0, overlap - chance))
 
 
 def view_log_likelihoods(shown: Values, covered: float) -> Values:
-    """Log-likelihoods of a frame that shows the fractions ``shown`` of the surfaces predicted for several poses.
+    """(N,) log-likelihoods of a frame under N poses.
 
-    ``covered``: fraction of the image that these surfaces cover.
+    Args:
+        shown: (N,) fraction of the surfaces predicted for each pose that the frame shows.
+        covered: fraction of the image that these surfaces cover.
     """
     return np.asarray(
         covered * OBSERVATIONS_PER_IMAGE * (shown * np.log(SHOWN_HERE) + (1 - shown) * np.log(1 - SHOWN_HERE))
@@ -162,7 +166,7 @@ def view_log_likelihoods(shown: Values, covered: float) -> Values:
 
 
 def tiles_covered(pixels: Indices, width: int) -> float:
-    """Fraction of an image's tiles that contain any of (N, 2) ``pixels``.
+    """Fraction of an image's tiles that contain at least one of the pixels.
 
     Args:
         pixels: (N, 2) row and column.
@@ -175,7 +179,7 @@ def tiles_covered(pixels: Indices, width: int) -> float:
 def bounded_log_likelihoods(log_likelihoods: Values, config: BeliefConfig) -> Values:
     """(5,) log-likelihoods, bounded so that no single frame makes the robot surer of its place than ``confidence``.
 
-    The bound is needed because all parts of a frame mislead together if something new is in view, or if another place
+    The bound is needed because all parts of a frame are misleading if something new is in view, or if another place
     looks the same.
     """
     bounded, in_place = log_likelihoods.copy(), log_likelihoods[: MotionState.CARRIED].max()

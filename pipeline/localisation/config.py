@@ -13,28 +13,27 @@ from pipeline.transforms import angle_of, inverse
 
 @dataclass(frozen=True)
 class RegistrationConfig:
-    """How frames are converted to clouds, and how clouds are registered.
+    """Settings for converting frames to clouds and for registering the clouds.
 
     Attributes:
         voxel: edge length of a voxel, m; clouds are thinned to the mean of the returns in each voxel.
-        limit_pixels: side of a square of pixels, at half resolution. A return is left out if any depth in the square
-            around it reaches the sensor's limit, which cuts off the far half of the noise. Otherwise, walls at the
-            limit would appear 3 cm too near, and floors would rise by 1 mm from keyframe to keyframe.
+        limit_pixels: side of the square around a return, in pixels at half resolution, in which no depth may reach
+            the sensor's maximum, which cuts off the far half of the noise. Otherwise, walls at this depth would
+            appear 3 cm too near, and floors would rise by 1 mm per keyframe.
         normal_neighbours: number of neighbours from which a point's normal is estimated.
-        widest, coarse, fine: maximum distances between corresponding points, m: initially when starting from a guess
-            alone, initially when starting from odometry, and finally (two voxels).
+        widest, coarse, fine: maximum distances between corresponding points, m: at the start from a rough guess, at
+            the start from a good one such as the odometry's, and at the end (two voxels).
         iterations: number of iterations at each of these distances.
         min_points: minimum number of points in each of the two clouds that are registered.
-        surface_sigma: standard deviation of the distance between corresponding points perpendicular to the surface,
-            m. The noise of single points is smaller, but it is correlated within each keyframe that later frames are
-            registered with.
+        surface_sigma: standard deviation of the distance, perpendicular to the surface, between corresponding points,
+            m. Single points are less noisy, but their errors are correlated within each keyframe with which later
+            frames are registered.
         min_normal_cosine: minimum cosine between the normals of corresponding points.
-        min_strength: information in a direction is treated as noise and left out if it is below this fraction of
-            that in the strongest direction.
+        min_strength: minimum information in a direction, as a fraction of the information in the strongest direction;
+            less is treated as noise and left out.
         lever: typical distance of the surfaces in view, m; it converts errors of rotation into errors of position.
         chance_overlap: fraction of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
-            measured in 281 frames of other places. With less overlap, the wheels may have slipped, or a loop is
-            doubtful.
+            measured in 281 frames of other places. With less overlap, the wheels may have slipped.
         confidence: probability that the test against the priors accepts a correct pose.
     """
 
@@ -62,23 +61,23 @@ class RegistrationConfig:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """The noise of the odometry, and the systematic errors that are expected before the robot drives.
+    """The noise of the odometry, and its expected systematic errors before the robot has driven.
 
     Attributes:
-        gravity_sigma: standard deviation of a keyframe's roll and pitch, rad, as the accelerometer measures them
-            during a drive.
-        turn_sigma, turn_sigma_per_rad: standard deviation of the heading after a motion, rad, and its increase, rad
-            per rad turned, including the random walk of the gyro's bias. For the simulated gyro, 2e-4 was measured.
+        gravity_sigma: standard deviation of the roll and pitch that the accelerometer measures during a drive, rad.
+        turn_sigma, turn_sigma_per_rad: standard deviation of the heading after a motion, rad, and its increase per
+            rad turned, including the random walk of the gyro's bias. For the simulated gyro, 2e-4 was measured.
         translation_sigma: standard deviation of the measured translation after a skid-steered robot has driven 1 m or
             turned by 1 rad, m. The errors are a random walk, so their variance is proportional to the distance plus
             the angle. On level ground in four simulated arenas, 0.004 was measured.
-        added_distance: distance added to every motion, m, so that even the motion of a robot at rest has some noise.
+        added_distance: distance added to every motion when its noise is computed, m, so that the noise is above 0
+            even at rest.
         slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned; it is multiplied
             by the sine of the tilt. On half ramps, 0.45 was measured.
         slide: mean downhill slide of a turning skid-steered robot on wood, m per rad turned; it is multiplied by the
             sine of the tilt.
-        distance_scale_sigma, rotation_scale_sigma: standard deviations of the relative errors (scale errors) of
-            distance, due to the tyres, and of rotation, from the data sheets of gyros.
+        distance_scale_sigma, rotation_scale_sigma: standard deviations of the scale errors (relative errors) of
+            distance, caused by the tyres, and of rotation, taken from data sheets of gyros.
         centre_sigma: standard deviation of the distance from ``base_link`` forward to the centre of rotation, m.
         slide_sigma: standard deviation of ``slide``, in the same unit.
         bias_sigma: standard deviation of the yaw rate's bias, rad/s.
@@ -110,17 +109,16 @@ class OdometryConfig:
 
 @dataclass(frozen=True)
 class PoseGraphConfig:
-    """How the pose graph is solved.
+    """Settings of the pose graph's optimisation.
 
     Attributes:
         fixed_sigma: standard deviation of the first keyframe's position and heading, m and rad.
-        prior_information: information added to that of each pose, 1/rad² and 1/m², so that no direction is
-            undetermined.
+        prior_information: information added to each pose, 1/rad² and 1/m², so that no direction is undetermined.
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
             systematic errors, which are weakly determined, hardly change the error.
         window: number of new keyframes after which the whole graph is solved; until then, only the newest
             ``2 * window`` poses are free. If a constraint such as a loop closure contradicts the fixed poses, the
-            whole graph is solved at once.
+            whole graph is solved immediately.
     """
 
     fixed_sigma: float = 1e-4
@@ -136,12 +134,13 @@ class PoseGraphConfig:
 
 @dataclass(frozen=True)
 class BeliefConfig:
-    """How often the robot's motion deviates from its odometry, and when the robot is sure of its state.
+    """Rates at which the motion deviates from the odometry, and the probability required to be sure of a state.
 
     Attributes:
-        confidence: probability above which the robot is sure of its state; no single frame makes it surer than this.
-        distance_between_faults: mean distance driven between two slips, m, and likewise between two occasions on
-            which the robot is held or its camera sees nothing. No slip occurred in four recorded drives.
+        confidence: probability above which the robot is sure of its state; no single frame makes the robot surer than
+            this.
+        distance_between_faults: mean distance driven, m, between two slips, between two occasions on which the robot
+            is held, and between two on which its camera sees nothing. No slip occurred in four recorded drives.
         lift_time: mean time between two occasions on which the robot is lifted, s; a mission of an hour has at most
             one.
     """
@@ -157,28 +156,30 @@ class BeliefConfig:
 
 @dataclass(frozen=True)
 class LoopConfig:
-    """When keyframes close a loop.
+    """Conditions under which keyframes close a loop.
 
     Attributes:
         min_fit: minimum fraction of the recently seen surfaces that lie on old ones; surfaces in a voxel next to an
             old one count half.
-        rival: maximum fit of any other place, relative to that of the best one; above it, the place is ambiguous.
-        pinned_deviation: maximum standard deviation of the horizontal position and heading, m and rad, as the old
-            surfaces determine them.
-        sigma: standard deviation of a loop's pose in addition to that of its registration, m, because surfaces that
-            were seen along several metres of path are not quite rigid.
-        max_seen_through: maximum fraction of the old points that the new frame looks through, and of the new points
-            that the old frame looked through.
-        see_through_margin: a frame looks through a surface if its return is more than this distance behind it, m.
+        rival: maximum fit of any other place, as a fraction of the best place's fit; above it, the place is
+            ambiguous.
+        pinned_deviation: maximum standard deviation of the horizontal position, m, and heading, rad, that the old
+            surfaces determine.
+        sigma: additional standard deviation of a loop's registered pose, m, because the relative positions of
+            surfaces seen along several metres of path are inexact.
+        max_seen_through: maximum fraction of the old points through which the new frame looks, and of the new points
+            through which the old frame looked.
+        see_through_margin: minimum distance, m, from a surface to a return behind it for the frame to have looked
+            through the surface.
         agreeing: minimum number of keyframes that find the same place.
         apart: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
         max_candidate_age: number of keyframes after which a candidate is discarded.
         max_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
-        tolerance: standard deviation that is allowed between two candidates in addition to their own uncertainty, m.
-        max_contradicted: maximum number of other constraints that a loop may contradict, such as those of slipping
-            wheels.
-        contradiction: offset between a keyframe and its loop, m, that is never a contradiction, however certain the
-            registration is.
+        tolerance: standard deviation allowed between two candidates in addition to their own uncertainty, m.
+        max_contradicted: maximum number of other constraints that a loop may contradict, such as constraints from
+            slipping wheels.
+        contradiction: offset, m, up to which a keyframe's pose never contradicts the pose from its loop, however
+            certain the registration is.
         confidence: probability that a correct loop is accepted.
     """
 
@@ -207,14 +208,14 @@ class LoopConfig:
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """How frames are localised relative to keyframes.
+    """Settings for localising frames relative to keyframes.
 
     Attributes:
-        local_deviation: maximum standard deviation of a keyframe's position relative to the reference, m, for it to
-            belong to the local map that frames are registered with. Other keyframes are matched only by loop
-            closures.
-        jump: distance since the reference above which the odometry has jumped and is ignored, m.
-        max_connections: maximum number of keyframes that a new one is connected to; the most informative are chosen.
+        local_deviation: maximum standard deviation, m, of a keyframe's position relative to the reference for the
+            keyframe to belong to the local map, with which frames are registered. Other keyframes are matched only by
+            loop closures.
+        jump: distance from the reference above which the odometry is assumed to have jumped and is ignored, m.
+        max_connections: maximum number of keyframes to which a new one is connected; the most informative are chosen.
     """
 
     local_deviation: float = 0.1
@@ -224,11 +225,11 @@ class SlamConfig:
 
 @dataclass(frozen=True)
 class TrajectoryConfig:
-    """How long a recorded pose is valid.
+    """Periods for which recorded poses are valid.
 
     Attributes:
         max_time_offset: maximum time before or after a pose at which the pose is used without interpolation, s.
-        longest_gap: maximum time between two poses that are interpolated, s.
+        longest_gap: maximum time between two poses for a pose between them to be interpolated, s.
     """
 
     max_time_offset: float = 0.02
@@ -237,12 +238,14 @@ class TrajectoryConfig:
 
 @dataclass(frozen=True)
 class PoseCheckConfig:
-    """How a doubtful pose is checked.
+    """Settings for checking a doubtful pose.
 
     Attributes:
         views_per_turn: number of views in the full turn that a robot makes when its pose is in doubt.
-        carried_way: minimum distance between the estimated and the found position of a robot that was carried, m.
-        carried_turn: minimum angle between the estimated and the found heading of a robot that was carried, rad.
+        carried_way: distance between the estimated and the found position above which the robot is assumed to have
+            been carried, m.
+        carried_turn: angle between the estimated and the found heading above which the robot is assumed to have been
+            carried, rad.
     """
 
     views_per_turn: int = 8
@@ -256,14 +259,14 @@ class PoseCheckConfig:
 
 @dataclass(frozen=True)
 class KeyframePolicy:
-    """How keyframes are spaced.
+    """The spacing of keyframes.
 
-    A frame within this spacing of a keyframe repeats the keyframe if it shows nothing new.
+    A frame within this spacing of a keyframe repeats the keyframe if the frame shows nothing new.
 
     Attributes:
         distance: distance from the last keyframe at which a new one is taken, m.
         turn: rotation from the last keyframe at which a new one is taken, rad.
-        on_ramps: fraction of both limits at which a new keyframe is taken on a ramp, where the robot slides.
+        on_ramps: factor by which both limits are multiplied on ramps, where the robot slides.
         labelled_every: interval between the labelled keyframes of a drive, in keyframes; not all are labelled,
             because the network is the slowest stage.
     """
@@ -279,7 +282,7 @@ class KeyframePolicy:
         require_at_least(1, "localisation.keyframes", self, "labelled_every")
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
-        """Whether a pose is far enough from that of the last keyframe to take a new one."""
+        """Whether a pose is so far from the last keyframe's that a new keyframe must be taken."""
         moved = inverse(T_odom_keyframe) @ T_odom_base
         tilt = np.arccos(min(T_odom_keyframe[2, 2], T_odom_base[2, 2], 1.0))
         spacing = self.on_ramps if tilt > RAMP_TILT else 1.0

@@ -21,8 +21,8 @@ from pipeline.transforms import angle_of, from_rotation, inverse, transform_plac
 GUESS_SIGMA = 0.15
 """Standard deviation of the next frame's pose about a guess, rad and m."""
 IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA = 0.004, 0.008
-"""Standard deviations of the next frame's pose about that from visual odometry, rad and m; small, because along a
-plane GICP falsely measures no motion."""
+"""Standard deviations of the next frame's pose from visual odometry, rad and m; small, because GICP falsely measures
+no motion along a plane."""
 MIN_OVERLAP = 0.4
 """Minimum fraction of a frame's points that must have been seen before, unless its image shows the motion."""
 MAX_BLIND = 30
@@ -30,9 +30,10 @@ MAX_BLIND = 30
 is lost."""
 KEPT_WAY, KEPT_TURN = 0.15, radians(7.5)
 """Minimum distance, m, or angle, rad, between frames whose surfaces are kept; small, so that the next frames overlap
-with them."""
+with these surfaces."""
 MAX_CORNERS, MIN_CORNERS = 400, 20
-"""Maximum number of corners to track, and minimum number that agree on a motion; half of those tracked must agree."""
+"""Maximum number of corners to track, and minimum number that must agree on a motion; half of the tracked corners
+must agree, too."""
 CORNER_QUALITY = 0.01
 """Minimum quality of a corner relative to the strongest."""
 CORNER_SPACING = 8
@@ -49,7 +50,7 @@ class DepthOdometry:
     """
 
     def __init__(self, T_odom_base: Pose, *, config: LocalisationConfig = LocalisationConfig()) -> None:
-        """``T_odom_base``: pose at the first frame."""
+        """Start at ``T_odom_base``, the pose of the first frame."""
         self._config, self._T, self._motion = config, T_odom_base, np.eye(4)
         self._kept: list[Pose] = []
         self._map = LocalMap(config)
@@ -95,11 +96,11 @@ class DepthOdometry:
         return None if motion is None else T @ last.T_base_camera @ motion @ inverse(frame.T_base_camera)
 
     def _find(self, frame: Frame, cloud: small_gicp.PointCloud, by_image: Pose | None) -> tuple[Pose, Target | None]:
-        """The best-fitting pose and the target that it was registered with, or None if the image alone gave the pose.
+        """The best-fitting pose and the target of its registration, which is None if the image alone gave the pose.
 
-        Registration starts at the pose from visual odometry, which is kept if no earlier points are near. Without it,
-        or if surfaces contradict it, registration starts both at the last pose and at the pose that would follow if
-        the last motion were repeated.
+        Registration starts at the pose from visual odometry, which is kept if no earlier points are near. Without
+        visual odometry, or if surfaces contradict it, registration starts both at the last pose and at the pose that
+        would follow if the last motion were repeated.
         """
         if by_image is not None:
             sigmas = np.repeat([IMAGE_TURN_SIGMA, IMAGE_WAY_SIGMA], 3)
@@ -116,7 +117,7 @@ class DepthOdometry:
     def _best(
         self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[Pose], sigmas: Values
     ) -> tuple[Target, Registration] | None:
-        """The registration with the most overlap among those started at the guesses; None if none has a target."""
+        """The target and registration with the most overlap, of one registration per guess; None without a target."""
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
         config, information = self._config.registration, np.diag(sigmas**-2.0)
         found: list[tuple[Target, Registration]] = []

@@ -10,7 +10,7 @@ class GrowingArray:
     """An array to which rows are appended; its capacity doubles when it is full."""
 
     def __init__(self, *shape: int, dtype: type[np.generic] = np.float64) -> None:
-        """``shape``: shape of a single row."""
+        """Start without rows; ``shape``: shape of a single row."""
         self._space: NDArray[Any] = np.zeros((16, *shape), dtype)
         self._length = 0
 
@@ -33,7 +33,7 @@ class GrowingArray:
         self.extend(np.asarray(row, self._space.dtype)[None])
 
     def extend(self, rows: ArrayLike) -> None:
-        """Append rows, an array with one more axis than a row."""
+        """Append ``rows``, an array with one more axis than a row."""
         rows = np.asarray(rows, self._space.dtype)
         length = self._length + len(rows)
         if length > len(self._space):

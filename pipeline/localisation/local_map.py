@@ -15,7 +15,7 @@ GROUND_UPWARD = 0.8
 
 
 class LocalMap:
-    """Points in the frame of the keyframe that owns them, so that they move with it when its pose is corrected.
+    """Points in the frames of the keyframes that own them, so that corrections of a keyframe's pose move its points.
 
     Attributes:
         points: the points, in the ``base_link`` of their keyframe.
@@ -115,7 +115,10 @@ class LocalMap:
         return z[is_below], self.owner[near][is_below]
 
     def _within(self, low: Place, high: Place, owners: Mask) -> Indices:
-        """Indices of the usable points in a box, m; the axes are tested in turn, as few points pass the first."""
+        """Indices of the usable points in a box, m.
+
+        The axes are tested in turn, because few points pass the first test.
+        """
         at = self._at.values
         near = np.flatnonzero((at[:, 0] >= low[0]) & (at[:, 0] <= high[0]))
         for axis in (1, 2):

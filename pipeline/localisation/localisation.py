@@ -19,7 +19,8 @@ class LocalisedFrame:
     Attributes:
         frame: the frame that was localised.
         T_map_base: pose of ``base_link`` at the frame's time.
-        repeats: whether the frame adds nothing, because a keyframe at the same pose has seen all that it shows.
+        repeats: whether the frame adds nothing, because a keyframe at the same pose has seen all that the frame
+            shows.
     """
 
     frame: Frame
@@ -38,7 +39,7 @@ class Loop:
 
     Attributes:
         first, second: indices of the keyframes, the older one first.
-        T_first_second: pose of the second in the frame of the first, as registered.
+        T_first_second: registered pose of the second keyframe in the frame of the first.
     """
 
     first: int
@@ -51,9 +52,14 @@ class OdometryErrors:
     """Systematic errors of the odometry.
 
     Attributes:
-        errors: (5,) relative errors of distance and of rotation; distance from ``base_link`` forward to the centre
-            of rotation, m; downhill slide, m per rad turned, to be multiplied by the sine of the tilt; bias of the
-            yaw rate, rad/s.
+        errors: (5,) systematic errors:
+
+            - relative error of distance
+            - relative error of rotation
+            - distance from ``base_link`` forward to the centre of rotation, m
+            - downhill slide, m per rad turned, to be multiplied by the sine of the tilt
+            - bias of the yaw rate, rad/s
+
         covariance: (5, 5) covariance of the errors.
     """
 
@@ -153,6 +159,6 @@ def check_odometry(frame: Frame) -> None:
 
 
 def check_pose(name: str, time: float, T: Pose) -> None:
-    """Raise LostError if a matrix is not a valid pose; ``name`` and the time, s, are for the message."""
+    """Raise LostError if a matrix is not a valid pose; the message contains ``name`` and the time, s."""
     if not are_poses(T):
         raise LostError(f"the {name} at {time:.2f} s is not {POSE}")

@@ -93,8 +93,8 @@ class LoopCloser:
     def remove_contradicted(self) -> bool:
         """Remove the loops that the solved graph contradicts, and return whether there were any.
 
-        The newest loop is also removed if too many constraints that fitted before do not fit with it, however well it
-        fits itself.
+        However well it fits itself, the newest loop is also removed if too many constraints that fitted before it was
+        closed do not fit afterwards.
         """
         false = [c for c in self._counted if self._is_contradicted(c)]
         if self._confirmed:
@@ -110,11 +110,14 @@ class LoopCloser:
         return bool(false)
 
     def _fits(self) -> NDArray[np.bool_]:
-        """(N,) which constraints the current poses fulfil."""
+        """(N,) whether the current poses fit each constraint."""
         return self._graph.chi2() <= chi2_gate(6, self._config.confidence)
 
     def _agree(self, first: Candidate, second: Candidate) -> bool:
-        """Whether the graph, around the new keyframes and around the old ones, allows both candidates."""
+        """Whether two candidates agree, given the graph's uncertainty.
+
+        This includes the uncertainty between the two newer keyframes, and between the two older ones.
+        """
         graph, poses = self._graph, self._graph.poses
         T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
         off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)

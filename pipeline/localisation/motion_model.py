@@ -89,7 +89,8 @@ class Prediction:
     Attributes:
         motion: motion since the reference.
         T_map_base: predicted pose.
-        covariance: (11, 11) of the pose relative to the map, in its tangent space, and of the systematic errors.
+        covariance: (11, 11) joint covariance of the pose relative to the map, in its tangent space, and of the
+            systematic errors.
         motion_covariance: covariance of the pose from the motion alone, as if the pose before the motion were exact.
     """
 
@@ -111,7 +112,7 @@ class MotionModel:
         self.learn(OdometryErrors.expected(config))
 
     def predict(self, T_map_base: Pose, motion: MeasuredMotion) -> Prediction:
-        """The pose after a motion that starts at the reference's pose ``T_map_base``."""
+        """Predict the pose after a motion that starts at the reference's pose ``T_map_base``."""
         delta, J, noise = motion.without(self.errors), motion.jacobian, motion.noise(self._config)
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(self.errors))]])
         covariance = F @ self._covariance @ F.T
@@ -125,8 +126,8 @@ class MotionModel:
         ``information``: information of the pose from registration; None if nothing was registered.
 
         Errors accumulate only while nothing is registered. Even in directions that surfaces do not determine, such as
-        along a corridor, a pose is only as uncertain, relative to the surfaces that the last keyframe saw, as the
-        last motion.
+        along a corridor, the pose relative to the surfaces of the last keyframe is only as uncertain as the last
+        motion.
         """
         if information is None:
             self._covariance = prediction.covariance

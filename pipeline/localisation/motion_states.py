@@ -19,7 +19,7 @@ from pipeline.localisation.loops import in_view
 from pipeline.localisation.registration import Prior, Registration, Target, exponential, register
 
 HELD_SIGMA = 0.02
-"""Standard deviation of the position of a robot that is held, m, and of the sideways position of one that slips."""
+"""Standard deviation of the position of a held robot, and of the sideways position of a slipping robot, m."""
 
 
 def log_likelihoods(
@@ -27,12 +27,14 @@ def log_likelihoods(
 ) -> Values:
     """(N,) log-likelihoods of a frame under the priors of its registrations, up to a common constant.
 
-    The registrations are compared by the fraction of the old points in view that the frame shows, as if these covered
-    the same part of the image at every pose. Otherwise, if a frame showed none of them, the pose with the fewest in
-    view would win. The fraction of the frame's points that were seen before is less informative, because along a
-    corridor, a robot that has moved sees new ground, whereas at its old place it would see only known ground. All
-    registrations share the strongest evidence that one of them is correct; two kinds of evidence are used, because
-    new ground weakens one, and hidden old ground the other.
+    The registrations are compared by the fraction of the old points in view that the frame shows. These points are
+    treated as covering the same part of the image at every pose; otherwise, a frame that shows none of them would
+    favour the pose with the fewest in view. The fraction of the frame's points that were seen before is less
+    informative: along a corridor, a robot that has moved sees new ground, but registered at its old place, it would
+    seem to see only known ground.
+
+    All registrations share the strongest evidence that one of them is correct. Two kinds of evidence are used,
+    because new ground weakens one of them, and hidden old ground weakens the other.
     """
     chance = config.chance_overlap
     shown, covered, evidence = np.zeros(len(found)), np.empty(len(found)), []
@@ -59,7 +61,7 @@ def register_alternatives(
     """Register a frame as if the robot had stayed at ``T_map_base``, and as if it had slipped.
 
     For a slip, which moves the robot no farther than measured, registration starts from both ``T_map_base`` and the
-    pose of the odometry.
+    pose that the odometry predicts.
     """
     held, slips = held_and_slipping_priors(odometry, T_map_base)
 
@@ -76,7 +78,7 @@ def register_alternatives(
 def held_and_slipping_priors(odometry: Prior, T_map_base: Pose) -> tuple[Prior, Prior]:
     """Priors of the pose if the robot has stayed at ``T_map_base``, and if it has moved no farther than measured.
 
-    Slipping wheels move the robot less far than they measure, but hardly sideways.
+    Slipping wheels move the robot less far than they measure, and hardly move it sideways.
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
@@ -90,7 +92,7 @@ def held_and_slipping_priors(odometry: Prior, T_map_base: Pose) -> tuple[Prior, 
 def gravity_prior(T: Pose, frame: Frame, sigma: float) -> Prior:
     """A prior of roll and pitch alone, with a standard deviation of ``sigma`` rad.
 
-    Its mean is the pose ``T``, rotated so that its vertical is that of the odometry.
+    The prior's mean is the pose ``T``, rotated so that the vertical agrees with the odometry.
     """
     up = frame.T_odom_base[2, :3]
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))

@@ -23,7 +23,8 @@ class OdometryLocalisation(Localisation):
         T_map_odom: pose of ``odom`` in ``map``; here the two frames are the same.
         loops: loop closures; here always empty.
         may_err: whether the poses must be checked against the map; here False.
-        belief: belief about the robot's motion and position; here always that it moves as its odometry reports.
+        belief: belief about the robot's motion and position; here always certain that the robot moves as its odometry
+            reports.
     """
 
     may_err = False

@@ -1,8 +1,8 @@
 """Finds the robot among surfaces seen long ago, if its position relative to them is uncertain.
 
-All surfaces seen recently around the robot, not only those of one frame, are compared with the old surfaces at every
-position and heading that the uncertainty allows (Olson, "Real-time correlative scan matching", 2009). A place is
-accepted only if no other place within this range fits nearly as well.
+All surfaces seen recently around the robot, not only the surfaces of one frame, are compared with the old surfaces at
+every position and heading that the uncertainty allows (Olson, "Real-time correlative scan matching", 2009). A place
+is accepted only if no other place within this range fits nearly as well.
 """
 
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ drawn at random if there are more."""
 BESIDE = 0.5
 """Score of a patch in a voxel next to one that contains an old surface; in the latter voxel, the score is 1."""
 SIGMAS = 3.0
-"""The search covers this many standard deviations of the position and the heading."""
+"""Range of the search on either side of the estimate, in standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
 """Spacing of the positions, m, and headings, rad, that are tried: at 4 m, half a step moves a point by 5 cm."""
 WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
 """Maximum range of the search, m and rad."""
 SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)
-"""Two fits closer together than this, m and rad, are of one place."""
+"""Distance, m, and angle, rad, up to which two fits are of the same place."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Checks whether the robot is at its estimated pose, and relocalises the robot if it was carried elsewhere.
 
-This module does not move the robot: a check that needs another view requests the view from its caller.
+This module does not move the robot: a check that needs another view requests it from its caller.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ class ConfirmedPose(NamedTuple):
 
     Attributes:
         localised: the newest frame and its pose.
-        was_carried: whether the robot was carried there; None if its pose was never in doubt.
+        was_carried: whether the robot was carried to the pose; None if its pose was never in doubt.
     """
 
     localised: LocalisedFrame
@@ -110,10 +110,10 @@ class PoseCheck:
         raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def compare(self, localised: LocalisedFrame, last: Frame | None = None, is_driving: bool = False) -> None:
-        """Update the belief with a frame, compared with the map, and with the last frame if the wheels were still.
+        """Update the belief by comparing a frame with the map and, if the wheels were still, with the last frame.
 
         A changed view shows that the robot was carried even if the new place looks as the map predicts, so both
-        comparisons form one observation; an unchanged view shows only that the robot was not carried since the last
+        comparisons form one observation. An unchanged view shows only that the robot was not carried since the last
         frame. During a drive, the camera passes surfaces that are too near to measure, so tiles without a return are
         ignored.
         """
@@ -132,10 +132,10 @@ class PoseCheck:
         self._belief.observe_lean()
 
     def check_depth(self, localised: LocalisedFrame) -> None:
-        """Raise LostError if the camera measures no depth in a full turn, or on a drive longer than its near limit.
+        """Raise LostError if the camera measures no depth in a full turn or on a drive longer than its near limit.
 
-        A frame without returns is ignored if the map predicts too few, unless the camera has not measured any depth
-        yet.
+        A frame without returns is ignored if the map predicts too few returns, unless the camera has not measured any
+        depth yet.
         """
         frame = localised.frame
         if frame.returns.any():

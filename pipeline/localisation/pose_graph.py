@@ -2,8 +2,8 @@
 
 The poses minimise the whitened residuals of all constraints (Grisetti et al., "A tutorial on graph-based SLAM", 2010)
 by Gauss-Newton steps. Any constraint may be wrong, because wheels slip and registration errs. The loss is therefore
-that of Geman and McClure, and each step weights a constraint by how well it fits. The uncertainty of the poses
-relative to each other follows from samples of their distribution (Papandreou and Yuille, "Gaussian sampling by local
+Geman and McClure's, and each step weights a constraint by how well it fits. The uncertainty of the poses relative to
+each other follows from samples of their distribution (Papandreou and Yuille, "Gaussian sampling by local
 perturbations", 2010).
 
 Tangent vectors hold rotation before translation and act on the right: T · (Exp(δ_r), δ_t).
@@ -36,20 +36,22 @@ MAX_STEPS = 30
 SMALLEST_STEP = 2.0**-10
 """Minimum fraction to which a step is shortened; if the error still increases, the step is not taken."""
 REFACTORISE_RATIO = 0.25
-"""Ratio of the decreases of the error by two successive steps above which the information is factorised again."""
+"""Maximum decrease of the error by a step, as a fraction of the previous step's decrease; above it, convergence is
+slow, and the information is factorised again."""
 CONVEXITY_FACTORS = 1e6, 1e3, 1e2, 1e1, 1.0
-"""Factors of the squared residual at which a constraint loses its weight, used in turn where poses may move far
-(graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
+"""Multipliers, applied in turn where poses may move far, of the squared residual at which a constraint loses its
+weight (graduated non-convexity; Yang et al., "Graduated non-convexity for robust spatial perception", 2020)."""
 
 COARSE_TOLERANCE = 1e-3
-"""Tolerance of the solutions with all of these factors but the last, because each solution only starts the next."""
+"""Tolerance of the solutions with all ``CONVEXITY_FACTORS`` but the last; it is coarse because these solutions are
+only starting points."""
 
 
 class ConstraintKind(IntEnum):
     """The source of a constraint."""
 
     MOTION = 0
-    """The robot's motion from one keyframe to the other, from odometry where that can be trusted."""
+    """The robot's motion from one keyframe to the other, from odometry if it can be trusted."""
     SURFACE = auto()
     """Registration with surfaces that another keyframe saw first."""
     GROUND = auto()
@@ -59,14 +61,15 @@ class ConstraintKind(IntEnum):
 
 
 class Constraints(NamedTuple):
-    """Relative poses of keyframes, evaluated all at once; (N, …) arrays.
+    """N relative poses of keyframes, as (N, …) arrays that are evaluated together.
 
     Attributes:
         first, second: indices of the keyframes.
         T: measured pose of the second in the frame of the first.
         whitening: (N, 6, 6) square root of the information, which scales every residual's standard deviation to 1.
-        turn, translation_jacobian, rotation_jacobian, jacobian: values of the :class:`MeasuredMotion` from odometry;
-            0 for other constraints.
+        turn: (N, 3) rotation vector of ``T``, rad; for a motion from odometry, its length may exceed π.
+        translation_jacobian, rotation_jacobian, jacobian: Jacobians of the :class:`MeasuredMotion` from odometry; 0
+            for other constraints.
     """
 
     first: Indices
@@ -122,7 +125,10 @@ def inverses(T: Poses) -> Poses:
 
 
 def adjoints(T: Poses) -> NDArray[np.float64]:
-    """(N, 6, 6) adjoint matrices, which map tangent vectors (rad, m) at the transforms to ones at the identity."""
+    """(N, 6, 6) adjoint matrices of transforms.
+
+    They map tangent vectors at the transforms, rad and m, to tangent vectors at the identity.
+    """
     result = np.zeros((len(T), 6, 6))
     result[:, :3, :3] = result[:, 3:, 3:] = R = T[:, :3, :3]
     result[:, 3:, :3] = np.cross(T[:, :3, 3:], R, axis=1)
@@ -244,8 +250,8 @@ class PoseGraph:
     def extend_samples(self, reference: int, motion: Information) -> None:
         """Draw samples of the newest keyframe's pose from its motion and the surfaces with which it was registered.
 
-        The samples of earlier keyframes stay as they are until :meth:`optimise` draws all samples anew. As there,
-        surfaces that contradict the pose have a lower weight.
+        The samples of earlier keyframes stay as they are until :meth:`optimise` draws all samples anew. As in
+        :meth:`optimise`, surfaces that contradict the pose have a lower weight.
 
         Args:
             reference: index of an earlier keyframe.
@@ -269,17 +275,18 @@ class PoseGraph:
     def relative_samples(self, keyframe: int, others: Indices | slice = slice(None)) -> NDArray[np.float64]:
         """(K, 6, S) samples of the error of other keyframes relative to a keyframe, in its tangent space.
 
-        The errors are those at the keyframe, so the distance of another keyframe is the lever of its rotation error.
+        The errors are evaluated at the given keyframe's position, so a rotation error of another keyframe adds a
+        position error in proportion to the distance between the two.
         """
         poses, samples = self.poses[others], self._samples.values
         between = adjoints(np.asarray(inverses(self.poses[[keyframe]]) @ poses))
         return np.asarray(between @ samples[others] - samples[keyframe])
 
     def covariance(self, keyframe: int, reference: int = 0) -> Covariance:
-        """Covariance of a keyframe's pose relative to that of a ``reference``, in the keyframe's tangent space.
+        """Covariance of a keyframe's pose relative to a ``reference`` keyframe, in the tangent space of the former.
 
-        The inverse of a sample covariance is too large, which the divisor corrects (Hartlap, Simon and Schneider,
-        "Why your model parameter confidences might be too optimistic", 2007).
+        The divisor corrects the bias of the inverse of a sample covariance, which would otherwise be too large
+        (Hartlap, Simon and Schneider, "Why your model parameter confidences might be too optimistic", 2007).
         """
         errors = self.relative_samples(keyframe, np.array([reference]))[0]
         return np.asarray(errors @ errors.T) / (SAMPLES - 6 - 1)
@@ -287,8 +294,8 @@ class PoseGraph:
     def deviations(self, keyframe: int) -> Values:
         """(K,) m, standard deviation of each keyframe's position relative to a given keyframe.
 
-        It is the standard deviation of a point that is ``lever`` m away from the given keyframe and moves rigidly
-        with the other.
+        This is the standard deviation of a point that is ``lever`` m away from the given keyframe and moves rigidly
+        with the other keyframe.
         """
         errors, lever = self.relative_samples(keyframe), self._config.registration.lever
         rotation = np.square(errors[:, :3]).mean(axis=2).max(axis=1)
@@ -296,10 +303,11 @@ class PoseGraph:
         return np.asarray(np.sqrt(position + lever**2 * rotation))
 
     def optimise(self) -> None:
-        """Move the poses to where they best fit all constraints, and sample their distribution again.
+        """Find the poses that best fit all constraints, and sample their distribution again.
 
-        If the graph has grown little since it was last solved as a whole, the older poses stay fixed, unless a
-        constraint was removed, or a new motion or loop from one of these older keyframes contradicts them.
+        The older poses stay fixed while the graph has grown little since it was last solved as a whole. They are
+        freed if a loop was closed, if a constraint was removed, or if a new motion from an older keyframe contradicts
+        them.
         """
         new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
@@ -339,7 +347,7 @@ class Problem:
         poses: poses of all keyframes.
         errors: (5,) systematic errors.
         constraints: the constraints that involve a free keyframe.
-        free: (K,) which poses may move.
+        free: (K,) whether each pose may move.
         frees_errors: whether the systematic errors are variables.
         ups: (K, 3) vertical in each keyframe's ``base_link``, without the accelerometer's mean error.
         before: prior knowledge of the systematic errors.
@@ -381,7 +389,7 @@ class Problem:
     def solve(self, tolerance: float, loosening: float = 1.0) -> None:
         """Move the poses by Gauss-Newton steps, until the error decreases by less than the fraction ``tolerance``.
 
-        ``loosening``: factor of the squared residual at which a constraint loses its weight.
+        ``loosening``: multiplier of the squared residual at which a constraint loses its weight.
         """
         self._scale = loosening * chi2_gate(6, self.config.registration.confidence)
         error, decrease, last, is_stale = self._error(self.poses, self.errors), np.inf, np.inf, True
@@ -405,9 +413,9 @@ class Problem:
                 return
 
     def sample(self, rng: np.random.Generator, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K, 6, S) samples of the errors of the poses; those of fixed poses are given by ``samples``.
+        """(K, 6, S) samples of the poses' errors; for fixed poses, they are taken from ``samples``.
 
-        Each sample is the solution with random errors of all constraints.
+        Each sample is the solution of the problem with random errors in all constraints.
         """
         gradient = np.zeros((self._size, SAMPLES))
         before, after, errors = self.constraints.jacobians(self.poses)
@@ -555,5 +563,5 @@ def _sparse(blocks: list[tuple[Indices, Indices, NDArray[np.float64]]], size: in
 
 
 def pose_sigmas(deviation: float, lever: float) -> Values:
-    """(6,) standard deviations of a pose, rad and m, each moving a point ``lever`` m away by ``deviation`` m."""
+    """(6,) standard deviations, rad and m, of a pose; each moves a point ``lever`` m away by ``deviation`` m."""
     return np.repeat([deviation / lever, deviation], 3)

@@ -1,7 +1,7 @@
-"""Registration: aligns a frame with points seen before, using GICP and priors of the frame's pose.
+"""Registration of a frame with points seen before, using GICP and priors of the frame's pose.
 
 GICP (Segal, Haehnel and Thrun 2009) measures a pose only in the directions that surfaces determine. Odometry and
-gravity are Gaussians in the same tangent space, so each Gauss-Newton step weights all of them by their information. A
+gravity are Gaussians in the same tangent space, so each Gauss-Newton step weights all three by their information. A
 pair of points measures only the distance perpendicular to its surface; along the surface, the nearest point would
 always suggest that the robot has not moved. Along a corridor, odometry therefore determines the position without a
 special rule.
@@ -27,7 +27,7 @@ from pipeline.transforms import orthonormal, transform_places
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Prior knowledge of a pose, as a Gaussian.
+    """Gaussian prior of a pose.
 
     Attributes:
         T: mean.
@@ -44,7 +44,7 @@ class KeyframeEvidence:
 
     Attributes:
         owner: index of the keyframe.
-        T: pose of the source in the target's frame, from these points alone.
+        T: pose of the source in the target's frame, from the keyframe's points alone.
         information: information of the pose, in the tangent space at ``T``.
     """
 
@@ -79,7 +79,7 @@ class Surfaces:
 
 
 class Target:
-    """Points that a source is registered with.
+    """Points with which a source is registered.
 
     Attributes:
         points: the points, in the target's frame.
@@ -99,7 +99,7 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """The pose of a source registered with a target.
+    """Result of the registration of a source with a target.
 
     Attributes:
         T: pose of the source in the target's frame, fused from GICP and the priors.
@@ -109,7 +109,7 @@ class Registration:
         chi2: squared Mahalanobis distance of ``T`` from the priors.
         prior: summed information of the priors.
         fits: whether ``T`` is close enough to the priors to be consistent with them.
-        is_sure: whether ``T`` fits, and the overlap is too large to be due to chance.
+        is_sure: whether ``T`` is consistent with the priors, and the overlap is too large to be due to chance.
     """
 
     T: Pose
@@ -194,7 +194,7 @@ def register(
 def evidence_by_keyframe(
     target: Target, source: small_gicp.PointCloud, T: Pose, config: RegistrationConfig
 ) -> tuple[list[KeyframeEvidence], Mask]:
-    """The evidence of each keyframe that owns points of the target, and which of the source's points are new.
+    """The evidence of each keyframe that owns points of the target, and a mask of the source's new points.
 
     Args:
         target, source: see :func:`register`.
@@ -202,16 +202,16 @@ def evidence_by_keyframe(
         config: settings of the registration.
 
     Returns:
-        The keyframes' evidence, the most informative first, and which source points have no target point within the
-        edge length of a voxel.
+        The keyframes' evidence, the most informative first, and an (N,) mask of the source points that have no target
+        point within the edge length of a voxel.
     """
     pairs = _Pairs(target, source, T, config.fine, config, np.ones(len(target.points)))
     owner = target.owner[pairs.target]
     evidence = []
     for one in np.unique(owner):
         H, pull = pairs.measure(owner == one)
-        # Adding the identity fixes the directions that a few points leave undetermined, in which their own minimum
-        # is meaningless.
+        # Adding the identity fixes the directions that a few points leave undetermined, because the minimum along
+        # such a direction is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
         evidence.append(KeyframeEvidence(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(evidence, key=lambda e: -np.trace(e.information)), pairs.squared > config.voxel**2
@@ -266,8 +266,8 @@ class _Pairs:
     def measure(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
         """Information of the pose and information vector (6,) from the pairs in ``rows`` (P,).
 
-        Only directions that all pairs together determine are used, because in others the pairs measure noise. This
-        noise is small, but along a corridor the pairs measure nothing else, and it is similar in every keyframe.
+        Only directions that all pairs together determine are used, because in other directions, such as along a
+        corridor, the pairs measure only noise. This noise is small, but similar in every keyframe.
         """
         H, pull = self._whole if rows is ... else self._scaled(rows)
         strength, directions = np.linalg.eigh(self._determined.T @ H @ self._determined)
@@ -276,7 +276,7 @@ class _Pairs:
         return scaled * (strength * real) @ scaled.T, scaled @ (real * ((self._determined @ directions).T @ pull))
 
     def _scaled(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
-        """Information and information vector, including the noise, with rotations multiplied by ``lever``, m."""
+        """Information and information vector (6,) in all directions, with rotations multiplied by ``lever``, m."""
         (J_n, r_n), (J_m, r_m) = ((J[rows] / self._scale, residual[rows]) for J, residual in self.rows)
         return (J_n.T @ J_m + J_m.T @ J_n) / 2, -(J_n.T @ r_m + J_m.T @ r_n) / 2
 

@@ -28,7 +28,8 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, wrap_angle, yaw_of
 
 MIN_FRAMES = 3
-"""Minimum number of frames; one corner of a room looks like another, especially in an incomplete map."""
+"""Minimum number of frames; more than one is needed because corners of rooms look alike, especially in an incomplete
+map."""
 PATCH = 0.2
 """Size of a patch, m; the frames' points are thinned to patches, which are matched with the map."""
 REGISTERED_VOXEL = 0.1
@@ -40,7 +41,7 @@ SURFACE_TOLERANCE = 0.1
 MIN_EXPLAINED = 0.85
 """Minimum fraction of the patches that lie on surfaces of the map."""
 RIVAL = 1e-4
-"""Maximum likelihood of any other place, relative to that of the best one."""
+"""Maximum likelihood of any other place, as a fraction of the best place's."""
 CORRELATED_PATCHES = 3
 """Number of patches that are treated as one observation, because neighbours fit, or fail to fit, together."""
 DRIFT = 0.1
@@ -53,16 +54,17 @@ HEADINGS = 72
 """Number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m, which the
 voxel on either side of a surface allows for."""
 RANDOM_POSES = 2000
-"""Number of random poses from which the probability is estimated that a patch meets a surface by chance."""
+"""Number of random poses from which a patch's probability of meeting a surface by chance is estimated."""
 MISSED = 0.05
-"""Probability that a patch lies in free space at the correct pose, relative to that at a random pose."""
+"""Probability that a patch lies in free space at the correct pose, as a fraction of the probability at a random
+pose."""
 PROMISING = 0.7
 """Minimum evidence of a guess as a fraction of the best guess's; it is below 1 because both may be off by half a
 step."""
 MAX_GUESSES = 12
 """Maximum number of promising guesses; with more, the place is ambiguous."""
 SAME_PLACE_WAY, SAME_PLACE_TURN = 0.3, radians(15)
-"""Guesses closer together than this, m and rad, are taken for one."""
+"""Distance, m, and angle, rad, up to which two guesses are taken for one."""
 
 
 class VoxelState(IntEnum):
@@ -116,7 +118,7 @@ class VoxelField(NamedTuple):
         return values
 
     def holds(self, places: Places) -> Mask:
-        """Which positions lie inside the border."""
+        """(N,) whether positions lie inside the border."""
         high = self.lower + np.array(self.voxels.shape) * self.size
         return np.asarray(((places > self.lower + self.border) & (places < high - self.border)).all(axis=1))
 
@@ -126,7 +128,7 @@ class Guess(NamedTuple):
 
     Attributes:
         T_map_level: pose of the levelled robot.
-        evidence: log-likelihood ratio of the robot's observations at this pose to those at a random pose in the map.
+        evidence: log-likelihood ratio of this pose to a random pose in the map, given the robot's observations.
     """
 
     T_map_level: Pose
@@ -151,9 +153,10 @@ def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel)
 
 
 def weigh(points: Places, places: Places, field: VoxelField) -> NDArray[np.float32]:
-    """The weight of each point of a cloud as evidence, from how often random poses explain the point.
+    """The weight of each point of a cloud as evidence, from the fraction of random poses that explain the point.
 
-    Level ground, found almost anywhere, weighs little; a wall weighs much, and a point in unknown space nothing.
+    Points on level ground, which is found almost anywhere, have little weight, points on walls have much, and points
+    in unknown space have none.
 
     Args:
         points: (P, 3) points relative to the levelled robot.
@@ -227,7 +230,7 @@ class MapPoints:
         return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=neighbours)
 
     def are_near(self, points: Points) -> Mask:
-        """Which of the ``points``, in ``map``, have a point of the map nearby."""
+        """(N,) whether each of the ``points`` has a point of the map nearby."""
         _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
         return np.asarray(np.asarray(squared) < SURFACE_TOLERANCE**2)
 

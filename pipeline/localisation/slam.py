@@ -1,8 +1,9 @@
 """Simultaneous localisation and mapping: estimates the robot's pose from its frames, its odometry and gravity.
 
-The thesis uses RTAB-Map for this. Each frame is registered with the surfaces that earlier keyframes saw, and each
-keyframe is added to a pose graph, with a constraint to each of these keyframes. A loop is closed when the robot
-returns to keyframes whose relative position is too uncertain to register frames with them directly.
+The thesis uses RTAB-Map instead. Each frame is registered with the surfaces that earlier keyframes saw. A frame that
+becomes a keyframe is added to a pose graph, with constraints to the keyframes with whose surfaces it was registered.
+A loop is closed when the robot returns to keyframes whose relative position is too uncertain to register frames with
+them directly.
 """
 
 from dataclasses import dataclass, field, replace
@@ -49,11 +50,12 @@ lower weight, because registration with them would move the robot instead of the
 REPEATED_DEVIATION = 0.03
 """Maximum standard deviation of the robot's position relative to a keyframe for a frame to repeat the keyframe, m."""
 FOUND_DEVIATION = 0.1
-"""Standard deviation of a predicted pose without odometry, m: where a carried robot was found, or after a jump."""
+"""Standard deviation of a pose predicted without odometry, m: where a carried robot was found, or after the odometry
+has jumped."""
 MIN_EXTENT = 1.0
 """Minimum size assumed for the map, m, when the robot may be anywhere in it."""
 STOPPED_WAY = 0.05
-"""Distance driven, m, after which a camera that still returns the same depth image has stopped."""
+"""Distance driven, m, after which a camera that still returns the same depth image is assumed to have stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
 MAX_REGISTERED = 4000
@@ -61,7 +63,8 @@ MAX_REGISTERED = 4000
 STOREY = 0.7
 """Maximum difference in height between the robot and an old keyframe with which it may close a loop, m."""
 VIEW_STRIDE = 8
-"""Step between the pixels of a keyframe's depth image that are kept to find the points that it looked through."""
+"""Step between the pixels of a keyframe's depth image that are kept for finding surfaces through which the keyframe
+looked."""
 MIN_GROUND_POINTS = 20
 """Minimum number of ground points under the robot."""
 
@@ -115,7 +118,7 @@ class Slam(Localisation):
         motion: motion model of the odometry.
         loops: loop closures so far.
         closes_loops: whether loops are closed; False only for comparison.
-        on_ground: whether ``base_link`` is on the ground, as for a robot but not for a hand-held camera.
+        on_ground: whether ``base_link`` is on the ground, which is true of a robot but not of a hand-held camera.
         slips: number of frames in which registration showed that wheels slipped or spun.
         belief: belief about the robot's motion and position.
     """
@@ -158,19 +161,19 @@ class Slam(Localisation):
 
     @property
     def T_map_reference(self) -> Pose:
-        """Pose from which odometry measures the motion: the newest keyframe's, or that of a later frame."""
+        """Pose of the newest keyframe or of a later frame, from which odometry measures the motion."""
         return self.poses[self._reference.keyframe] @ self._reference.T_keyframe_base
 
     @property
     def covariance(self) -> Covariance:
-        """Covariance of the newest keyframe's pose relative to the first one's, from the last optimisation."""
+        """Covariance of the newest keyframe's pose relative to the first keyframe's."""
         return self.graph.covariance(len(self.graph) - 1)
 
     def localise(self, frame: Frame) -> RegisteredFrame:
         """Localise a new frame by registration.
 
         Raises:
-            LostError: the odometry is not finite, or the camera has stopped.
+            LostError: the odometry or the camera's pose on the robot is not valid, or the camera has stopped.
         """
         check_odometry(frame)
         self._pass_time(frame)
@@ -201,7 +204,8 @@ class Slam(Localisation):
                 self.graph.add_motion(newest.prediction.motion)
             else:
                 self.graph.connect(reference.keyframe, number, newest.motion_prior.T, motion, ConstraintKind.MOTION)
-        # Connect it with the keyframes that it was registered with, and with the ground that others saw below it.
+        # Connect it with the keyframes whose surfaces it was registered with, and with the ground that others saw
+        # below it.
         new = np.ones(newest.cloud.size() if newest.cloud else 0, np.bool_)
         if newest.target is not None and newest.cloud is not None and (found := newest.registration) is not None:
             evidence, new = evidence_by_keyframe(newest.target, newest.cloud, found.T, config.registration)
@@ -308,9 +312,11 @@ class Slam(Localisation):
     def _pass_time(self, frame: Frame) -> None:
         """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
-        Between keyframes, the rotation may exceed half a turn, for example when the robot looks around. Raises
-        LostError if the depth image has not changed at all although the robot has moved, because noise makes every
-        image different.
+        Between keyframes, the rotation may exceed half a turn, for example when the robot looks around.
+
+        Raises:
+            LostError: the depth image has not changed at all although the robot has moved, so the camera has stopped;
+                noise makes all images of a working camera different.
         """
         if (last := self._last) is None:
             return
@@ -326,7 +332,7 @@ class Slam(Localisation):
 
     @property
     def _local(self) -> Mask:
-        """Which keyframes have a pose relative to the reference that is certain enough to register frames with."""
+        """Mask of the keyframes whose pose relative to the reference is certain enough for registration."""
         return self._deviations < self._config.slam.local_deviation
 
     def _renew(self) -> None:
@@ -338,9 +344,9 @@ class Slam(Localisation):
         self._deviations = self.graph.deviations(self._reference.keyframe)
 
     def _find(self, frame: Frame, before: Frame | None) -> RegisteredFrame:
-        """The pose of a frame, registered with the surfaces that earlier keyframes saw around it.
+        """Localise a frame by registration with the surfaces that earlier keyframes saw around it.
 
-        ``before``: the previous frame; None if there is none, or if the robot was carried since then.
+        ``before``: the previous frame; None if there is none, or if the robot was carried after it.
         """
         config, start = self._config.registration, self._reference
         # The odometry of the first frame defines the frame ``map``.
@@ -442,7 +448,8 @@ class Slam(Localisation):
         old = is_near & ~self._local
         if not old.any():
             return
-        # Compare all recently seen surfaces with theirs, at every pose that the robot may have relative to them.
+        # Compare all recently seen surfaces with the surfaces of these keyframes, at every pose that the robot may
+        # have relative to the latter.
         errors = self.graph.relative_samples(number, np.flatnonzero(old))
         x, y, _ = np.sqrt(np.square(T[:3, :3] @ errors[:, 3:]).mean(axis=2)).max(axis=0)
         sigmas = np.array([x, y, np.sqrt(np.square(errors[:, 2]).mean(axis=1)).max()])
@@ -453,8 +460,8 @@ class Slam(Localisation):
         place = find_place(recent, before, T, sigmas)
         if place is None or place.fit < loops.min_fit or place.rival > loops.rival * place.fit:
             return
-        # Register the recent surfaces with those of the keyframe that saw most of this place, and of keyframes close
-        # to that one in the graph.
+        # Register the recent surfaces with the surfaces of the keyframe that saw most of this place, and of keyframes
+        # whose position relative to it is certain.
         guess = place.T_move @ T
         near = np.linalg.norm(before.at[:, :2] - guess[:2, 3], axis=1) < RADIUS
         if not near.any():
@@ -471,7 +478,7 @@ class Slam(Localisation):
         found = register(target, source, [prior, level], config.coarse, config)
         if not (found.fits and is_pinned(found.information, loops.pinned_deviation)):
             return
-        # The frame must not look through the old surfaces, nor the old frame through the surfaces of this one.
+        # The new frame must not look through the old surfaces, nor may the old frame look through the new surfaces.
         shown = transform_places(found.T, cloud.points()[:, :3])
         view = self._views[first]
         through = [seen_through_fraction(frame, found.T, target.points, loops.see_through_margin)]

@@ -16,7 +16,8 @@ from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import FARTHEST, are_poses, from_rotation, inverse
 
 MIN_SINCE_1970 = 1e8
-"""The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds all plausible times in s."""
+"""Smallest plausible time since 1970, s (a date in 1973); the same time in ms, µs or ns exceeds all plausible times
+in s."""
 
 
 class Trajectory:
@@ -37,7 +38,7 @@ class Trajectory:
         self.poses, self.of_camera = poses[first], of_camera
 
     def at(self, time: float, config: TrajectoryConfig) -> Pose | None:
-        """Pose at a time, s: interpolated over at most ``longest_gap``, or the nearest if still valid; else None."""
+        """Pose at a time, s: interpolated, or else the nearest one if it is still valid; None if neither exists."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
@@ -62,7 +63,7 @@ class Trajectory:
 
 
 class OdometryPose(Protocol):
-    """An odometry pose with its time, such as that of a frame or a motion."""
+    """A pose from odometry with its time, as contained in frames and motions."""
 
     @property
     def time(self) -> float:
@@ -90,7 +91,7 @@ class EstimatedTrajectory(Generic[Sample]):
         self._keyframes.append(keyframe or self._odometry[-1])
 
     def estimated(self) -> list[Pose]:
-        """``T_map_base`` for every pose of the odometry, continued by odometry from the last keyframe before it."""
+        """``T_map_base`` of each odometry pose, obtained by odometry from the last keyframe before it."""
         if not self._keyframes:
             return [pose.T_odom_base for pose in self._odometry]
         pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
@@ -120,7 +121,8 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     """Read a file in the TUM format: time (see :func:`in_seconds`), position in m, quaternion (x y z w).
 
-    Lines with non-finite numbers or a zero quaternion are left out, because trackers write them while they are lost.
+    Lines with non-finite numbers or a zero quaternion are left out, because trackers write such lines while they are
+    lost.
 
     Raises:
         InputError: the file cannot be read, a line does not have this format, or no line holds a pose.

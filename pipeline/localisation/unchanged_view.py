@@ -1,4 +1,4 @@
-"""Whether the view has stayed the same although the wheels turned, which means that they spun on the spot."""
+"""Detection of wheels that spin on the spot, from a view that stays the same although the wheels turn."""
 
 import cv2
 import numpy as np
@@ -13,10 +13,10 @@ MIN_WAY = 0.05
 REDUCED_SIZE = 80, 60
 """Width and height, pixels, to which images are reduced, so that their noise averages out."""
 DIFFERENCE_QUANTILE = 0.95
-"""Quantile of the absolute differences of pixels by which images are compared."""
+"""Quantile of the absolute differences of pixels by which two images are compared."""
 SAME_GREY = 1.2
-"""Maximum difference between two images of one view, grey levels. While the wheels of a wedged robot spun, it was 1;
-in all but one of 2,300 motions of 0.3 m, it was at least 2."""
+"""Maximum difference between two images of one view, grey levels. While the wheels of a wedged robot spun, the
+difference was 1; in all but one of 2,300 motions of 0.3 m, it was at least 2."""
 SAME_DEPTH = 0.05
 """Maximum difference between two depth images of one view, m."""
 
@@ -38,7 +38,8 @@ def shows_no_motion(before: Frame, after: Frame) -> bool:
 def _after(image: NDArray[np.float64], before: Frame, after: Frame, moved: Pose) -> NDArray[np.float64]:
     """The earlier image as it would look after a motion of the robot, from the homography of the scene.
 
-    The scene is assumed to be a plane across the optical axis; without a return, at the nearest measurable depth.
+    The scene is assumed to be a plane perpendicular to the optical axis, at the median depth of the returns or,
+    without returns, at the nearest measurable depth.
     """
     T = inverse(moved @ after.T_base_camera) @ before.T_base_camera
     returns = before.depth[before.returns]

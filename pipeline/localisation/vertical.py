@@ -1,4 +1,4 @@
-"""Estimate the vertical from the surfaces that a camera sees, for recordings that do not provide it."""
+"""Estimates of the vertical from the surfaces in a camera's view, for recordings without a vertical."""
 
 from math import radians
 
@@ -25,7 +25,7 @@ MIN_SURFACES = 0.05
 STRIDE = 6
 """Step between the rows and columns that are searched for a floor, pixels."""
 MIN_POINTS = 100
-"""Minimum number of returns to find a floor."""
+"""Minimum number of returns required to find a floor."""
 TRIALS = 400
 """Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
 with a probability of 96%."""
@@ -65,8 +65,8 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
 def T_floor_camera(frame: Frame) -> Pose:
     """Pose of ``camera_optical`` above the floor that it sees, in the frame of :func:`T_level_camera`.
 
-    The floor is the plane with the most returns among those that face upward in the image and have hardly any returns
-    below them.
+    The floor is the plane with the most returns among the planes that face upward in the image and have hardly any
+    returns below them.
 
     Raises:
         InputError: the frame shows no floor, or has too few returns.

@@ -12,7 +12,7 @@ from pipeline.transforms import FARTHEST
 
 @dataclass(frozen=True)
 class MetricMapConfig:
-    """The voxels, and how rays fill and free them.
+    """Settings of the voxels, and of the rays that fill and free them.
 
     Attributes:
         voxel_size: side of a voxel, m.

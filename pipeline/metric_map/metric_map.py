@@ -56,7 +56,7 @@ class MetricMap:
         The body must add all scans that touch these columns. Meanwhile, other columns do not change.
 
         Yields:
-            A function that returns which of other boxes touch these columns.
+            A function that returns whether each of some other boxes touches these columns.
         """
         columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
         within, meets = columns.touched(boxes - self.corner)
@@ -69,7 +69,7 @@ class MetricMap:
             self._rebuilding = None
 
     def _are_rebuilt(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
-        """(nx, ny) which voxels of a box, given by its first index and shape, are in columns being rebuilt."""
+        """(nx, ny) whether voxels of a box, given by its first index and shape, are in columns being rebuilt."""
         columns, within = required(self._rebuilding)
         axes = zip(lower[:2], shape[:2], columns.low, columns.shape, strict=True)
         # The columns at the edge of their grid are never rebuilt, so voxels beyond it may be clipped to them.
@@ -168,7 +168,10 @@ class MetricMap:
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_seen_through(self, points: Points) -> Mask:
-        """Whether points lie in free space and not next to an occupied voxel, so that their surfaces must be gone."""
+        """(N,) whether points lie in free space and not next to an occupied voxel.
+
+        The surfaces to which such points belonged must be gone.
+        """
         index = self.voxel_index(points)
         gone = self.log_odds_at(index) < 0
         for step in product((-1, 0, 1), repeat=3):
@@ -176,7 +179,7 @@ class MetricMap:
         return gone
 
     def is_surface(self, points: Places, normal: Direction) -> Mask:
-        """Whether points are occupied and have free space in front of them, on the side to which ``normal`` points.
+        """(N,) whether points are occupied, with free space in front of them on the side to which ``normal`` points.
 
         The voxels of a thin wall represent both of its sides; in front of a side that no frame has shown, space is
         unknown. Noise spreads a surface over at most two voxels; inside an object on the surface, more are occupied.

@@ -1,4 +1,4 @@
-"""The projective update: finds the voxels in which the rays of a depth image end and those that they cross.
+"""The projective update: finds the voxels in which the rays of a depth image end, and the voxels that they cross.
 
 The marks of a scan form a box of whole blocks of voxels. Points in the box are in voxels, relative to its corner.
 """
@@ -36,7 +36,7 @@ class DepthCamera(NamedTuple):
     cx: float
     cy: float
     far: float
-    """Depth up to which returns are end points, m; the rays of deeper returns free space up to it."""
+    """Depth up to which returns are end points, m; the rays of deeper returns free space up to this depth."""
     margin: float
     """Difference in depth, m, between the end of a ray and the point up to which the ray frees space."""
     origin: NDArray[np.float64]
@@ -51,7 +51,7 @@ class DepthCamera(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
-    """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
+    """Mark the voxels in which rays end as HIT, and the voxels that rays only cross as FREE.
 
     Args:
         depth: (H, W) float32, m; a value that is not positive and finite means no return.
@@ -107,7 +107,7 @@ def _first_of_rows(height, camera):
 
 @njit(cache=True, fastmath={"contract"})
 def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
-    """Fill ``index`` with the flat index of the voxel of each return of an image row; others get ``nowhere``."""
+    """Fill ``index`` with the flat voxel index of each return in an image row, and ``nowhere`` for other pixels."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
     a0, a1, a2 = first[0], first[1], first[2]
@@ -139,7 +139,10 @@ def _deepest_of_columns(depth, top, deepest):
 
 @njit(cache=True)
 def _deepest_of_tiles(deepest, far, high):
-    """Fill ``high`` with the greatest depth, at most ``far``, of each tile of a row, given those of the columns."""
+    """Fill ``high`` with the greatest depth, at most ``far``, of each tile in a row of tiles.
+
+    ``deepest``: greatest depth of each column of the row of tiles.
+    """
     for t in range(high.size):
         c = deepest[t * TILE : (t + 1) * TILE]
         greatest = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])))

@@ -46,7 +46,7 @@ class Updater:
         self._memory = np.zeros(0, np.uint8)
 
     def project(self, depth: Depth, intrinsics: Intrinsics, T_grid_camera: Pose, ends: Points) -> Scan:
-        """Project voxels into a depth image to find those in which its rays end and those that its rays cross.
+        """Project voxels into a depth image to find the voxels in which rays end and the voxels that rays cross.
 
         Args:
             depth: depth image, m; a value that is not positive and finite means no return.
@@ -71,7 +71,7 @@ class Updater:
         return scan
 
     def trace(self, points: Places, origin: Place) -> Scan:
-        """Find the voxels that contain points in range, and those that the rays from the origin to the points cross.
+        """Find the voxels that contain points in range, and the voxels that rays from the origin to the points cross.
 
         The points, which must be finite, and the origin are in the grid's frame, m.
         """

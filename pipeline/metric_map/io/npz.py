@@ -21,10 +21,15 @@ LIMITS = {"least": "min_log_odds", "greatest": "max_log_odds"}
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
     """Write a map as a compressed ``.npz``, completely or not at all.
 
-    Entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
-    ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels,
-    ``hit``, ``miss`` and ``max_bytes`` (int), as in the map's configuration; ``greatest`` (int), the configuration's
-    ``max_log_odds``; and ``least`` (int), its ``min_log_odds``, which follows from the other entries.
+    Entries:
+
+    - ``format`` (str) and ``version`` (int)
+    - ``lower``: (3,) int64 index of the first voxel
+    - ``log_odds``: (nx, ny, nz) int8
+    - ``voxel_size``, ``max_range`` and ``margin`` (float, m), ``offset`` ((3,) float, voxels), ``hit``, ``miss`` and
+      ``max_bytes`` (int): as in the map's configuration
+    - ``greatest`` (int): the configuration's ``max_log_odds``
+    - ``least`` (int): the configuration's ``min_log_odds``, which follows from the other entries
 
     Raises:
         InputError: the file cannot be written.

@@ -19,8 +19,8 @@ SCALED = (0.005, 0.995)
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
     """Write ``path`` (.pgm) with free, lethal and unknown cells, ..._cost.png with costs of slopes, and .yaml files.
 
-    Lethal cells are those that the robot cannot drive on: walls, steps and slopes that are too steep. They are not
-    inflated, because Nav2 inflates them by the footprint in its settings.
+    Lethal cells contain walls, steps, or slopes too steep for the robot. They are not inflated, because Nav2 inflates
+    them by the footprint in its settings.
 
     Args:
         path: the .pgm image.

@@ -1,4 +1,4 @@
-"""The simulated world: arenas, the Pioneer 3-AT, its sensors, and the ground truth for scoring the robot."""
+"""The simulated world: arenas, robots with their sensors, and the ground truth for scoring a robot."""
 
 from contextlib import suppress
 from importlib import import_module

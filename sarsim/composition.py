@@ -29,7 +29,7 @@ Perception = TypeVar("Perception", bound=PerceptionConfig)
 
 
 def with_camera_range(perception: Perception, sensor: SensorModel) -> Perception:
-    """The settings, with the camera's maximum range as that of the metric map unless a settings file sets it."""
+    """Settings whose metric map uses the camera's maximum range, unless a settings file sets this range."""
     metric_map = perception.pipeline.metric_map
     if metric_map.max_range != XTION.farthest or metric_map.max_range == sensor.farthest:
         return perception
@@ -84,7 +84,7 @@ def compose(
 ) -> RunParts:
     """Make the parts of a run.
 
-    The folder for results is made after the user's sinks and the viewer, so that a refused run leaves none behind.
+    The folder for results is made after the user's sinks and the viewer, so that a refused run leaves no folder.
 
     Args:
         settings: settings of the command, for report.json; they name the user's sinks, which receive the result last.
@@ -92,8 +92,8 @@ def compose(
         folder: folder for the results.
         place: name of the place that is mapped.
         seed: seed of all random numbers.
-        view: ``spawn`` or ``web`` to show the recording while it grows.
-        recorder: makes the recorder of the Rerun recording from a file's path, a viewer and ``config``.
+        view: ``spawn`` or ``web`` to show the growing recording in a window or in the browser, or ``none``.
+        recorder: function that makes the Rerun recorder from a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
         plugins: the plug-ins of the run.
         explorer: the explorer that drives the robot; None if there is none.

@@ -21,13 +21,13 @@ from sarsim.robots.skid_steered import SkidSteerRobot, per_side
 CONTROL_TIMESTEP = 0.02
 """s, control period of the drive's firmware."""
 FILE_LOCAL_SETTINGS = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
-"""MJCF settings local to one file: they do not affect a valid model, and a merged model has only one of each."""
+"""Attributes, by MJCF element, that do not affect a valid model; a merged model can have only one of each."""
 MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
 """Options that describe the robot's surroundings, not the solver."""
 
 
 class RescueEnvironment(dm_env.Environment):
-    """A drive through a rescue arena without a time limit or reward; an action is (v, ω), m/s and rad/s.
+    """A drive through a rescue arena, with no time limit and no reward; an action is (v, ω), m/s and rad/s.
 
     Attributes:
         robot: the robot in the arena.
@@ -70,7 +70,7 @@ class RescueEnvironment(dm_env.Environment):
         return dm_env.restart(self._observation())
 
     def step(self, action: NDArray[np.float64]) -> dm_env.TimeStep:
-        """Follow the command (2,), m/s and rad/s, for ``CONTROL_TIMESTEP``; PhysicsError if the physics diverges."""
+        """Follow a command (v, ω), m/s and rad/s, for ``CONTROL_TIMESTEP``; PhysicsError if the physics diverges."""
         self.drive(Velocity(float(action[0]), float(action[1])))
         return dm_env.transition(reward=0.0, observation=self._observation())
 
@@ -98,9 +98,9 @@ class RescueEnvironment(dm_env.Environment):
         self._measured += self._substeps
 
     def inertial(self) -> NDArray[np.float64]:
-        """(2, 3) mean of the gyros, rad/s, and of the accelerometers, m/s², since the last call.
+        """(2, 3) mean measurements of the gyros, rad/s, and of the accelerometers, m/s², since the last call.
 
-        Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so that vibration averages out.
+        Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so vibration averages out.
         """
         mean = (self._sensed[self._inertial_data] / self._measured).reshape(2, 3)
         self._sensed[:], self._measured = 0, 0
@@ -131,9 +131,9 @@ def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
 
 
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
-    """Make two models compile as one: each keeps its own elements, in the arena's air and light.
+    """Prepare two models to be compiled as one, in which both keep their elements, and the arena sets air and light.
 
-    The physics are solved with the robot's options, and with MuJoCo's defaults for the options that its file omits.
+    The physics are solved with the robot's options, and with MuJoCo's defaults for options that the robot omits.
     """
     for root in (arena, robot):
         root.keyframe.remove()  # states of the model in one file, not of the merged model
@@ -154,7 +154,7 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
 
 
 def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
-    """Clear an arena's options except ``MEDIUM``; yields a text for each option whose value the robot changes."""
+    """Clear an arena's options except ``MEDIUM``, and yield a text for each option whose value the robot changes."""
     given, wanted = arena.get_attributes(), robot.get_attributes()
     for name in sorted(given.keys() - {*MEDIUM}):
         if name not in wanted or np.any(given[name] != wanted[name]):
@@ -163,7 +163,7 @@ def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
 
 
 def substeps(timestep: float) -> int:
-    """Number of time steps of ``timestep`` s in ``CONTROL_TIMESTEP``; InputError if it is not an integer."""
+    """Number of time steps of ``timestep`` s in ``CONTROL_TIMESTEP``; InputError if this is not an integer."""
     number = round(CONTROL_TIMESTEP / timestep)
     if not np.isclose(number * timestep, CONTROL_TIMESTEP):
         raise InputError(

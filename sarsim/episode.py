@@ -51,7 +51,7 @@ class Episode(ExplorerRun):
     """
 
     def __init__(self, config: EpisodeConfig):
-        """Raises InputError if the arena, the folder, the viewer or a plug-in is not available."""
+        """Make the episode's parts; InputError if the arena, the folder, the viewer or a plug-in is not available."""
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         if config.oracle and not config.scores:
@@ -110,7 +110,7 @@ class Episode(ExplorerRun):
         return make_mapper(settings, model, config.seed, localisation, config.map, config.graph, plugins)
 
     def _recorded(self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack) -> tuple[Robot, list[Sink]]:
-        """The robot as wrapped by the plug-ins and, if requested, the TUM recorder, and the recorder's sink.
+        """The robot, wrapped by the plug-ins and any TUM recorder, and a list with this recorder, if there is one.
 
         The files that the plug-ins and the recorder have started are removed if the episode is ``refused``.
         """
@@ -131,7 +131,7 @@ class Episode(ExplorerRun):
 
     @property
     def score(self) -> EpisodeScore:
-        """The score by ground truth; RuntimeError if the settings leave it out."""
+        """The score against the ground truth; RuntimeError if the settings disable scores."""
         return required(self._score)
 
     @property

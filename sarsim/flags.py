@@ -21,9 +21,9 @@ def _default(value: str) -> str:
 
 
 Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint=_default)]
-"""A value, or None if the flag is not given; its help describes that case, so ``(default: None)`` is omitted."""
+"""A value, or None if the flag is not given; the flag's help describes that case and omits ``(default: None)``."""
 VALUES = ConstructorRegistry()
-"""In its context, tyro shows an optional path as ``PATH`` rather than ``{None}|PATH``; ``None`` is still accepted."""
+"""Context in which tyro shows an optional path as ``PATH``, not as ``{None}|PATH``; ``None`` is still accepted."""
 
 
 @VALUES.primitive_rule

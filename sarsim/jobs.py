@@ -35,7 +35,7 @@ ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
 }
-"""Environment variables of a worker, because workers share the cores best if each uses only one."""
+"""Environment variables that limit a worker to one core, because workers share the cores best this way."""
 
 _log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class FolderLock:
 
     Attributes:
         folder: the locked folder.
-        held: the folder's descriptor, in the form in which multiprocessing can pass it on to a worker.
+        held: the folder's descriptor, wrapped so that multiprocessing can pass it on to a worker.
     """
 
     folder: Path
@@ -148,7 +148,7 @@ def _do_jobs(pipe: Connection, lock: FolderLock) -> None:
 
 
 def _done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
-    """Do a job in a worker; exceptions except InputError become RuntimeErrors, which can always be pickled."""
+    """Do a job in a worker; any exception but InputError becomes a RuntimeError, which can always be pickled."""
     try:
         return work(job, folder)
     except InputError:
@@ -160,15 +160,15 @@ def _done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
 def start_worker(
     function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD
 ) -> tuple[SpawnProcess, Connection]:
-    """Call a function in a new process with one end of a pipe as its first argument; return the other end.
+    """Call a function with one end of a pipe in a new process; return the process and the pipe's other end.
 
-    The process ends with this one, however this one ends. Ctrl-C and a closed terminal reach this process only. If
-    the new process is terminated, its clean-up code (``finally``, ``with``) runs first.
+    The new process ends when this process ends, however that happens. Ctrl-C and a closed terminal reach only this
+    process. If the new process is terminated, its clean-up code (``finally``, ``with``) runs first.
     """
     ours, theirs = Pipe()
     process = get_context("spawn").Process(target=_work, args=(function, theirs, *args), daemon=True)
     before = {name: os.environ.get(name) for name in environment}
-    # Otherwise multiprocessing would start the tracker with the first process and unblock Ctrl-C.
+    # Otherwise multiprocessing would start its resource tracker with the first process and unblock Ctrl-C.
     resource_tracker.ensure_running()
     with _signals_blocked():
         os.environ.update(environment)
@@ -200,7 +200,7 @@ def _work(function: Callable[..., object], *args: Any) -> None:
     try:
         function(*args)
     except SystemExit:
-        os._exit(1)  # At once, because exit handlers may take long
+        os._exit(1)  # Immediately, because exit handlers may take a long time
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 

@@ -68,12 +68,12 @@ def offscreen_context(width: int, height: int) -> Any:
 
 
 def check_rendering() -> None:
-    """Raises InputError if this machine cannot render."""
+    """Raise InputError if this machine cannot render."""
     offscreen_context(1, 1).free()
 
 
 def check_display() -> None:
-    """Raises InputError if no window can be opened."""
+    """Raise InputError if no window can be opened."""
     with warnings.catch_warnings(action="ignore"):
         if not import_module("glfw").init():
             variables = " ".join(f"{name}={os.environ[name]}" for name in _DISPLAYS if name in os.environ)
@@ -82,7 +82,7 @@ def check_display() -> None:
 
 
 def _reason(error: Exception, platform: str) -> str:
-    """The cause and the remedy in one line, because the errors themselves only name OpenGL functions."""
+    """The cause and the remedy in one line, because the errors themselves name only OpenGL functions."""
     for variable in _VARIABLES:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"

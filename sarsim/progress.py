@@ -87,14 +87,14 @@ def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
 
 @contextmanager
 def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Progress], None]]:
-    """Show the progress of a run during a ``with`` block; yields a function that receives this progress."""
+    """Show the progress of a run during a ``with`` block, and yield a function that receives this progress."""
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), _Left()
     with _bars(columns, disable) as bars:
         bar = bars.add_task(description, total=None, is_timed=False)
 
         def show(progress: Progress) -> None:
             has_share = progress.share is not None
-            # Rich leaves a total as it is if the new one is None.
+            # Set directly, because Rich's update ignores a new total of None.
             bars.tasks[0].total = 1.0 if has_share else None
             bars.update(bar, description=progress.text, completed=progress.share or 0.0, is_timed=progress.is_timed)
 

@@ -65,14 +65,14 @@ class EpisodeRecorder(Recorder):
         self._log_joints()
 
     def on_motion(self, motion: Motion) -> None:
-        """Log the robot's pose after a control period, thinned to the rate of the settings, by default 5 a second."""
+        """Log the robot's pose after a control period, at most once per ``motion_period``, by default 0.2 s."""
         self._true_track.add(self._T_world_base[:3, 3])
         if self.log_pose(motion.time, motion.T_odom_base):
             self._log_joints()
             self._log_error()
 
     def log_trajectory(self, localisation: Localisation) -> None:
-        """Log the trajectory so far: the current estimate and the true one."""
+        """Log the estimated trajectory so far and, if the odometry can err, the true trajectory."""
         super().log_trajectory(localisation)
         if self._can_err:
             way = [*self._true_track.positions, self._T_world_base[:3, 3]]
@@ -88,7 +88,7 @@ class EpisodeRecorder(Recorder):
         return self._robot.trajectory[-1].T_world_base
 
     def _log_error(self) -> None:
-        """Log the distance in m between the robot's true and estimated positions."""
+        """Log the distance, m, between the robot's true and estimated positions, if the odometry can err."""
         if self._can_err:
             error = np.linalg.norm((self.T_map_base - self._T_world_base)[:3, 3])
             self.stream.log("metrics/position_error_m", rr.Scalars(float(error)))

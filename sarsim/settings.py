@@ -1,4 +1,4 @@
-"""Settings of episodes, recordings and ROS 2 robots, kept in a separate module so that ``--help`` starts fast."""
+"""Settings of episodes, manual drives and recordings, in a separate module so that ``--help`` starts fast."""
 
 import re
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from sarsim.flags import Given
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 LabelSource = NetworkName | Literal["rules", "truth"] | str
-"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, MODULE:CLASS."""
+"""Source of the points' labels: a network, rules on height and slope, the simulator, or a class, MODULE:CLASS."""
 ExplorationName = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
 LocalisationName = Literal["slam", "odometry"] | str
 PlannerName = Literal["topological"] | str
@@ -41,9 +41,9 @@ METHODS = {
         "arenas": str,
     }.items()
 }
-"""Names of the methods that sarsim ships, by the flags that take MODULE:CLASS or MODULE:FUNCTION too."""
+"""Names of the methods that sarsim ships, by flag; the flags also take MODULE:CLASS or MODULE:FUNCTION."""
 OwnClasses = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="MODULE:CLASS")]
-"""Classes of the user's own, given by a flag that may be repeated."""
+"""The user's own classes, given by a flag that may be repeated."""
 RobotName = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file with the same structure."""
 OdometryName = Literal["truth", "wheel"]
@@ -54,7 +54,7 @@ CameraNumbers = Annotated[
     tuple[float | None, float | None, float | None, float | None, float | None, float | None] | None,
     tyro.conf.arg(metavar="X Y Z ROLL PITCH YAW", help_behavior_hint=""),
 ]
-"""The pose of a camera, m and degrees; None in place of a number keeps the recorded one; None without the flag."""
+"""A camera's pose, m and degrees, with None for numbers to keep as recorded; None if the flag is not given."""
 CameraSize = Annotated[tuple[int, int], tyro.conf.arg(metavar="W H")]
 """Width and height of a camera's images, pixels."""
 CAMERA_SIZE = (640, 480)
@@ -62,25 +62,23 @@ CAMERA_SIZE = (640, 480)
 IMAGE_SIDE_LIMITS, MAX_ASPECT_RATIO = (32, 4096), 4
 """Minimum and maximum side of the camera's images, pixels, and maximum ratio of the longer to the shorter side."""
 DEFAULT_NETWORK: NetworkName = "pointnext"
-"""The default network."""
+"""Network that labels points by default."""
 WEIGHTS = asset("weights", f"{DEFAULT_NETWORK}.safetensors")
-"""Weights of the default network."""
+"""File with the weights of the default network."""
 NOT_PORTABLE = r"[^\w.-]+"
-"""Characters kept out of the names of folders, such as the colon, which Windows and scp interpret differently."""
+"""Characters kept out of the names of folders, such as the colon, to which Windows and scp give a special meaning."""
 EXPLORE = "explore"
 """The mission without a time limit and without files to submit."""
 DEFAULT_DETECTOR = (asset("weights", "victims.safetensors"),)
 """File of the default detector."""
-DetectorFiles = (
-    Annotated[  # the hint keeps the path of the installation out of --help, whose lines the path would break
-        tuple[Path, Path] | tuple[Path] | None,
-        tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
-    ]
-)
+DetectorFiles = Annotated[  # the hint replaces the installation's path, which would break the lines of --help
+    tuple[Path, Path] | tuple[Path] | None,
+    tyro.conf.arg(metavar="PATH [PATH], --no-detector", help_behavior_hint="(default: the shipped one)"),
+]
 
 
 def check_camera_size(size: tuple[int, int]) -> None:
-    """Raises InputError if no camera has images of this size, width and height in pixels."""
+    """Raise InputError if a size, width and height in pixels, is outside the limits of the camera's images."""
     (least, most), (shorter, longer) = IMAGE_SIDE_LIMITS, sorted(size)
     if shorter < least or longer > most or longer > MAX_ASPECT_RATIO * shorter:
         limits = f"from {least} to {most} pixels, and neither more than {MAX_ASPECT_RATIO} times the other"
@@ -183,7 +181,7 @@ class PerceptionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class MissionConfig:
-    """Settings of everything that drives a robot by its own maps.
+    """Settings of everything that drives a robot autonomously.
 
     Attributes:
         steps: maximum number of exploration steps. By default no limit.
@@ -235,7 +233,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode to repeat from its stored network outputs and continue.
+        resume: folder of an interrupted episode, which is repeated from its stored network outputs and continued.
         odometry: dead reckoning from wheels and gyro (wheel), or the true pose (truth).
         localisation: correct odometry with depth images (slam) or not (odometry), or MODULE:CLASS.
         planner: path planner on the topological map, or your own MODULE:CLASS.
@@ -249,7 +247,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … if it exists.
         victims: list of victims and starts in a published world.
-        victims_state: state if the names do not give it.
+        victims_state: state of victims whose names do not state whether they are alive.
         random: contents of a random arena.
     """
 
@@ -295,7 +293,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     @property
     def continues(self) -> tuple[str, ...]:
-        """Names of files of which a non-empty folder for the results must contain one; given only with ``resume``."""
+        """Names of files, one of which a non-empty folder for the results must contain; empty without ``resume``."""
         return ("config.yaml",) if self.resume else ()
 
 
@@ -337,14 +335,14 @@ class MapRecordingConfig(SinkConfig, PerceptionConfig):
             recorded odometry or true poses uncorrected. By default slam if odometry was recorded, else registration.
         robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
         camera_pose: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks
-            down. None in place of a number: as recorded. By default all as recorded; if the pose was not recorded, it
-            is estimated from the accelerometer or from floor and walls.
+            down. None in place of a number keeps the recorded number. By default the recorded pose, or, if none was
+            recorded, an estimate from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000, or 1 for images of floats.
-        depth_range: nearest and farthest depth that the camera measures, m. By default that of the camera that the
+        depth_range: nearest and farthest depth that the camera measures, m. By default from the camera that the
             recording names, or else 0.5 to 5 m.
-        depth_noise: standard deviation of depth at 1 m, m; it grows with the square of depth. By default that of
-            the camera that the recording names, or else a Kinect's.
+        depth_noise: standard deviation of depth at 1 m, m; it grows with the square of depth. By default from the
+            camera that the recording names, or else a Kinect's.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
         mission: explore, or a mission with files to submit: the name of one, such as league, or a YAML file.

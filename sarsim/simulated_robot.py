@@ -45,8 +45,8 @@ class SimulationConfig:
         odometry: the true pose, or dead reckoning with wheel encoders and inertial sensors.
         sensor: the Xtion with its noise, or only with its limited range.
         lighting: lighting of the arena; in the dark, the robot's lamp is on.
-        dust: dust in the air, from 0 to 1; it swallows depth returns, causes false ones and veils colours.
-        speed: the robot's speed on level ground, m/s; by default that of its model.
+        dust: dust in the air, from 0 to 1; it absorbs depth returns, causes false returns and veils colours.
+        speed: the robot's speed on level ground, m/s; by default its model's.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteerRobot`.
         tyre_error: relative error of the wheels' radius, unknown to the odometry.
         camera_size: width and height of the camera's images, pixels.
@@ -80,16 +80,16 @@ class TrueFrame:
 
 
 class SimulatedRobot:
-    """A robot in an arena that implements :class:`pipeline.robot.Robot`; its ``odom`` is the world frame.
+    """A simulated :class:`pipeline.robot.Robot` in an arena, whose ``odom`` is the world frame.
 
     Attributes:
         arena: the arena that contains the robot.
         model: the robot's size and abilities.
-        sensor: range and noise of the robot's camera; its frames name a sensor limited to the range of precise depth.
+        sensor: range and noise of the robot's camera; the sensor named in each frame is limited to precise depths.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
-        object_of_geom: (ngeom + 1,) int32, id of the object of each geom by
-            :func:`sarsim.sensors.camera.geom_objects`; ``object_of_geom[frame.instance]`` is the image of objects.
+        object_of_geom: (ngeom + 1,) int32, id of each geom's object, from
+            :func:`sarsim.sensors.camera.geom_objects`; ``object_of_geom[frame.instance]`` is an image of object ids.
         true_frame: the newest frame without noise; None before the first.
         trajectory: true and odometry pose after each control period.
         collisions: counts the robot's contacts with walls, clutter and victims.

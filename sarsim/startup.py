@@ -1,4 +1,4 @@
-"""Set-up of the processes of commands and their workers, which importing sarsim alone leaves unchanged."""
+"""Set-up of the processes of commands and their workers; importing sarsim alone does not change a process."""
 
 import ctypes
 import os
@@ -30,7 +30,7 @@ def prepare_process() -> None:
         libc.mallopt(M_MMAP_THRESHOLD, LARGE)
         libc.mallopt(M_TRIM_THRESHOLD, 8 * LARGE)
         libc.mallopt(M_ARENA_MAX, 1)
-    # A second thread does not speed up products as small as the pipeline's, but its busy-waiting costs a fifth of an
+    # A second thread does not speed up matrix products as small as these, but its busy-waiting costs a fifth of an
     # episode's processor time. OpenBLAS reads the variable when it is loaded, which NumPy has already done.
     if "OPENBLAS_NUM_THREADS" not in os.environ:
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -46,7 +46,7 @@ def prepare_process() -> None:
 
 
 def _choose_cache() -> None:
-    """Let numba cache kernels in a temporary folder if neither this folder nor the user's cache can be written.
+    """Let numba cache kernels in a temporary folder if neither sarsim's folder nor the user's cache is writable.
 
     A user may run sarsim from another user's folder and have no home folder. numba runs the code that it finds in its
     cache, so the temporary folder must belong to the user alone.

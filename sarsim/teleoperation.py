@@ -44,7 +44,7 @@ V_STEP, OMEGA_STEP = 0.1, 0.25
 """Change of the command per key press, m/s and rad/s."""
 
 JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
-"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; then the type and maximum value of an axis."""
+"""Linux's ``js_event`` (time in ms, value, type, number; see joystick-api.rst), and an axis's type and maximum."""
 SIDEWAYS, LENGTHWAYS = 0, 1
 """Numbers of the left stick's axes, whose values are positive to the right and towards the user."""
 SLACK = 0.1
@@ -80,7 +80,7 @@ class Throttle:
 
 
 class Gamepad:
-    """A Linux joystick whose left stick drives the robot: pushed further, it drives faster; released, it stops."""
+    """A Linux joystick; the further its left stick is pushed, the faster the robot drives."""
 
     def __init__(self, path: Path):
         """Open a device such as /dev/input/js0.
@@ -123,7 +123,7 @@ class FreeDrive:
 
     Attributes:
         physics: physics of the arena with the robot.
-        base_body: id of the robot's body.
+        base_body: id of the robot's base body.
         limits: top speed and turn rate, m/s and rad/s.
         control_period: s, the duration of a command.
     """
@@ -147,8 +147,8 @@ def drive_by_keyboard(
 ) -> None:
     """Open a window, and obey keys and gamepad in real time until the window closes or ``interrupted`` returns True.
 
-    ``interrupted`` is called between steps, because an exception there would leave the viewer's thread waiting for a
-    lock that is never released.
+    ``interrupted`` is polled between steps, because an exception during a step would leave the viewer's thread
+    waiting for a lock that is never released.
     """
     throttle, physics = Throttle(*driven.limits), driven.physics
     others = set(threading.enumerate())

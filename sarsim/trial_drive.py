@@ -27,7 +27,7 @@ REST = 0.6  # s at rest before the drive
 MEASURED = 0.8  # s of each drive that are measured, after the robot has reached its speed
 SLOWEST = 3.0  # s within which the robot must reach its speed
 SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
-FALLEN = 0.3  # m, depth of ``base_link`` below the ground from which the robot has fallen through it
+FALLEN = 0.3  # m; if ``base_link`` is deeper than this below the ground, the robot has fallen through the ground
 REST_TOLERANCE = 0.02  # m, maximum distance of ``base_link`` from the ground, and maximum motion, at rest
 AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
 UPRIGHT = np.radians(5)  # Maximum tilt at rest, rad
@@ -49,7 +49,7 @@ def warn_of_symptoms(robot: str) -> None:
 
 @lru_cache(maxsize=16)
 def _symptoms(robot: str, changed: int) -> tuple[str, ...]:
-    """The symptoms of a robot; ``changed``, ns, the time of the last change to its file, is part of the cache key."""
+    """The symptoms of a robot; ``changed``, the time in ns of its file's last change, serves only as a cache key."""
     return tuple(symptoms(robot))
 
 
@@ -115,7 +115,7 @@ class _Trial:
                 yield f"{name} is {most:g} m, but the shapes that collide need {size:.2f} m"
 
     def _bounds(self, geoms: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(3,) lowest and (3,) highest coordinates of the geoms' bounding boxes in the world, m."""
+        """(3,) m each, lowest and highest world coordinates of the geoms' bounding boxes."""
         mujoco.mj_forward(self._model, self._data)
         R = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
         boxes = self._model.geom_aabb[geoms]

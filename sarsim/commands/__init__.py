@@ -1,1 +1,1 @@
-"""The commands, each a module with a ``main``."""
+"""The commands, each of which is a module with a function ``main``, and the parts that they share."""

@@ -35,10 +35,10 @@ from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
 TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals of Ctrl-C, of service managers and containers, and of a closed terminal; all end a command alike."""
-SIGNALLED = 128  # Exit status after a signal, to which the signal's number is added, as in shells
+"""Signals sent by Ctrl-C, by service managers and containers, and by a closed terminal; all end a command alike."""
+SIGNALLED = 128  # Exit status after a signal, less the signal's number, as in shells
 SIGPIPE_STATUS = 141  # Exit status if the output has no reader: 128 + SIGPIPE
-HELP_INDENT = 8 * " "  # Indent of a flag's help in tyro's messages about wrong flags
+HELP_INDENT = 8 * " "  # Indentation of a flag's help in tyro's messages about wrong flags
 COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
@@ -55,7 +55,7 @@ def is_verbose() -> bool:
 
 
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
-    """Call ``command`` with its parameters taken from the command line (or from ``args``).
+    """Call ``command`` with its parameters taken from ``args``, by default the command line.
 
     Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130 and
     SIGTERM with 143, each with a message on stderr.
@@ -76,7 +76,7 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
 
 
 def apply_common_flags(args: Sequence[str] | None = None) -> list[str]:
-    """Apply the flags of :data:`COMMON`; returns the other words of the command line.
+    """Apply the flags of :data:`COMMON`, and return the other words of the command line.
 
     Raises:
         InputError: one of these flags is wrong.
@@ -113,13 +113,16 @@ def apply_common_flags(args: Sequence[str] | None = None) -> list[str]:
 
 
 def program() -> str:
-    """Name of the command in messages: as it was called, but without the folder of an installation."""
+    """The command's name for messages: the path by which it was called, or its last part if the path is absolute."""
     called = Path(sys.argv[0])
     return called.name if called.is_absolute() else str(called)
 
 
 def _is_text(word: str) -> bool:
-    """Whether a word of the command line could be decoded; other programs cannot open a file with any other name."""
+    """Whether a word of the command line could be decoded.
+
+    Other programs cannot open a file whose name cannot be decoded.
+    """
     try:
         word.encode()
     except UnicodeEncodeError:
@@ -154,7 +157,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
 
 
 def parse(command_line: Callable[[], Any]) -> Any:
-    """Call one of tyro's parsers, whose boxed messages about wrong flags become InputError."""
+    """Call one of tyro's parsers, and turn its boxed message about wrong flags into an InputError."""
     message = io.StringIO()
     try:
         with redirect_stderr(message), VALUES:
@@ -166,7 +169,7 @@ def parse(command_line: Callable[[], Any]) -> Any:
 
 
 def unboxed(text: str) -> str:
-    """The text of tyro's error box as one line: its message, and the flags that it suggests, without their help."""
+    """The text of tyro's error box as one line: the message and the suggested flags, without the flags' help."""
     inside = [line[2:].rstrip(" │") for line in text.splitlines()[1:]]  # without the title and the border
     lines = [line.strip() for line in inside if not line.startswith(HELP_INDENT)]
     parts = [part.strip() for part in re.split("(?m)^[─-]{3,}╯?$", "\n".join(lines))]
@@ -175,10 +178,10 @@ def unboxed(text: str) -> str:
     said = [part for part in parts if part not in suggestions and not part.startswith("For full helptext")]
     wrong = [flag for part in said if part.startswith("Unrecognized") for flag in re.findall(r"--[\w.-]+", part)]
     missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
-    # If a required flag is missing, tyro does not suggest it for an unknown one.
+    # If a required flag is missing, tyro does not suggest it for an unknown flag.
     flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
     errors = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
-    errors = re.sub(r"^Error parsing \w+: ", "", errors)  # the class of a plug-in's settings means nothing to users
+    errors = re.sub(r"^Error parsing \w+: ", "", errors)  # users do not know the class of a plug-in's settings
     return errors + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
@@ -192,14 +195,14 @@ def progress(disable: bool = False, transient: bool = False) -> Bars:
 
 
 def tracked(items: Iterable[Item], description: str) -> Iterator[Item]:
-    """Yield the items while a progress bar is shown, which disappears after the last item."""
+    """Yield the items, and show a progress bar that disappears after the last item."""
     with progress(transient=True) as bars:
         yield from bars.track(items, description=description)
 
 
 @functools.cache
 def announce_compilation() -> None:
-    """Print a line in a terminal when numba first compiles, which takes minutes; later runs use its cache."""
+    """Print a line in a terminal when numba starts to compile, which takes minutes; later runs use numba's cache."""
     from numba.core import event
 
     class Announcer(event.Listener):
@@ -221,7 +224,7 @@ def announce_compilation() -> None:
 
 
 def check_folder_of(flag: str, path: Path) -> None:
-    """Raises InputError if the parent folder of the file ``path`` does not exist."""
+    """Raise InputError if the parent folder of the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
         raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist; create it first")
 
@@ -229,8 +232,8 @@ def check_folder_of(flag: str, path: Path) -> None:
 def guarded(action: Callable[[], object]) -> None:
     """Run ``action`` in a prepared process.
 
-    Bad input or one of :data:`TERMINATION_SIGNALS` ends it with a line and a status. If the program that reads the
-    output stops reading, as ``head`` does, the process ends without a message.
+    Bad input or one of :data:`TERMINATION_SIGNALS` ends the process with a one-line message and an exit status. If
+    the program that reads the output stops reading, as ``head`` does, the process ends without a message.
     """
     prepare_process()
     for stream in (sys.stdout, sys.stderr):
@@ -261,7 +264,7 @@ def guarded(action: Callable[[], object]) -> None:
 
 
 def _is_unread() -> bool:
-    """Whether stdout has lost its reader; the broken pipe may also be another one."""
+    """Whether stdout has lost its reader; a BrokenPipeError may also come from another pipe."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # poll always reports errors
     return bool(poll.poll(0))
@@ -271,8 +274,8 @@ def _is_unread() -> bool:
 def _raised_endings() -> Iterator[None]:
     """Make all :data:`TERMINATION_SIGNALS` raise KeyboardInterrupt unless ignored, as SIGHUP is under ``nohup``.
 
-    SIGINT raises it even if ignored: shells without job control start background jobs with SIGINT ignored, but
-    ``kill -INT`` should still end them.
+    SIGINT raises KeyboardInterrupt even if ignored, because ``kill -INT`` should end background jobs, which shells
+    without job control start with SIGINT ignored.
     """
     before = {number: signal.getsignal(number) for number in TERMINATION_SIGNALS}
     for number, handler in before.items():
@@ -301,7 +304,7 @@ def forget_terminal() -> None:
 
 
 class Interruptible:
-    """Records the first of :data:`TERMINATION_SIGNALS`, so that a step can be completed; a second interrupts at once.
+    """Records the first of :data:`TERMINATION_SIGNALS`, so that a step can end; a second signal interrupts the step.
 
     Attributes:
         signal: number of the first signal; None if none has arrived in the ``with`` block.
@@ -332,9 +335,9 @@ class Interruptible:
 def run_watched(
     run: Callable[[Callable[[], bool], Callable[[Progress], None]], object], description: str
 ) -> int | None:
-    """Call ``run`` and show its progress; returns the number of the signal that ended it, such as Ctrl-C, if any.
+    """Call ``run``, show its progress, and return the number of the signal that ended it, if there was one.
 
-    ``run`` ends when its first argument returns True, and calls its second with its progress.
+    ``run`` must end when its first argument returns True, and must pass its progress to its second argument.
     """
     announce_compilation()
     with shown_run(description, _quiet) as show, Interruptible() as control:

@@ -52,7 +52,7 @@ def export_map(
 
 
 def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -> list[Path]:
-    """Write the occupancy grid or a slice of it; returns the files."""
+    """Write the occupancy grid or a slice of it, and return the files."""
     from pipeline.metric_map.io.exports import save_map_server, save_ply
     from pipeline.metric_map.io.npz import load_metric_map
     from pipeline.metric_map.io.octomap import write_bt, write_ot
@@ -75,7 +75,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
 
 
 def _export_ground(path: Path, out: Path, robot: RobotName) -> list[Path]:
-    """Write a 2D map of the ground's traversability for the robot; returns the files."""
+    """Write a 2D map of the ground's traversability for the robot, and return the files."""
     from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import save_geotiff, save_world_png
@@ -98,7 +98,7 @@ def _export_ground(path: Path, out: Path, robot: RobotName) -> list[Path]:
 
 
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
-    """Classes of the occupied voxels, from the semantic map at ``path``; None if there is none."""
+    """Classes of the occupied voxels, from the semantic map at ``path``; None if the file does not exist."""
     if not path.exists():
         return None
     import numpy as np

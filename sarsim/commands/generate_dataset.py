@@ -24,7 +24,7 @@ class GenerateDataset(DatasetConfig):
 
     Attributes:
         out: folder for the dataset. An incomplete dataset in it is completed.
-        scenes: number of scenes; a network trained on more does better in arenas that it has not seen.
+        scenes: number of scenes; a network trained on more scenes does better in arenas that it has not seen.
         workers: number of processes. By default one per core; the dataset does not depend on it.
         engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray; on this
             machine if RAY_ADDRESS is not set).

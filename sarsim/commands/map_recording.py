@@ -71,7 +71,7 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
 
 
 def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
-    """Complete the recording's camera from the flags, the robot's file or else the defaults.
+    """Set the recording's camera from the flags and, if it names no camera, from the robot's file or the defaults.
 
     Raises:
         InputError: the flags give a range or noise that no camera can have.
@@ -90,7 +90,7 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
 
 
 def _without(recording: "Recording", config: MapRecordingConfig, kind: str, *useless: str) -> "Recording":
-    """The recording, with a note if flags were given that have no effect on its kind."""
+    """The recording, with a note about any flags that have no effect on a recording of its kind."""
     if given := [f"--{name.replace('_', '-')}" for name in useless if getattr(config, name)]:
         recording.note(f"ignoring {' and '.join(given)}, which {kind} does not need")
     return recording

@@ -1,4 +1,4 @@
-"""A cache of the networks' outputs in a folder, keyed by their inputs, so that a repeated episode runs no network."""
+"""A cache of the networks' outputs in a folder, keyed by the inputs, so that a repeated episode runs no network."""
 
 import zlib
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ class OutputCache:
     def get(
         self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]
     ) -> NDArray:
-        """The cached output for these inputs; if it is missing, ``run`` computes it, and the output is cached.
+        """Return the cached output for these inputs; if there is none, call ``run`` and cache its output.
 
         The output has the dtype ``kind`` and the shape ``shape`` (rows, columns); -1 rows stands for any number.
 
@@ -65,7 +65,7 @@ class OutputCache:
 
 
 class CachedClassifier(PointClassifier):
-    """A point classifier that is called only once for the same arguments; it must depend on nothing else."""
+    """Calls a point classifier only once for the same arguments, on which alone its output must depend."""
 
     def __init__(self, classifier: PointClassifier, cache: OutputCache, weights: Path):
         self._classifier, self._cache, self._weights = classifier, cache, _content(weights)
@@ -80,7 +80,7 @@ class CachedClassifier(PointClassifier):
 
 
 class CachedDetector:
-    """A detector that is called only once for the same image."""
+    """Calls a detector only once for the same image."""
 
     def __init__(self, detector: Detector, cache: OutputCache, *files: Path):
         """``files``: the files from which the detector was loaded."""
@@ -98,5 +98,5 @@ class CachedDetector:
 
 
 def _content(*files: Path) -> NDArray[np.uint8]:
-    """The digests of these files, as a part of the inputs."""
+    """Digests of the files' contents, as one of a cache's inputs."""
     return np.frombuffer(b"".join(blake2b(path.read_bytes()).digest() for path in files), np.uint8)

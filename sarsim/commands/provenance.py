@@ -1,4 +1,4 @@
-"""The state of the code and the machine with which figures were measured."""
+"""The state of the code and the properties of the machine with which figures are measured."""
 
 import importlib.metadata
 import os

@@ -1,4 +1,4 @@
-"""Maps a recording, and writes the files of an episode."""
+"""A run that maps a recording and writes the files of an episode."""
 
 import logging
 from collections.abc import Callable
@@ -70,7 +70,7 @@ class RecordedDrive(MappingRun):
     """
 
     def __init__(self, recording: Recording, config: MapRecordingConfig):
-        """Raises InputError if the recording lacks the requested poses, or the output folder cannot be written."""
+        """Prepare the run; InputError if the recording lacks the requested poses, or the folder cannot be written."""
         self.recording, self.config = recording, config
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
         plugins = make_plugins(config)

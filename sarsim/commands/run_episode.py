@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 
 def run_episode(config: EpisodeConfig) -> None:
-    """Explore an arena, and write a recording, a report and maps. To repeat it, pass its config.yaml to --config."""
+    """Explore an arena, and write a recording, a report and maps.
+
+    To repeat an episode, pass its config.yaml to --config.
+    """
     if config.resume and config.out:
         raise InputError(f"--resume {config.resume}: cannot be combined with --out, as it writes to its own folder")
     if config.resume and config.map and config.map.resolve() == config.resume.resolve():
@@ -47,7 +50,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
-    """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
+    """Cache the outputs of an episode's networks in its folder, so that a resumed episode can reuse the outputs."""
     from sarsim.commands.network_cache import CachedClassifier, CachedDetector, OutputCache
 
     config, mapper = episode.config, episode.explorer.mapper

@@ -1,4 +1,4 @@
-"""Settings as dataclasses: a field is a flag, and a key of the YAML that ``--config`` reads and every run writes."""
+"""Settings as dataclasses; each field is a flag, and a key in the YAML files of ``--config`` and of every run."""
 
 import argparse
 import json
@@ -29,10 +29,10 @@ CONFIG = tyro.conf.arg(
 RESULTS = ("out", "resume", "tum", "json")
 """Settings that say where results go; only flags may set them, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
-"""Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
+"""Settings left out of a run's config.yaml; a repeat must not overwrite results, and may use other workers."""
 NO_DETECTOR = "--no-detector"
 MAX_SETTINGS, DEEPEST = 100_000, 8
-"""Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
+"""Maximum size, bytes, and nesting depth of a settings file; a run's config.yaml has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
 
 
@@ -42,7 +42,7 @@ def run_with_settings(
     args: Sequence[str] | None = None,
     prog: str | None = None,
 ) -> None:
-    """Like :func:`sarsim.commands.cli.run`, for a dataclass whose fields become flags, together with ``--config``."""
+    """Run a command as :func:`sarsim.commands.cli.run` does; its flags are a dataclass's fields and ``--config``."""
 
     def run() -> None:
         words = apply_common_flags(args)
@@ -55,7 +55,7 @@ def run_with_settings(
 
 
 def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
-    """Like :func:`run_with_settings`, for the subcommand that the first word of the command line names."""
+    """Run the subcommand that the first word of the command line names, as :func:`run_with_settings` does."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:
         run_with_settings(*commands[name], words, f"{program()} {name}")
@@ -117,7 +117,7 @@ def _without_detector(args: Sequence[str]) -> list[str]:
 
 
 def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
-    """The flag that names a settings file, and the file: that of ``--config``, or the one in the ``--resume`` folder.
+    """The flag that names a settings file, and this file, which for ``--resume`` is in the folder named; or None.
 
     Raises:
         InputError: both flags are given, or there is nothing to resume.
@@ -213,13 +213,13 @@ def _complaint(kind: Any, name: str, error: "ErrorDetails") -> str:
 
 
 def _unknown(place: Sequence[str], names: Collection[str]) -> str:
-    """The message that there is no such setting, with the name of a similar one."""
+    """The message that there is no such setting, with the name of a similar setting, if there is one."""
     meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(place[-1], names, n=1))
     return f"unknown setting {'.'.join(place)}{meant}"
 
 
 def _yaml(path: Path, where: str) -> Any:
-    """The content of a YAML file; if it is not valid YAML, an InputError that begins with ``where``."""
+    """The content of a YAML file; InputError, which begins with ``where``, if the file is not valid YAML."""
     try:
         text, depth = read_text(path, MAX_SETTINGS), 0
         for event in yaml.parse(text):
@@ -236,7 +236,7 @@ def _yaml(path: Path, where: str) -> Any:
 
 
 class _UniqueLoader(yaml.SafeLoader):
-    """Refuses a mapping with a repeated key, whose last value PyYAML would take."""
+    """Refuses a mapping with a repeated key, because PyYAML would silently take the last of its values."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """The mapping; ValueError if a key occurs twice."""
@@ -250,7 +250,7 @@ class _Dumper(yaml.SafeDumper):
     """Writes paths as text, floats of NumPy as numbers, and equal values in full each time."""
 
     def ignore_aliases(self, data: object) -> bool:
-        """Whether a value is written in full although it has been written before."""
+        """Whether a repeated value is written in full."""
         return True
 
 

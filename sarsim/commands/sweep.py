@@ -1,4 +1,4 @@
-"""Run methods of exploration on the same arenas with the same seeds, and compare them."""
+"""Run exploration methods on the same arenas with the same seeds, and compare them."""
 
 import importlib.metadata
 import json
@@ -48,7 +48,7 @@ MANIFEST = "sweep.json"
 """File that records the version, code and settings with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
-"""Columns of a leaderboard's table that are printed; all of them would not fit, but the page has them all."""
+"""Columns of a leaderboard's table that are printed; the others would not fit, and appear only on the page."""
 EPISODE_FIELDS = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
 """Settings that a sweep passes on to its episodes."""
 FAILED = 1  # Exit status if every episode failed
@@ -154,7 +154,7 @@ def sweep(settings: SweepSettings) -> None:
 
 
 def begin(settings: SweepSettings) -> str:
-    """Write the folder's manifest, or check it against this sweep; returns the state of the code.
+    """Write the folder's manifest or, if it exists, check it against this sweep; return the state of the code.
 
     Raises:
         InputError: the folder holds results of another version or state of the code, or of other settings.
@@ -187,7 +187,7 @@ def begin(settings: SweepSettings) -> str:
 
 
 def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: FolderLock) -> dict["SweepJob", str]:
-    """Run the episodes that have no result in the locked folder; returns the errors of those that failed."""
+    """Run the episodes that have no result in the locked folder, and return the errors of the failed episodes."""
     from sarsim.commands.sweeps.episodes import result_of, run_episode
 
     todo = [job for job in jobs if result_of(job, lock.folder) is None]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.training import Training, TrainingWorker
 
 VALIDATION_FRAMES = 40
-"""Maximum number of validation clouds, spread over the scenes; 200 took as long as 1,000 training steps."""
+"""Maximum number of validation clouds, spread over the scenes; with 200, validation took as long as 1,000 steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.training import Training, TrainingWorker
 
-    # The settings of the training itself, without its files.
+    # Only the settings of the training itself, without the settings of its files.
     config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
     scenes = sum(map(_scenes, settings.data))
     about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
@@ -104,7 +104,7 @@ def _scenes(data: Path) -> int:
 def _clouds(
     settings: TrainPoints, worker: "TrainingWorker", voxel_size: float, colours: bool
 ) -> dict[str, list["LabelledCloud"]]:
-    """The clouds of the splits train and val; prints which classes are absent from train."""
+    """Return the clouds of the train and val splits, and print the classes that are absent from the train split."""
     from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from sarsim.dataset.manifest import Dataset
@@ -153,7 +153,7 @@ def _train(training: "Training", settings: TrainPoints) -> None:
 
 
 def _scored(training: "Training", before: str) -> str:
-    """The score of the last validation as text; empty if there was none, or it had no points of these classes."""
+    """The last validation's score as text; empty without validation, or if it had no points of the four classes."""
     return f"{before}mIoU of the thesis's four classes {training.score:.4f}" if isfinite(training.score) else ""
 
 

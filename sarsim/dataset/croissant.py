@@ -45,7 +45,7 @@ CONTEXT: dict[str, Any] = {
 
 
 def describe_dataset(folder: Path, manifest: Manifest) -> None:
-    """Write ``croissant.json`` into a dataset's folder: its files, its scenes and its labels.
+    """Write ``croissant.json``, which lists a dataset's files, scenes and labels, into the dataset's folder.
 
     Raises:
         InputError: the file cannot be written.
@@ -63,7 +63,7 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
 
 
 def describe_export(folder: Path, name: str, layout: str, generator: str) -> None:
-    """Write ``croissant.json`` into the folder of an otherwise complete export: its files and its labels.
+    """Write ``croissant.json``, which lists an otherwise complete export's files and labels, into its folder.
 
     Raises:
         InputError: the file cannot be written.
@@ -109,7 +109,7 @@ def _file(path: str, sha256: str) -> dict[str, Any]:
 
 
 def _file_set(suffix: str) -> dict[str, Any]:
-    """All files with a suffix in subfolders."""
+    """The Croissant file set of all files with a suffix in subfolders."""
     media = FORMATS.get(suffix, "application/octet-stream")
     name = f"files{suffix}".replace(".", "-")
     return {"@type": "cr:FileSet", "@id": name, "name": name, "encodingFormat": media, "includes": f"**/*{suffix}"}

@@ -28,7 +28,7 @@ SPEED, TURN_RATE = 0.2, 0.6
 PERIOD = 0.3
 """Time between two poses of the drive, s."""
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
-"""Standard deviations of roll and pitch (rad), and of height (m), at a keyframe."""
+"""Standard deviations of roll and pitch (rad), and of height (m), that vibration causes at a keyframe."""
 CANDIDATES = 12
 """Number of random goals drawn for a leg; the robot drives to the goal farthest from all visited places."""
 MAX_FAILURES = 50
@@ -41,7 +41,7 @@ RADIUS = 0.110  # m; a tyre with a radius of 0.111 m is compressed by 1 mm under
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) lowest points of the chassis in ``base_link``, m."""
-CONTACT_REACH = 0.2  # m; surfaces higher than this above the ground at the robot's centre are not ground
+CONTACT_REACH = 0.2  # m; a surface that is higher than this above the ground at the robot's centre is no ground
 
 
 class WheelContact:
@@ -159,7 +159,7 @@ class EndlessDrive:
         """(K, 2) m, corners of the path to the candidate goal that is farthest from the visited places."""
         here = self._at[:2]
         paths = PosePaths(self._roads, here)
-        # A robot does not turn on a ramp, so the drive does not end there.
+        # A leg ends with a turn, and a robot does not turn on a ramp.
         cells = np.argwhere(paths.reachable & self._roads.turnable)
         if paths.start is None or not len(cells):
             return here[None]

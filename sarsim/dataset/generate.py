@@ -1,4 +1,4 @@
-"""Makes a dataset, or its missing scenes."""
+"""Generation of a dataset, or of its missing scenes."""
 
 import logging
 from collections.abc import Callable
@@ -23,7 +23,7 @@ def generate(
 ) -> Manifest:
     """Make the first ``scenes`` scenes of a recipe, except those that are already complete.
 
-    Writes dataset.json, the scenes' files, index.html and croissant.json, and returns the content of dataset.json.
+    Write dataset.json, the scenes' files, index.html and croissant.json, and return the content of dataset.json.
     ``on_frames`` is called with the number of frames in complete scenes, at the start and after every scene.
 
     Raises:

@@ -1,4 +1,4 @@
-"""HDF5 files, which are written without losing errors and checked before they are read."""
+"""HDF5 files, for which all write errors are reported, and which are checked before they are read."""
 
 import io
 import zlib
@@ -23,7 +23,7 @@ _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
 
 def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) -> None:
-    """Write one image in the format of the shuffle and gzip filters, in a fifth of the time of these filters.
+    """Write one image in the format of the shuffle and gzip filters, but in a fifth of the time that they take.
 
     The low bytes of a noisy image hardly compress, so the stream stores them uncompressed (RFC 1951, 3.2.4).
 
@@ -48,7 +48,7 @@ class NewFile(ExitStack):
     """
 
     def __init__(self, path: Path):
-        """Raises OSError if the file cannot be opened."""
+        """Create the file; OSError if that fails."""
         super().__init__()
         sink = FileSink(path, "w+")
         self.file = h5py.File(sink, "w", libver="v110")

@@ -1,4 +1,4 @@
-"""A dataset's folder, and its ``dataset.json``: scenes with checksums that show whether their files are intact."""
+"""A dataset's folder and its ``dataset.json``, which lists the scenes and the checksums of their files."""
 
 import hashlib
 import json
@@ -37,7 +37,7 @@ class SceneEntry:
         frames: number of frames.
         arena: name or path of the arena.
         lighting: normal, dim or dark.
-        points: number of depth returns by name of their label.
+        points: number of depth returns of each label, by the label's name.
     """
 
     index: int
@@ -116,7 +116,7 @@ class Manifest:
             partial.write_text(json.dumps(content, indent=1) + "\n")
 
     def check_same(self, other: "Manifest", folder: Path) -> None:
-        """Raise InputError if the scenes of the other manifest would differ."""
+        """Raise InputError if the other manifest's scenes would differ from this manifest's."""
         if self.generator != other.generator:
             raise InputError(
                 f"{folder}: contains a dataset made by {self.generator}, but you are running {other.generator};"
@@ -151,7 +151,7 @@ class Dataset:
         return len(self.entries)
 
     def __iter__(self) -> Iterator[tuple[SceneEntry, Scene]]:
-        """Every scene, open until the next one; InputError if its file is missing, changed or broken."""
+        """Yield every scene, open until the next is requested; InputError if a file is missing, changed or broken."""
         for entry in self.entries:
             path = self.folder / entry.file
             # Check before HDF5 opens the file, because its library hangs on some damaged files.

@@ -1,4 +1,4 @@
-"""Makes one scene: an arena, a drive through it, and the robot's images at each keyframe."""
+"""Rendering of one scene: an arena, a drive through it, and the robot's images at each keyframe."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress

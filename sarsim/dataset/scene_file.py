@@ -25,7 +25,7 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-PER_METRE = np.float32(1000)  # Depth units per metre; depth divided by this is as exact as from other formats
+PER_METRE = np.float32(1000)  # Depth units per metre; division by this number is as exact as in other formats
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
@@ -103,7 +103,7 @@ class SceneContent:
 
     @property
     def object_of_geom(self) -> NDArray[np.int32]:
-        """(G + 1,) int32 ``geom_object`` and a final -1, which ``instance`` selects at pixels without a geom (-1)."""
+        """(G + 1,) int32 ``geom_object`` and a final -1, which the instance -1 of a pixel without a geom selects."""
         return np.append(self.geom_object, -1).astype(np.int32)
 
 
@@ -133,7 +133,7 @@ class SceneWriter(ExitStack):
     """
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
-        """Raises OSError, here or later, if the file cannot be written."""
+        """Create the file; OSError, here or later, if the file cannot be written."""
         super().__init__()
         self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
@@ -200,8 +200,8 @@ class Scene(ExitStack):
         pose_odom: (M, 4, 4) dead-reckoned poses T_odom_base.
         T_base_camera: (M, 4, 4) poses of ``camera_optical`` in ``base_link``.
         time: (M,) s, times of the frames.
-        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if none
-            is visible.
+        victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if
+            nothing is visible.
         victim_area: (M, V) int32 number of pixels that show each victim.
     """
 
@@ -251,7 +251,7 @@ class Scene(ExitStack):
         self._check_numbers()
 
     def _check_layout(self) -> dict[str, int]:
-        """The size for each letter; ValueError if a dataset is external or huge, or has the wrong type or shape."""
+        """Return each letter's size; ValueError if a dataset is external or huge, or has the wrong type or shape."""
         sizes: dict[str, int] = {}
         for name, (kind, *shape) in _LAYOUT.items():
             if name in LATER and name not in self._file:
@@ -362,7 +362,7 @@ class Scene(ExitStack):
 
 
 def _objects_by_victims(geom_victim: NDArray[np.int16]) -> NDArray[np.int16]:
-    """(G,) object ids for a file without them: the geoms of a victim form one object, each other geom its own."""
+    """(G,) object ids for a file without them: a victim's geoms form one object, every other geom forms its own."""
     owners = np.where(geom_victim >= 0, geom_victim, -1 - np.arange(len(geom_victim)))
     _, first, part = np.unique(owners, return_index=True, return_inverse=True)
     return first[part].astype(np.int16)

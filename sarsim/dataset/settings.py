@@ -19,7 +19,7 @@ MIN_SIZE = 16  # Minimum width and height of an image, pixels
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Ranges, bounds included, from which random arenas are drawn uniformly; by default similar to the thesis's.
+    """Inclusive ranges from which random arenas are drawn uniformly; the defaults resemble the thesis's arenas.
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.
@@ -78,7 +78,7 @@ class ArenaRange:
 
 @dataclass(frozen=True)
 class HarderArenaRange(ArenaRange):
-    """The ranges of the harder mix: fewer ramps, among obstacles, of every difficulty, some under a ceiling."""
+    """The ranges of the harder mix: fewer ramps, obstacles among them, every difficulty, and some ceilings."""
 
     ramps: tuple[float, float] = (0.2, 0.5)
     clutter: Fixed[tuple[float, float]] = (0.05, 0.2)
@@ -88,7 +88,7 @@ class HarderArenaRange(ArenaRange):
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """Settings of a dataset's scenes; by default, these resemble the thesis's in ramps, light and sensor noise.
+    """Settings of a dataset's scenes, which by default have ramps, light and sensor noise similar to the thesis's.
 
     Attributes:
         seed: seed of every random number; a different seed gives different scenes.
@@ -154,13 +154,13 @@ class HarderDatasetConfig(DatasetConfig):
 
 
 def check_order(flag: str, bounds: tuple[float, float]) -> None:
-    """Raises InputError if bounds are not in order."""
+    """Raise InputError if the first of two bounds is above the second."""
     if not bounds[0] <= bounds[1]:
         raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value must come first")
 
 
 def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
-    """Raises InputError if a flag's value is not between two bounds."""
+    """Raise InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
         limits = f"must be at least {low:g}" if high == math.inf else f"must be between {low:g} and {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")

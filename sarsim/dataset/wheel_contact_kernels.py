@@ -13,9 +13,9 @@ _ITERATIONS = 20
 _SETTLED = 1e-6
 """Maximum remaining gap between wheels and ground, m."""
 _SAMPLES = 20
-"""Number of points in front of the axle, and behind it, where a tyre is tested for contact."""
+"""Number of points on each side of the axle, front and rear, at which a tyre is tested for contact."""
 _REACH = 0.75
-"""Fraction of the radius over which these points extend; slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Fraction of the radius over which the points extend; slopes of 48° and steps of 4 cm touch a tyre within it."""
 
 
 class Ground(NamedTuple):
@@ -119,9 +119,10 @@ def rest_pose(ground, x, y, yaw, below, axles, radius, centre_of_mass):
 
 @njit(cache=True)
 def _lift(gap, axles, forward, left):
-    """Set the gap of the wheel off the ground, for a centre of mass at (forward, left) in the body frame."""
+    """Set the gap of the wheel that is off the ground; (forward, left): centre of mass in the body frame, m."""
     twist = gap[0] + gap[3] - gap[1] - gap[2]
-    # The wheels of the diagonal with higher ground touch it, and so does the one on the centre of mass's side.
+    # Both wheels on the diagonal with the higher ground touch the ground, and so does the wheel on the side of the
+    # centre of mass.
     high = axles[0] if twist > 0 else axles[1]
     weight_is_left = high[0] * left - high[1] * forward > 0
     if twist > 0:

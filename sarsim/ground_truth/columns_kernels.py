@@ -4,12 +4,12 @@ import numpy as np
 from numba import njit
 
 _UPRIGHT = 1e-4
-"""A face is vertical if |z| of its unit normal is smaller; not 0, because mesh vertices are float32."""
+"""A face is vertical if |z| of its unit normal is smaller than this; not 0, because mesh vertices are float32."""
 
 
 @njit(cache=True)
 def vertical_cut(planes, x, y):
-    """Lowest and highest z of a vertical line inside a convex body n·p ≤ d, and z of the normal at the highest.
+    """Lowest and highest z, m, of a vertical line inside a convex body n·p ≤ d, and z of the normal at the highest.
 
     If the line misses the body, the lowest is above the highest. ``planes``: (F, 4) n and d.
     """
@@ -32,7 +32,8 @@ def vertical_cut(planes, x, y):
 def count_bodies(planes, first, window, origin, cell, count):
     """Add the number of convex bodies on the vertical through each cell's centre to ``count`` (nx, ny).
 
-    Body n has the planes ``first[n]:first[n + 1]`` of (M, 4) and lies within the cells window[n] = (i0, i1, j0, j1).
+    Body n has the rows ``first[n]:first[n + 1]`` of the (M, 4) planes, and lies within the cells window[n] = (i0, i1,
+    j0, j1).
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):
@@ -60,7 +61,7 @@ def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_
 def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
     """Sort the bodies (B,) of every cell from bottom to top and merge those less than ``gap`` m apart, in place.
 
-    A merged body has the highest top, with its normal and owner. ``count`` becomes the number of merged bodies.
+    A merged body takes the highest top, with its normal and owner. ``count`` becomes the number of merged bodies.
     """
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
@@ -150,7 +151,7 @@ def flood(
 
 @njit(cache=True)
 def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
-    """Write the lowest top with headroom of a chosen body in each cell to ``height`` (nx, ny), where there is one."""
+    """In each cell, write the lowest top of a chosen body with headroom above it, if there is one, to ``height``."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
             end = start[i, j] + count[i, j]
@@ -172,9 +173,9 @@ def owners(start, count, top, owner, height, result):
 
 @njit(cache=True)
 def lower_distance(corners, first, window, low, high, origin, cell, height, max_step, headroom, distance):
-    """Lower ``distance`` (nx, ny), m, to that from each cell to the nearest convex outline that obstructs its ground.
+    """Lower ``distance`` (nx, ny), m, to each cell's distance from the nearest outline that obstructs its ground.
 
-    Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and extends in z from
+    Convex outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and extends in z from
     low[n] to high[n]. A body does not obstruct the ground if it ends below the height of a step or begins above the
     headroom.
     """

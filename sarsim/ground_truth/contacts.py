@@ -15,12 +15,12 @@ DEBOUNCE_TIME = 0.5
 """s; a contact that recurs between the same geoms within this time is not counted again, because contacts chatter."""
 
 ROLLED_OVER = float(np.sqrt(0.5))
-"""Upward component of the normal above which a wall in contact only supports the robot, as the side of a floor plate
-does when a wheel rolls onto its upper edge."""
+"""Upward component of the contact normal above which a wall only supports the robot. The side of a floor plate does
+so when a wheel rolls onto its upper edge."""
 
 
 class CollisionCounter:
-    """Counts how often a part of the robot begins to touch a wall from the side, clutter or a victim.
+    """Counts how often a part of the robot begins to touch a wall (from the side), clutter or a victim.
 
     Attributes:
         collisions: number of collisions so far.

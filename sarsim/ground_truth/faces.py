@@ -56,7 +56,7 @@ def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
 
 
 def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64]) -> list[Face]:
-    """A face for each plane that contains some of the triangles (N, 3, 3) m; its outline is their convex hull."""
+    """One face per plane of the triangles (N, 3, 3), m; its outline is the convex hull of the plane's triangles."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     planes = np.column_stack([normals, (normals * triangles[:, 0]).sum(axis=1)]).round(3)

@@ -64,7 +64,7 @@ def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
 
 
 def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
-    """Open3D's RaycastingScene of an arena's visible surfaces, m in the world, without the robot, if there is one."""
+    """Open3D's RaycastingScene, m in the world, of an arena's visible surfaces without the robot, if there is one."""
     import open3d as o3d  # not at the top, because it takes a second
 
     drawn = drawn_geoms(model)
@@ -97,7 +97,7 @@ def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDA
 
 
 def geom_colours(model: mujoco.MjModel) -> NDArray[np.float32]:
-    """(ngeom, 4) float32 RGBA in 0..1: a geom's own colour, or its material's times the mean of its texture."""
+    """(ngeom, 4) float32 RGBA in 0..1: a geom's own colour, or its material's colour times the texture's mean."""
     colours = model.geom_rgba.copy()
     takes = (model.geom_matid >= 0) & (colours == _PLAIN).all(axis=1)
     for material in np.unique(model.geom_matid[takes]):
@@ -181,7 +181,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     smooth = model.mesh_normal[model.mesh_normaladr[mesh] + model.mesh_facenormal[faces]]
     flat = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])[:, None]
     flat /= np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-12)
-    # MuJoCo smooths even edges as sharp as a ramp's.
+    # MuJoCo smooths even edges as sharp as a ramp's, so the smoothed normals are used only away from sharp edges.
     normals = np.where((smooth * flat).sum(axis=2, keepdims=True) > CREASE, smooth, flat)
     triangles = np.arange(corner.size).reshape(-1, 3)
     return _Shape(vertices.reshape(-1, 3), normals.reshape(-1, 3), triangles)

@@ -54,7 +54,7 @@ def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @lru_cache(256)
 def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
-    """:func:`hull_planes`, cached because arenas consist of few distinct shapes and are surveyed repeatedly."""
+    """As :func:`hull_planes`; cached, because arenas consist of few distinct shapes and are surveyed repeatedly."""
     return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [1, 1, 1, -1]
 
 

@@ -23,7 +23,7 @@ CELL = 0.05  # m, side of a grid cell
 MARGIN = 0.5  # m of grid around the arena
 MAX_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
 PERSON_CLEARANCE = (
-    0.45  # m; the robot's centre passes no nearer to a person or doll, so that ground behind one is not drivable
+    0.45  # m, minimum distance of the robot's centre from a person or doll, so that ground behind one is not drivable
 )
 START_REACH = 0.3  # m; a start at most this far above or below the ground is considered to be on it
 
@@ -35,9 +35,10 @@ class GroundTruthSurface:
     Attributes:
         grid: grid of the layers.
         height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
-        drivable: bool, ground connected to the start with headroom for the robot, and with no step, tilt beyond the
-            robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot, and no victim within
-            ``PERSON_CLEARANCE``. A step is a height difference above twice the robot's ``max_step``.
+        drivable: bool, whether the cell's ground is connected to the start and has headroom for the robot. Within
+            :func:`clearance_of` the robot, there must be no step, wall, clutter or victim, and no tilt beyond the
+            robot's maximum; within ``PERSON_CLEARANCE``, there must be no victim. A step is a height difference
+            above twice the robot's ``max_step``.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -56,8 +57,8 @@ class FreeGround:
         height: float64 m, height of the ground; NaN where this ground does not reach.
         label: uint8, label of the ground.
         pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
-        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf if the distance
-            exceeds the robot's clearance.
+        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf only beyond the
+            robot's clearance.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
@@ -100,7 +101,7 @@ class Survey:
         self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
     def ground_height_near(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
-        """Height, m, of the ground with headroom nearest to a point (3,) m; None if none is within ``reach`` m."""
+        """Height, m, of the ground with headroom nearest to a point (3,), m; None if not within ``reach``, m."""
         body = self._place(start, reach)
         return None if body is None else float(self._columns.top[body])
 
@@ -129,7 +130,7 @@ class Survey:
         return height
 
     def ground_from(self, start: NDArray[np.float64]) -> FreeGround | None:
-        """The ground connected to the ground at ``start`` (3,) m; None if there is none at ``start``."""
+        """The ground connected to ``start`` (3,), m; None if there is no ground at ``start``."""
         body = self._place(start, START_REACH)
         if body is None:
             return None
@@ -160,11 +161,11 @@ class Survey:
         return GroundTruthSurface(ground.grid, ground.height, drivable, ground.walls)
 
     def _to_people(self, height: NDArray[np.float64]) -> Layer:
-        """(nx, ny) m, distance to people and dolls at the robot's height; inf beyond ``PERSON_CLEARANCE``."""
+        """(nx, ny) m, distance to people and dolls at the robot's height; inf only beyond ``PERSON_CLEARANCE``."""
         return self._to_obstacle(height, self.bodies.label == Label.VICTIM, PERSON_CLEARANCE, 0.0)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
-        """Index of the top with headroom that is nearest to a point (3,) m; None if none is within ``reach`` m."""
+        """Index of the top with headroom nearest to a point (3,), m; None if not within ``reach``, m."""
         c, (i, j), (nx, ny) = self._columns, self.grid.cell_of(start), self.grid.shape
         if not (0 <= i < nx and 0 <= j < ny):
             return None
@@ -196,10 +197,10 @@ class Survey:
         reach: float | None = None,
         min_height: float | None = None,
     ) -> Layer:
-        """(nx, ny) m, distance to the nearest chosen body that obstructs the ground; inf beyond ``reach``.
+        """(nx, ny) m, distance to the nearest chosen body that obstructs the ground; inf only beyond ``reach``.
 
-        By default, ``reach``, m, is the robot's clearance, and ``min_height`` of a body, m, twice the robot's
-        ``max_step``.
+        ``reach``: m, by default the robot's clearance. ``min_height``: height above the ground, m, up to which a body
+        does not obstruct the ground, by default twice the robot's ``max_step``.
         """
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, (self._clearance if reach is None else reach) + CELL)
@@ -212,7 +213,7 @@ class Survey:
 
 
 def clearance_of(robot: RobotModel) -> float:
-    """Clearance of the robot's centre from obstacles, m: half its width plus a cell, rounded up to whole cm."""
+    """Clearance of the robot's centre from obstacles, m: half its width plus one cell, rounded up to whole cm."""
     return ceil(100 * (robot.half_width + CELL)) / 100
 
 

@@ -32,7 +32,7 @@ from sarsim.simulated_robot import SimulatedRobot, TrueFrame
 
 
 class EpisodeScore(Sink):
-    """Scores an episode against ground truth, in a separate thread while the robot drives on.
+    """Scores an episode against ground truth, in a separate thread while the robot continues to drive.
 
     Attributes:
         surface: the true ground.
@@ -46,7 +46,7 @@ class EpisodeScore(Sink):
 
         Args:
             robot: the robot in the arena.
-            explorer: the explorer that drives it.
+            explorer: the explorer that drives the robot.
             oracle: whether the report compares the robot with the tour of a robot that knows the ground.
         """
         self._robot = robot
@@ -107,7 +107,7 @@ class EpisodeScore(Sink):
 
     @property
     def coverage(self) -> Coverage:
-        """True ground seen by noise-free returns and by the kept returns of an earlier episode."""
+        """The true ground that noise-free returns, and returns kept from an earlier episode, have shown."""
         self._wait()
         return self._coverage
 
@@ -131,12 +131,12 @@ class EpisodeScore(Sink):
             )
 
     def finish(self, result: Result) -> None:
-        """Add the figures of all stages that have any to the report."""
+        """Add to the report the figures of all stages that have figures."""
         super().finish(result)
         self._thread.shutdown()
 
     def figures(self) -> dict[str, Any]:
-        """The figures of all stages that have any; the commands add settings and times."""
+        """The figures of all stages that have figures; the commands add settings and times."""
         self._wait()
         explorer, keyframes = self._explorer, self._explorer.mapper.keyframes
         stages = {
@@ -175,7 +175,7 @@ class EpisodeScore(Sink):
         return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """The figures of the exploration; times of ``EXPLORED_FRACTIONS`` that were not reached are missing."""
+        """The figures of the exploration, without the times of ``EXPLORED_FRACTIONS`` that were not reached."""
         end = self._robot.time - self._start_time, distance_driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (
@@ -184,7 +184,7 @@ class EpisodeScore(Sink):
         return {"explored_fraction": self.coverage.fraction, "frontiers_left": self._frontiers_left, **seen, **oracle}
 
     def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
-        """The figures of the oracle if a tour sees enough, with ratios if the robot saw enough, by ``t99`` s."""
+        """The oracle's figures, empty if no tour sees enough; with ratios if the robot saw enough, at ``t99``, s."""
         robot, T = self._robot, self._T_world_start
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
@@ -198,7 +198,7 @@ class EpisodeScore(Sink):
         return figures
 
     def _goals(self) -> dict[str, Any]:
-        """The figures of each goal, with the length of the shortest path on the true ground, if there is one."""
+        """The figures of each goal, with the length of the shortest path on the true ground, if a path exists."""
         tasks, visits = self._explorer.mission.report(), self._explorer.mission.visits
         for name, task in tasks.items():
             for figures, visit in zip(task["each"], visits[name], strict=True):

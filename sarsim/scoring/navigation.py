@@ -21,7 +21,7 @@ from sarsim.simulated_robot import SimulatedRobot
 
 
 class NavigationScore:
-    """Scores how a robot drives, whatever controls it."""
+    """Scores a robot's driving, whatever controls the robot."""
 
     def __init__(self, robot: SimulatedRobot, surface: GroundTruthSurface):
         """Start scoring at the robot's current pose; ``surface``: the true ground."""
@@ -53,7 +53,7 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
         "recovered": navigator.recovered,
-        **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),  # if it moved on planned drives
+        **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),  # if any planned drive moved it
         **score.report(),
     }
 
@@ -63,7 +63,7 @@ class Activity(IntEnum):
 
     DRIVING = 0
     TURNING = 1
-    """In place: the centre of rotation lies between the wheels, so that those of one side stop or run backwards."""
+    """In place: the centre of rotation is less than half the robot's width from the robot's centre."""
     BACKING = 2
     STILL = 3
 

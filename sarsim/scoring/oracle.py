@@ -1,4 +1,4 @@
-"""The oracle: how soon a robot that knows the true ground could see it, with the same planner and camera."""
+"""The oracle: the time in which a robot that knows the true ground could see it with the same planner and camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ SEARCHES = 32
 
 
 def true_traversability(surface: GroundTruthSurface, robot: RobotModel) -> Traversability:
-    """The whole arena as the robot's planner would represent it; everything but connected ground is a wall."""
+    """The whole arena as the robot's planner would represent it; all cells without connected ground are walls."""
     top = np.nanmax(surface.height) + robot.headroom
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
     none = np.zeros(surface.grid.shape, np.bool_)
@@ -97,8 +97,8 @@ class Oracle(ViewTours):
     def poses(self) -> NDArray[np.float64]:
         """(V, 3) viewpoints: x and y, m, and heading, rad.
 
-        The first viewpoint is the start. The others are all headings that are possible at one cell in each block of
-        0.25 m: the cell with the most headings.
+        The first viewpoint is the start. In each block of 0.25 m, the cell with the most possible headings
+        contributes a viewpoint for each of these headings.
         """
         headings = self.paths(0).headings
         cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
@@ -173,7 +173,7 @@ class Oracle(ViewTours):
         return {"oracle_time_s": tour.seconds, "oracle_path_m": tour.metres, "physical_time_s": self.physical_seconds}
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:
-        """Ratios of the path length, m, and time, s, after which a robot had seen enough to those of the tour."""
+        """A robot's path length, m, and time, s, until it had seen enough, divided by the tour's."""
         tour = self.quickest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         over = {"time_over_oracle": seconds / tour.seconds, "time_over_physical": seconds / self.physical_seconds}
@@ -183,7 +183,7 @@ class Oracle(ViewTours):
 def _keyframes(
     stops: NDArray[np.float64], backwards: NDArray[np.bool_], first: float, last: float
 ) -> list[NDArray[np.float64]]:
-    """Keyframe poses on the drives between stops (N, 2), and in the turns before and after them."""
+    """Keyframe poses on the drives between stops (N, 2), and in the turns before and after each drive."""
     poses, heading = list[NDArray[np.float64]](), first
     for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
         if (a != b).any():
@@ -209,9 +209,9 @@ def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> li
 def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
     """Lower bound on the time that a body needs for consecutive drives, s.
 
-    This is the longer of two times, because an ideal driver turns while driving: the time for all lines at maximum
-    speed and acceleration, with stops only where the direction reverses, and the time for all turns at the maximum
-    rate.
+    An ideal driver turns while driving, so the bound is the longer of two times. The first is the time for all lines
+    at maximum speed and acceleration, with stops only where the direction reverses. The second is the time for all
+    turns at the maximum rate.
     """
     lines = [line for drive in drives for line in drive.lines]
     ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]
@@ -222,7 +222,7 @@ def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
 def _line_seconds(distance: float, body: DriveModel, stops: bool) -> float:
     """Time, s, to drive ``distance``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
     v, a, ends = body.top_speed, body.acceleration, 2 if stops else 1
-    # Accelerating or braking takes v / a s, and covers half the distance that top speed would.
+    # Accelerating or braking takes v / a s, and covers half the distance that is covered at top speed in this time.
     if distance < ends * v**2 / (2 * a):
         return sqrt(2 * ends * distance / a)
     return distance / v + ends * v / (2 * a)

@@ -1,4 +1,4 @@
-"""Figures of how soon the ground was seen: times until most of it was seen, and areas under the explored fraction."""
+"""Figures of exploration progress: times until most of the ground was seen, and areas under the explored fraction."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -44,15 +44,15 @@ def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str
 
 
 def area_under(along: NDArray[np.float64], fractions: NDArray[np.float64], end: float) -> float:
-    """Area under fractions (N,); each holds from its value of ``along`` (N,), s or m, to the next one or the end."""
+    """Area under fractions (N,), each of which holds from its ``along`` (N,), s or m, to the next one or the end."""
     return float(fractions @ np.diff(along, append=end))
 
 
 def fractions_at(places: NDArray[np.float64], along: NDArray[np.float64], fractions: NDArray[np.float64]) -> Values:
     """(P,) the fractions that hold at ``places`` (P,), s or m.
 
-    Each of ``fractions`` (N,) holds from its value of ``along`` (N,), s or m, to the next one; before the first, 0
-    holds.
+    Each of ``fractions`` (N,) holds from its value of ``along`` (N,), s or m, to the next value. Before the first
+    value, the fraction is 0.
     """
     held: NDArray[np.float64] = np.append(0.0, fractions)[np.searchsorted(along, places, side="right")]
     return held

@@ -19,7 +19,7 @@ MAX_ANGLE = np.deg2rad(20)
 MAX_DISTANCE = 0.15  # m, maximum distance from a segment's centre to the planes with which it is compared
 ONE_PLANE = 0.01
 """Bin size for offsets, m, and unit normals; faces in one bin form one surface, such as a wall's panels."""
-SHIFT = 0.37  # Shift of the bins, in bins, so that round values, such as those of panels, are not on a border
+SHIFT = 0.37  # Shift of the bins, in bins, so that round values, such as panels' offsets, are not on a border
 NEAR = 0.005  # m, maximum distance of noise-free points from the true face on which they lie
 STRIDE = 4  # Only every fourth return marks surfaces as seen
 SURFACE_CELL = 0.025  # m, edge length of a cell of a surface
@@ -52,7 +52,7 @@ class SegmentScore:
                 surface.see(points[begin:end])
 
     def report(self, segments: Segments) -> dict[str, Any]:
-        """Compare every segment with the piece of a surface of its label that it overlaps most."""
+        """Compare every segment with the piece of a surface of the same label that the segment overlaps most."""
         faces = self._whole or [piece for surface in self._surfaces.values() for piece in surface.pieces()]
         matches = [match for segment in segments if (match := _match(segment, faces)) is not None]
         report: dict[str, Any] = {"planes": len(segments), "matched": len(matches)}
@@ -106,7 +106,7 @@ def row_ends(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _match(segment: Segment, faces: list[Face]) -> tuple[float, float] | None:
-    """Angle in rad and intersection over union with the face of greatest overlap; None if none overlaps."""
+    """Angle, rad, and intersection over union of a segment and the face it overlaps most; None without overlap."""
     middle = segment.box.T_map_box[:3, 3]
     candidates = []
     for face in faces:

@@ -4,7 +4,7 @@ import numpy as np
 from numba import int64, njit
 
 ROW = 1 << 32
-"""Difference between the keys of two neighbouring cells along the first axis."""
+"""Difference between the keys of two cells that are neighbours along the first axis."""
 
 
 @njit(cache=True, nogil=True)

@@ -26,7 +26,7 @@ class KeyframeTruth:
         """Start without true labels.
 
         Args:
-            keyframes: the robot's keyframes; the true labels of those that already exist are unknown.
+            keyframes: the robot's keyframes; the true labels of keyframes that already exist are unknown.
             voxel: edge of a voxel, m.
         """
         self._voxel = voxel

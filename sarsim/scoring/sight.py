@@ -58,7 +58,7 @@ class Sight:
         lens, sensor = self._frame.intrinsics, self._frame.sensor
         corners = transform_places(T_world_camera, sensor.farthest * lens.frustum)
         (i0, j0), (i1, j1) = self._grid.cell_of([corners.min(axis=0), corners.max(axis=0)])
-        # The cells are sorted, so that those within the view along x are a slice.
+        # The cells are sorted, so the cells within the view along x form a slice.
         near = np.arange(*np.searchsorted(self.cells[:, 0], [i0, i1 + 1]))
         near = near[(self.cells[near, 1] >= j0) & (self.cells[near, 1] <= j1)]
         along = self._middles[near] - T_world_camera[:3, 3]
@@ -70,7 +70,7 @@ class Sight:
     def _is_met(
         self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Whether rays (M, 3) from a point hit the ground of their cells, by the same rule as the coverage."""
+        """Whether rays (M, 3) from a point hit the ground of their cells, within ``SEEN_HEIGHT`` and not grazing."""
         import open3d as o3d  # not at the top, because it takes a second
 
         rays = np.hstack([np.broadcast_to(origin, along.shape), along]).astype(np.float32)

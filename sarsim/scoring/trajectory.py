@@ -53,7 +53,7 @@ class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
         # For a recording, steps of any length are included.
         steps = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
         distance = float(steps.sum()) if self.is_recorded else distance_driven(self._odometry)
-        # The true poses of an earlier episode's keyframes are unknown; those of its map are used instead.
+        # The true poses of an earlier episode's keyframes are unknown; the poses in its map are used instead.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),

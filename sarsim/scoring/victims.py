@@ -22,7 +22,7 @@ UNMATCHED = 1e3  # Replaces infinite costs; greater than the sum of all finite o
 
 
 def min_cost_pairs(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """As many (row, column) pairs of finite cost (N, M) as possible, with the minimum total cost."""
+    """As many one-to-one (row, column) pairs of finite cost (N, M) as possible, with the minimum total cost."""
     # linear_sum_assignment fails if infinite costs rule out a complete assignment.
     rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED))
     return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if np.isfinite(cost[i, k])]

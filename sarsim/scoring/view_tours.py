@@ -1,4 +1,4 @@
-"""Tours that see enough, over viewpoints chosen by set cover or by rate, in a short order, without needless stops."""
+"""Tours on which enough is seen: viewpoints chosen by set cover or rate, in a short order, without needless stops."""
 
 import heapq
 from abc import ABC, abstractmethod
@@ -50,7 +50,7 @@ class Leg:
 
 
 class ViewTours(ABC):
-    """Searches for the fastest tour over viewpoints that sees enough cells; the first viewpoint is the start."""
+    """Searches for the fastest tour on which enough cells are seen; the first viewpoint is the start."""
 
     @property
     @abstractmethod
@@ -116,7 +116,7 @@ class ViewTours(ABC):
         return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
 
     def shortened(self, tour: Tour) -> Tour:
-        """Leave out one viewpoint after another, always the one that saves the most time, until none saves any."""
+        """Leave out viewpoints one by one, always the one that saves the most time, until no omission saves time."""
         while True:
             others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
             quickest = min(others, key=lambda other: other.seconds, default=tour)

@@ -28,7 +28,7 @@ class LabelledImage:
         instance: (H, W) int32 geom id of that surface; -1 = no surface.
         intrinsics: intrinsics of all four images.
         T_world_camera: pose of ``camera_optical`` in the world.
-        T_base_camera: pose of ``camera_optical`` in the body that carries the camera.
+        T_base_camera: pose of ``camera_optical`` in the root body of the robot that carries the camera.
     """
 
     rgb: Rgb
@@ -95,7 +95,7 @@ class RgbdCamera:
         return optical_pose(data, self.camera_id)
 
     def pose_in_base(self, data: mujoco.MjData) -> Pose:
-        """Pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
+        """Pose of ``camera_optical`` in the robot's root body; in the world if no robot carries the camera."""
         T_world_base = from_rotation(data.xmat[self.base_body].reshape(3, 3), data.xpos[self.base_body])
         return inverse(T_world_base) @ self.pose(data)
 

@@ -1,4 +1,4 @@
-"""Selects the geoms that an image needs, because rendering spends most of its time on vertices outside the image."""
+"""Selection of the geoms that an image needs; without it, rendering spends most of its time on unseen vertices."""
 
 import mujoco
 import numpy as np
@@ -8,26 +8,26 @@ from pipeline.arrays import Mask, Values
 
 
 def visible_geoms(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
-    """(ngeom,) bool, the geoms that may be visible between the ``planes`` (5, 4) of :func:`frustum`."""
+    """(ngeom,) bool, the geoms that may be visible inside the view frustum, given its ``planes`` (5, 4)."""
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
 def visible_or_shadowing_geoms(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
-    """(ngeom,) bool, the geoms that may be visible or cast a visible shadow between ``planes`` (5, 4)."""
+    """(ngeom,) bool, the geoms that may be visible, or cast a visible shadow, inside the view frustum."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)
     needed = np.logical_not(outside.any(axis=1))
     floor = np.min(centre[:, 2] - np.where(np.isfinite(radius), radius, 0), initial=0)
     for light in np.flatnonzero(model.light_active & model.light_castshadow):
-        # A shadow fills the hull of two spheres, the geom's and the shadow's end, so that it is outside the view if
-        # both spheres are outside one plane.
+        # A shadow fills the hull of two spheres, the geom's and the shadow's end, so it is outside the view if both
+        # spheres are outside one plane.
         shadow_outside = outside & _outside(*_shadow_end(model, data, int(light), floor), planes)
         needed |= np.logical_not(shadow_outside.any(axis=1))
     return needed
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
-    """(ngeom,) bool, the plane geoms that cast no visible shadow: they face up and no geom's centre is below them."""
+    """(ngeom,) bool, the planes that cast no visible shadow, because they face up and no geom's centre is lower."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))
@@ -36,7 +36,7 @@ def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
 def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
     """(5, 4) planes (n, d) around the view frustum of a perspective camera, with n·p + d ≥ 0 inside.
 
-    ``aspect`` is the image's width over its height.
+    ``aspect`` is the image's width divided by its height.
     """
     forward, up = np.array(camera.forward, np.float64), np.array(camera.up, np.float64)
     right = np.cross(forward, up)

@@ -102,5 +102,5 @@ def distance_per_depth(intrinsics: Intrinsics) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=4)
 def beam(intrinsics: Intrinsics) -> NDArray[np.float32]:
-    """(H, W) float32 intensity of the lamp in the direction of each pixel, relative to that along its axis."""
-    return distance_per_depth(intrinsics) ** np.float32(-BEAM_EXPONENT)  # its inverse is the cosine off the axis
+    """(H, W) float32 intensity of the lamp in each pixel's direction, relative to the intensity along its axis."""
+    return distance_per_depth(intrinsics) ** np.float32(-BEAM_EXPONENT)  # 1 / ratio is the cosine off the axis

@@ -107,7 +107,7 @@ class WheelOdometry:
         return (left + right) / 2
 
     def _levelling(self, R: Rotation3, accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) rad/s that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
+        """(3,) rad/s, rates that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
 
         This is the proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
         """

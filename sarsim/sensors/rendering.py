@@ -93,7 +93,7 @@ class Renderer(ExitStack):
         self._flags(ids)
 
     def _flags(self, ids: bool) -> None:
-        """Make the scene draw ids as flat colours, or light and shadow, but never reflections and haze."""
+        """Make the scene draw ids as flat colours, or light and shadow, but never reflections or haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
         flags[_RENDER.mjRND_SHADOW] = flags[_RENDER.mjRND_SKYBOX] = not ids
@@ -153,9 +153,9 @@ def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
 
 
 def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
-    """Leave out shadows that no image shows: those from lights that are off, and those of ``floors``, (ngeom,) bool.
+    """Leave out shadows that no image shows: from lights that are off, and of the geoms in ``floors``, (ngeom,) bool.
 
-    Shadows take most of the time of rendering an image, even if none is visible in it.
+    Shadows take most of the time of rendering an image, even if no shadow is visible in the image.
     """
     for light in scene.lights[: scene.nlight]:
         if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):

@@ -33,17 +33,17 @@ class Xtion:
     max_range: float = XTION.farthest
     """m along the optical axis; farther surfaces give no return."""
     axial_noise: bool = True
-    """Gaussian noise of depth that grows with distance, and steeply past 60° of incidence."""
+    """Whether depth has Gaussian noise, which grows with distance, and steeply beyond 60° of incidence."""
     lateral_noise: bool = True
-    """Frayed edges: near a depth edge, a pixel may measure the surface on its other side."""
+    """Whether edges are frayed: near a depth edge, a pixel may measure the surface on the other side of the edge."""
     lateral_sigma: float = 0.8
     """pixels, standard deviation of the lateral noise."""
     quantisation: bool = True
-    """Depth in steps of disparity, which get coarser with distance."""
+    """Whether depth is quantised in steps of disparity, which make the steps of depth grow with distance."""
     grazing: bool = True
-    """No return from surfaces that are seen at a grazing angle."""
+    """Whether surfaces that are seen at a grazing angle give no return."""
     shadow: bool = True
-    """No return where the projector's light does not reach, which is left of near edges."""
+    """Whether surfaces that the projector's light does not reach, left of near edges, give no return."""
     dropout: float = 0.0
     """Fraction of the pixels that give no return at random."""
 

@@ -58,8 +58,8 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
     Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour (standard
-    deviation ``sigma`` pixels) if its disparity differs from the pixel's own plane by at least ``edge`` pixels, i.e.
-    if it lies across a depth edge; otherwise the source is the pixel itself.
+    deviation ``sigma`` pixels) if the neighbour lies across a depth edge, i.e. if its disparity differs from the
+    pixel's own plane by at least ``edge`` pixels. Otherwise the source is the pixel itself.
     """
     height, width = disparity.shape
     source = np.empty((height, width), np.int64)

@@ -1,4 +1,4 @@
-"""Checks of the actions, options and settings that a task receives; invalid ones are refused in one line."""
+"""Checks of the actions, options and settings that a task receives; invalid values raise a one-line InputError."""
 
 from collections.abc import Mapping
 from dataclasses import fields

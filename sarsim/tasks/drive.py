@@ -42,7 +42,7 @@ MAX_SEEDS = 1_000_000
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
 """The slice of each measurement in the array of all measurements."""
 MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [3, 3, 4, 2])
-"""Measurements are clipped to these bounds, in rad/s, m/s² and m."""
+"""Magnitudes to which measurements are clipped, in rad/s, m/s² and m."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,13 @@ class Drive(gymnasium.Env[Any, Any]):
 
     An action is a forward speed and a turn rate, each in [-1, 1], as fractions of the drive's limits.
 
-    An observation has ``gyro`` (3,), rad/s, and ``accelerometer`` (3,), m/s², both averaged over the step;
-    ``odometry``: x, y from the start, m, and cosine and sine of the heading, from wheel odometry; ``goal``: x
-    (forward) and y (left) of the goal in the robot's frame, m, from the true pose; and, with ``depth``, an image
-    (height, width) of depths along the optical axis, m, 0 beyond 3.5 m.
+    An observation has these keys:
+
+    - ``gyro``: (3,) rad/s, mean over the step;
+    - ``accelerometer``: (3,) m/s², mean over the step;
+    - ``odometry``: (4,) x and y from the start, m, and cosine and sine of the heading, from wheel odometry;
+    - ``goal``: (2,) m, x (forward) and y (left) of the goal in the robot's frame, from the true pose;
+    - ``depth``, only if requested: (height, width) m, depths along the optical axis; 0 beyond 3.5 m.
 
     An episode terminates when the robot reaches the goal or tips over, and is truncated after ``seconds``.
 
@@ -153,7 +156,7 @@ class Drive(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Place the robot at the start, and draw a goal; InputError if the task is closed, or given options."""
+        """Place the robot at the start, and draw a goal; InputError if the task is closed, or options are given."""
         check_options(options)
         super().reset(seed=seed)
         if self._is_closed:

@@ -80,19 +80,27 @@ DEFAULT_EXPLORE = ExploreWeights()
 class Explore(gymnasium.Env[Any, Any]):
     """Explore an arena from viewpoint to viewpoint.
 
-    An action is the number of a viewpoint in the observation (``action="viewpoint"``; numbers beyond the last wrap
-    around), or x, y and heading (``action="pose"``), each in [-1, 1]: x and y are in halves of the local map's side
-    from the robot, x along the map's columns, and the heading is in half turns. The robot drives to the viewpoint,
-    or to the nearest place that it can reach, with its own navigator and maps, and turns to the heading.
+    With ``action="viewpoint"``, an action is the number of a viewpoint in the observation; numbers beyond the last
+    wrap around. With ``action="pose"``, it is x, y and heading, each in [-1, 1]. The unit of x and y is half the side
+    of the local map; both are relative to the robot, x along the map's columns. The unit of the heading is a half
+    turn. The robot drives to the viewpoint, or to the nearest place that it can reach, with its own navigator and
+    maps, and turns to the heading.
 
-    An observation has the local maps ``elevation`` (m), ``label`` and ``seen`` (64, 64), with the robot in the middle
-    and rows along y; ``pose``: x, y from the start, m, and cosine and sine of the heading; ``viewpoints`` (32, 4):
-    x, y and path length from the robot, in units of the sensor's range, and the viewpoint's fraction of the total
-    expected gain, nearest first, padded with zeros; ``frontiers``: number of frontiers. The viewpoints are those that
-    the robot's own explorer considers worth the drive; the gain of each leaves out the ground that viewpoints chosen
-    before it show. Path length is the expected driving time multiplied by the robot's speed.
+    An observation has these keys:
 
-    An episode terminates when no viewpoint is worth the drive, and when the robot tips over or is lost; it is
+    - ``elevation``: (64, 64) m, local map of the ground's height, with the robot in the middle and rows along y;
+    - ``label``: (64, 64), local map of the points' most frequent class;
+    - ``seen``: (64, 64), local map of whether ground has been seen;
+    - ``pose``: (4,) x and y from the start, m, and cosine and sine of the heading;
+    - ``viewpoints``: (32, 4), nearest first, padded with zeros: x, y and path length from the robot, in units of the
+      sensor's range, and the viewpoint's fraction of the total expected gain;
+    - ``frontiers``: (1,) number of frontiers.
+
+    The viewpoints are the ones that the robot's own explorer considers worth the drive. The gain of a viewpoint
+    excludes ground that earlier chosen viewpoints show. Path length is the expected driving time multiplied by the
+    robot's speed.
+
+    An episode terminates when no viewpoint is worth the drive, or the robot tips over or is lost; it is
     truncated after ``steps``.
 
     Attributes:
@@ -124,8 +132,8 @@ class Explore(gymnasium.Env[Any, Any]):
             arena: as in run_episode.py; ``random``: a new random arena for each episode.
             robot: as in run_episode.py.
             labels: as in run_episode.py; the default, the simulator's true labels, needs no network.
-            detects: whether the robot detects people and objects with its networks. If so, people and objects that it
-                finds are rewarded, otherwise those that come into view.
+            detects: whether the robot detects people and objects with its networks. If so, the people and
+                objects that it finds are rewarded; otherwise, all that come into view.
             odometry: as in run_episode.py.
             action: kind of actions.
             steps: number of steps after which an episode is truncated.
@@ -157,7 +165,7 @@ class Explore(gymnasium.Env[Any, Any]):
         """Place the robot at the start of a new episode, and take the first keyframe.
 
         ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default they are the task's arena
-        and a random seed. InputError if there are other options, or the task was closed.
+        and a random seed. InputError if there are other options, or if the task was closed.
         """
         self._check_open()
         check_options(options, ("arena", "seed"))
@@ -194,7 +202,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return make_mapper(self._perception, model, self._begun["seed"], localisation, plugins=readers)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
-        """Drive to a viewpoint and take a keyframe; InputError if the action is invalid, or the task not ready."""
+        """Drive to a viewpoint and take a keyframe; InputError if the action is invalid, or the task is not ready."""
         self._check_open()
         if self.explorer is None:
             raise InputError(NOT_RESET)
@@ -240,7 +248,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._robot = self.explorer = None
 
     def _drive(self, action: Action) -> bool:
-        """Drive to a viewpoint and look there; True if the robot has tipped over, or the simulation has diverged."""
+        """Drive to a viewpoint and look there; return whether the robot tipped over or the simulation diverged."""
         explorer, viewpoint = required(self.explorer), self._chosen(action)
         try:
             if viewpoint is not None:
@@ -255,7 +263,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return self._achieved.is_tipped
 
     def _look(self) -> None:
-        """Make a step of the explorer, and another if it finds no viewpoint and its maps are then corrected."""
+        """Make a step of the explorer, and a second one if it found no viewpoint and the maps were then corrected."""
         explorer = required(self.explorer)
         step = explorer.step()
         if step.viewpoint is None and explorer.apply_corrections():
@@ -293,7 +301,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return observation(self._maps, place, yaw_of(T), rows, len(self._seen.frontiers))
 
     def _info(self) -> dict[str, Any]:
-        """Figures under the keys of report.json, ``action_mask``, and the number of the robot's own choice."""
+        """Figures under the keys of report.json, ``action_mask``, and ``own_choice``, the explorer's viewpoint."""
         own = [n for n, viewpoint in enumerate(self._offered) if viewpoint is self._seen.viewpoint]
         return {
             **self._begun,

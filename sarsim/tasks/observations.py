@@ -63,9 +63,9 @@ def observation(
 def local_maps(mapper: Mapper, T_map_base: Pose) -> Maps:
     """``elevation``, ``label`` and ``seen`` (64, 64) around a robot, rows along y, columns along x.
 
-    ``elevation``: height, m, of the highest known ground in each cell, relative to the ground at the robot, 0 where
-    unknown; ``label``: the most frequent class of the cell's labelled points except ceilings, 0 if there are none;
-    ``seen``: whether any ground in the cell has been seen.
+    - ``elevation``: height, m, of the highest known ground in each cell, relative to ``base_link``; 0 where unknown;
+    - ``label``: the most frequent class of the cell's labelled points except ceilings; 0 if there are none;
+    - ``seen``: whether any ground in the cell has been seen.
 
     Args:
         mapper: the robot's mapper, which holds its maps.

@@ -13,11 +13,11 @@ from sarsim.methods.names import check_method
 
 SPLITS = ("train", "val", "test")
 SIGNIFICANT = 6
-"""Significant digits of an arena's numbers that enter its checksum."""
+"""Number of significant digits with which an arena's numbers enter its checksum."""
 
 
 def check_names(methods: Sequence[str], arenas: Sequence[str]) -> None:
-    """Raises InputError unless all methods and arenas of a sweep exist; avoids imports that take seconds."""
+    """Raise InputError unless all methods and arenas of a sweep exist; avoid imports that take seconds."""
     if not arenas:
         raise InputError("--arenas: give at least one arena")
     for arena in arenas:
@@ -43,7 +43,7 @@ def frozen_checksums(split: str) -> Mapping[str, str]:
 
 def checksum(name: str) -> str:
     """SHA-256 of an arena's content, in hexadecimal digits; InputError if there is no such arena."""
-    from sarsim.arenas.load import load_arena  # here, because checking names must not take seconds
+    from sarsim.arenas.load import load_arena  # imported here, because checking names must not take seconds
 
     text: str = load_arena(name).mjcf_model.to_xml_string(precision=SIGNIFICANT)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -29,7 +29,7 @@ from sarsim.settings import EpisodeConfig
 
 FOLDER = "episodes"
 RUN_SPECIFIC_KEYS = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
-"""Pattern of the keys of a report that are settings, or whose values vary from run to run."""
+"""Pattern of the keys of a report that name settings, or figures that vary from run to run."""
 LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
 GRACE = 1.1
 """An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
@@ -50,7 +50,7 @@ class EpisodeResult(NamedTuple):
 
     @classmethod
     def of_nothing(cls, row: Row) -> "EpisodeResult":
-        """The result of an episode that failed: it saw nothing."""
+        """The result of a failed episode, which is scored as if it had seen nothing."""
         return cls(row, ExploredCurve(*np.zeros((3, 1))), 0.0)
 
 
@@ -111,7 +111,7 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
 def time_limit(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer than ``seconds``.
 
-    If the block continues nevertheless, the process is ended after ``GRACE`` times as long.
+    If the block continues nevertheless, the process is ended after ``GRACE`` times this limit.
     """
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -137,8 +137,8 @@ def written(curve: ExploredCurve) -> dict[str, list[float]]:
 
 
 def run_and_score(job: SweepJob, settings: Mapping[str, Any]) -> tuple[Row, ExploredCurve]:
-    """Run an episode with ``--exploration`` set to the method; returns its figures and the explored curve."""
-    from sarsim.episode import Episode  # here, because only the workers need it
+    """Run an episode with ``--exploration`` set to the method, and return its row and its explored fraction."""
+    from sarsim.episode import Episode  # imported here, because only the workers need it
 
     found = verified_checksum(job.arena)
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
@@ -169,7 +169,7 @@ def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> None:
-    """Write a row for each episode, and a column for each key in any of them, empty where an episode lacks it.
+    """Write a table with a row per episode and a column per key; a cell is empty if its episode lacks the key.
 
     Raises:
         InputError: the file cannot be written.

@@ -30,7 +30,7 @@ KEPT = (
 )  # fmt: skip
 """Keys of a row that an entry keeps."""
 ENTRY_DIGITS = 6
-"""Significant digits that an entry keeps."""
+"""Number of significant digits that an entry keeps."""
 ENDS = {"time": "sim_time_s", "way": "navigation.distance_m"}
 NOTHING_SEEN = {"explored_fraction": 0.0, "auc_time": 0.0, "auc_way": 0.0}
 """Figures of an episode that failed."""
@@ -165,7 +165,7 @@ def _reached(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
 
 
 def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
-    """A column of a figure, ``missing`` where an episode lacks it; empty if every episode lacks it."""
+    """A function that returns a figure's column: ``missing`` where an episode lacks the figure, empty if all do."""
 
     def shown(group: Sequence[Entry]) -> list[Values]:
         found = [entry.values(key, missing) for entry in group]
@@ -175,7 +175,7 @@ def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], lis
 
 
 def _ratio(group: Sequence[Entry]) -> list[Values]:
-    """(arenas, seeds) ratios of the time to explore 99% to that of ``REFERENCE``; 1 if neither explored 99%."""
+    """(arenas, seeds) times to explore 99% divided by the times of ``REFERENCE``; 1 if neither explored 99%."""
     times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
     if REFERENCE not in times:
         return []
@@ -184,7 +184,7 @@ def _ratio(group: Sequence[Entry]) -> list[Values]:
 
 
 def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """Mean explored fractions up to the end of the longest episode in each arena."""
+    """A function that returns the mean explored fractions up to the end of the longest episode in each arena."""
 
     def means(group: Sequence[Entry]) -> list[Values]:
         ends = [entry.values(ENDS[axis], 0.0) for entry in group]
@@ -232,4 +232,4 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
     "people found": _people_found,
 }
-"""For each column of a table, a function that returns the values of each entry, or nothing to omit the column."""
+"""For each column of a table, a function that returns each entry's values, or an empty list to omit the column."""

@@ -19,7 +19,7 @@ from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, fractions_at
 
 AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
-"""Axes of the plots: for each field of a curve, the label and the key of the value at an episode's end."""
+"""Axes of the plots: for each field of a curve, the axis's label and the report key of its value at the end."""
 SAMPLES = 101
 """Number of points along an axis at which fractions are drawn, a hundredth of the axis apart."""
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
@@ -63,7 +63,7 @@ def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stro
 
 
 def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> None:
-    """Draw the methods' means and intervals up to the end of the longest episode."""
+    """Draw each method's mean explored fraction, with its interval, up to the end of the longest episode."""
     label, end = AXES[axis]
     longest = max(entry.values(end, 0.0).max() for entry in entries)
     places = np.linspace(0, longest, SAMPLES)
@@ -84,7 +84,7 @@ def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int)
     Args:
         curves: curves of the episodes, arena by arena and, in each arena, seed by seed.
         axis: field of the curves along the plot's x-axis.
-        places: (P,) points on the axis, s or m; after its end, an episode holds its last fraction.
+        places: (P,) points on the axis, s or m; after its end, an episode keeps its last fraction.
         seeds: number of seeds per arena.
 
     Returns:

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 CONFIDENCE_LEVEL = 0.95
-"""Fraction of the resampled means in an interval."""
+"""Fraction of the resampled means that lie in an interval."""
 BOOTSTRAP_SAMPLES = 2000
 """Number of resamples; the ends of an interval are then the 51st lowest and the 51st highest mean."""
 
 
 Mean = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""(...) means of (..., N) values of any unit."""
+"""A function that returns the (...) means of (..., N) values of any unit."""
 
 
 class Estimate(NamedTuple):
-    """A mean and its interval; an interquartile mean is infinite if too many of its values are infinite."""
+    """A mean and its interval; an interquartile mean is infinite if more than a quarter of the values are."""
 
     value: float
     low: float
@@ -29,7 +29,7 @@ class Estimate(NamedTuple):
 
 
 def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(...) means of the middle half of (..., N) values of any unit; a quarter at each end is left out."""
+    """(...) means of (..., N) values of any unit, without the lowest and the highest quarter of the values."""
     cut = values.shape[-1] // 4
     middle: NDArray[np.float64] = np.sort(values, axis=-1)[..., cut : values.shape[-1] - cut].mean(axis=-1)
     return middle
@@ -54,7 +54,7 @@ def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Es
 
 @cache
 def _drawn(arenas: int, seeds: int) -> NDArray[np.int64]:
-    """(BOOTSTRAP_SAMPLES, arenas × seeds) flat indices: arenas, and seeds in each, drawn with replacement."""
+    """(BOOTSTRAP_SAMPLES, arenas × seeds) flat indices of arenas, and seeds in each, drawn with replacement."""
     rng = np.random.default_rng(0)
     arena = rng.integers(arenas, size=(BOOTSTRAP_SAMPLES, arenas, 1))
     seed = rng.integers(seeds, size=(BOOTSTRAP_SAMPLES, arenas, seeds))

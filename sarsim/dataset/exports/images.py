@@ -69,7 +69,7 @@ def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> str:
-    """An (H, W) mask in COCO's compressed RLE: column-major runs, each minus the run two before, 5 bits a letter."""
+    """An (H, W) mask in COCO's compressed RLE: column-major runs, less the runs two before, as letters of 5 bits."""
     flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
     counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
     letters = []
@@ -103,7 +103,7 @@ class Yolo(ImageExport):
             (labels / f"{name}.txt").write_text("".join(lines))
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Write data.yaml with the splits and the only class; without val scenes, some frames of train become val."""
+        """Write data.yaml with the splits and the only class; without val scenes, move some train frames to val."""
         present = {entry.split for entry in dataset.entries}
         if "val" not in present and self._hold_out(folder, dataset):
             _log.warning(
@@ -114,7 +114,7 @@ class Yolo(ImageExport):
         (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")
 
     def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
-        """Move the last fifth of each scene's frames from train to val; True if any was moved.
+        """Move the last fifth of each scene's frames from train to val; return whether any frame was moved.
 
         The moved frames are consecutive, because neighbouring frames look alike.
         """

@@ -52,7 +52,7 @@ class Cloud:
 
     @classmethod
     def of_frame(cls, scene: Scene, index: int) -> Self:
-        """All returns of a frame, placed with the true pose."""
+        """All returns of a frame, placed in the world with the true pose."""
         frame = scene.frame(index)
         seen = frame.returns
         points = frame.points(scene.T_world_camera(index))
@@ -83,7 +83,7 @@ class S3dis(Export):
     """
 
     voxel: float = 0.02
-    """Side of a cube, m; of the returns of a scene, one is kept in each cube."""
+    """Side of the cubes, m, in each of which one return of a scene is kept."""
 
     def __post_init__(self) -> None:
         check("voxel", self.voxel, 0.001)
@@ -142,9 +142,9 @@ class Blocks(Export):
     """
 
     points: int = 4096
-    """Number of points in a block; drawn with repetition only if there are fewer."""
+    """Number of points drawn for a block, with repetition only if the block contains fewer."""
     min_points: int = 100
-    """Blocks with fewer points than this are left out."""
+    """Minimum number of points in a block; blocks with fewer are left out."""
     colours: bool = False
     """Whether r g b, 0 to 1, come between the two kinds of coordinates, as in the nine channels of S3DIS."""
 

@@ -23,7 +23,7 @@ from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
 UNITS = 5000  # Depth units per metre
-DIGITS = 12  # Significant digits of readings, poses and intrinsics
+DIGITS = 12  # Number of significant digits of readings, poses and intrinsics
 
 
 @dataclass(frozen=True)
@@ -98,14 +98,15 @@ class TumSequence:
 class TumDrive(ExitStack, Sink):
     """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
-    rgb/, depth/ (16 bits, 5000 per metre), label/: images, with a list of each kind. accelerometer.txt, as in the
-    benchmark, and gyroscope.txt: readings of the IMU in base_link. groundtruth.txt and odometry.txt: poses of the
-    camera every control period. camera.txt: its pose in base_link. keyframes.txt: images that went into the robot's
-    maps, and for each whether the robot labelled it and stood still.
+    - rgb/, depth/ (16 bits, 5000 per metre), label/: images, with a list of each kind.
+    - accelerometer.txt, as in the benchmark, and gyroscope.txt: readings of the IMU in base_link.
+    - groundtruth.txt and odometry.txt: poses of the camera every control period.
+    - camera.txt: pose of the camera in base_link.
+    - keyframes.txt: images that went into the robot's maps, and whether the robot labelled each and stood still.
     """
 
     def __init__(self, path: Path, seed: int):
-        """Record what :class:`pipeline.datasets.recorded_robot.ReportingRobot` reports, until closed.
+        """Record the reports of a :class:`pipeline.datasets.recorded_robot.ReportingRobot`, until closed.
 
         Raises:
             InputError: ``path``, which appears on closing, exists and is not an empty folder, or cannot be created.
@@ -129,7 +130,7 @@ class TumDrive(ExitStack, Sink):
         self._sequence.numbers("gyroscope", motion.time, motion.gyro)
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Ignored, because the benchmark has no file for wheels."""
+        """Ignore the joints, because the benchmark has no file for wheels."""
 
     def odometry(self, odometry: OdometrySample) -> None:
         """Add the robot's pose by odometry, and its true pose if it is known."""
@@ -146,7 +147,7 @@ class TumDrive(ExitStack, Sink):
         self._keyframes[step.keyframe.frame.time] = len(step.keyframe.labels) > 0, True
 
     def finish(self, result: Result) -> None:
-        """Close the folder; InputError if it cannot be written."""
+        """Complete the folder; InputError if the folder cannot be written."""
         self.close()
 
     def _save(self, folder: Path, title: str, seed: int) -> None:

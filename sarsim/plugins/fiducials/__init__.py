@@ -1,1 +1,1 @@
-"""AprilTags on the walls of an arena, and the score of the map that they allow."""
+"""AprilTags on the walls of an arena, and a score of the map from the distances between the tags."""

@@ -1,4 +1,4 @@
-"""AprilTags on the walls as a plug-in, ``--fiducials N``: distances between them score the map."""
+"""AprilTags on the walls as a plug-in, ``--fiducials N``; the distances between the tags serve to score the map."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class FiducialsConfig:
 
 
 class Fiducials(Plugin):
-    """Hangs tags on the walls of a simulated arena, and scores the map by them."""
+    """Hangs tags on the walls of a simulated arena, and uses the tags to score the map."""
 
     Settings = FiducialsConfig
 
@@ -39,5 +39,5 @@ class Fiducials(Plugin):
         self._T_world_tag = hang_fiducials(arena, self.settings.number, self.command.seed)
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """The score of the map."""
+        """The sink that scores the map; none if there are no tags."""
         return [FiducialScore(self._T_world_tag, context.mapper.keyframes)] if len(self._T_world_tag) else []

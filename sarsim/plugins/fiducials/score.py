@@ -22,7 +22,7 @@ from sarsim.arenas.things.codes import TAG_DICTIONARY, TAG_SIDE
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
 MATCHED_TAG = 1.0
-"""Maximum distance, m, of a tag located by its corners alone: they give the distance to a few millimetres.
+"""Maximum distance, m, of a tag located by its corners alone, which then give the distance to a few millimetres.
 
 The depth camera's range begins at 0.8 m.
 """
@@ -45,7 +45,7 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
 
 
 def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
-    """(3,) m in ``camera_optical``, where the diagonals of a tag cross; None if the distance is unknown.
+    """(3,) m in ``camera_optical``, the point where a tag's diagonals cross; None if its distance is unknown.
 
     ``corners``: (4, 2) columns and rows, in which integers are pixel centres.
     """
@@ -90,7 +90,7 @@ class FiducialScore(Sink):
         return {tag: np.average([p for p, _ in v], axis=0, weights=[w for _, w in v]) for tag, v in views.items()}
 
     def figures(self) -> dict[str, Any]:
-        """The number of tags found and the RMS error of the distances between them, if two were found."""
+        """The number of tags found and, if it is at least two, the RMS error of the distances between the tags."""
         found = self.positions()
         errors = [
             np.linalg.norm(found[a] - found[b]) - np.linalg.norm(self._true[a] - self._true[b])

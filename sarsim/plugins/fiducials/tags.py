@@ -60,7 +60,7 @@ def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
 
 
 def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
-    """At most ``number`` 4×4 tag poses: the first is random, every later one as far as possible from the earlier."""
+    """At most ``number`` 4×4 tag poses: a random first pose, and poses as far as possible from all earlier ones."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / MODULES * (MODULES / 2 + 2)

@@ -19,7 +19,7 @@ class Finds(Plugin):
         return [shipped_readers(self.settings)]
 
     def sinks(self, context: RunContext) -> Sequence[Sink]:
-        """The score, if the truth is known."""
+        """The sink that scores the finds; none if the robot is not simulated."""
         if context.world is None:
             return []
         from sarsim.plugins.finds.score import FindScore  # imported here, because recordings need no simulator

@@ -1,4 +1,4 @@
-"""Score of the finds besides people: by kind, how many objects were found, and how many texts were read correctly.
+"""Score of the finds besides people: the numbers of objects found and of texts read correctly, by kind.
 
 Reported finds are matched one to one with objects of the same kind within ``NEAR``, preferably with the same text. An
 object reported twice is scored as one found object and one false alarm.
@@ -35,7 +35,7 @@ class FindScore(Sink):
         self._others = data.xpos[tags]
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Mark the objects in the noise-free image of the newest keyframe."""
+        """Mark the objects that are visible in the noise-free image of the newest keyframe."""
         truth = required(self._robot.true_frame)
         self._visibility.add(truth.image)
         self._has_thermal |= keyframe.frame.thermal is not None

@@ -24,7 +24,7 @@ class LaneJudge:
         towards: +1 or -1, the sign of x of the end zone to drive into.
         begin: time when the attempt began, s.
         limit: maximum duration of the attempt, s.
-        crossed: time when the whole robot was first inside that end zone, s; None if it has not been.
+        crossed: time when the whole robot was first inside that end zone, s; None before that.
         has_tipped: whether the robot fell over.
     """
 
@@ -37,7 +37,7 @@ class LaneJudge:
     has_tipped: bool = False
 
     def see(self, time: float, T_world_base: Pose) -> bool:
-        """Judge a true 4×4 pose at ``time``, s; returns False if the attempt has ended, by a fall or the limit."""
+        """Judge a true 4×4 pose at ``time``, s; return False if a fall or the time limit has ended the attempt."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
         if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot, self.lane):
@@ -46,7 +46,7 @@ class LaneJudge:
 
     @property
     def seconds(self) -> float | None:
-        """Duration of the traverse, s; None if there was none."""
+        """Duration of the traverse, s; None if the traverse is not complete."""
         return None if self.crossed is None else self.crossed - self.begin
 
 

@@ -1,4 +1,4 @@
-"""Builds RoboCup Rescue lanes to the fabrication guide's dimensions; docs/arenas.md lists the assumptions."""
+"""Builders of RoboCup Rescue lanes with the fabrication guide's dimensions; docs/arenas.md lists the assumptions."""
 
 from collections.abc import Callable
 from math import cos, pi, radians, sin, sqrt, tan
@@ -23,13 +23,13 @@ def build_lane(lane: str, end: int = -1) -> ArenaBuilder:
 
 
 def _look_in(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) -> None:
-    """Start on an outer floor, facing the lane, ``inwards`` m from the floor's centre and ``y`` m to the left."""
+    """Set the start: on an outer floor, ``inwards`` m from its centre and ``y`` m to the left, facing the lane."""
     deck = decks[0] if end < 0 else decks[-1]
     deck.start(-end * inwards, -end * y, 0.0 if end < 0 else pi)
 
 
 def _crossing_ramps(builder: ArenaBuilder, end: int) -> None:
-    """Ridges of half ramps, offset by half a ridge between left and right; this arrangement is assumed."""
+    """Build ridges of half ramps, offset by half a ridge between left and right; this arrangement is assumed."""
     decks = four_floors(builder)
     half = D.width / 4
     wedge = _wedge(D.half_ramp, D.width / 2, D.half_ramp * tan(radians(D.slope)))
@@ -48,7 +48,7 @@ def _wedge(length: float, width: float, height: float) -> NDArray[np.float64]:
 
 
 def _krails(builder: ArenaBuilder, end: int, ridge: bool = False) -> None:
-    """A diagonal rail on each of eight squares; four of the rails meet at the centre of the lane."""
+    """Build a diagonal rail on each of eight squares; four of the rails meet at the centre of the lane."""
     decks = four_floors(builder, ridge)
     for column, deck in enumerate(decks):
         for row in (0, 1):
@@ -70,7 +70,7 @@ def _krails_15(builder: ArenaBuilder, end: int) -> None:
 
 
 def _stepfield(builder: ArenaBuilder, end: int) -> None:
-    """Zigzag ridges of high plateaus with low ones on both sides; the direction of the zigzag is assumed."""
+    """Build zigzag ridges of high plateaus with low plateaus on both sides; the zigzag's direction is assumed."""
     decks = four_floors(builder)
     middle = (D.cell - D.plateau) / 2
     for column, deck in enumerate(decks):
@@ -89,7 +89,7 @@ def _stepfield(builder: ArenaBuilder, end: int) -> None:
 
 
 def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
-    """Eight elements of four ramps, alternately a peak (ramps rise clockwise) and a valley (they fall clockwise)."""
+    """Build eight elements of four ramps, alternately peaks (rising clockwise) and valleys (falling clockwise)."""
     decks = four_floors(builder)
     wedge = _wedge(D.cell, D.cell, D.ramp_height)
     for column, deck in enumerate(decks):
@@ -105,7 +105,7 @@ def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
 
 
 def _hurdles(builder: ArenaBuilder, end: int) -> None:
-    """A pallet on each square, a second one on two of them, and a pipe in front of each step up to these."""
+    """Build a pallet on each square, a second on two squares, and a pipe in front of each step to a second pallet."""
     decks = four_floors(builder)
     for column, deck in enumerate(decks):
         for row in (0, 1):
@@ -122,7 +122,7 @@ def _hurdles(builder: ArenaBuilder, end: int) -> None:
 
 
 def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
-    """Three dividers across the lane, with doorways at the south, north and south side in turn."""
+    """Build three dividers across the lane, with doorways at the south, north and south side in turn."""
     flat = [Deck(builder, np.array([x * D.floor, 0.0, 0.0])) for x in (-1.5, -0.5)]
     far = Deck(builder, np.zeros(3), turned(0.0, tilt))  # frame of both tilted floors, origin at their hinge
     for deck in flat:
@@ -142,7 +142,7 @@ def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
 
 
 def _divider(deck: Deck, x: float, side: int) -> None:
-    """A railing on one half of the lane, and on the other a panel that leaves a doorway at the ``side`` ±1 of y."""
+    """Add a railing to one half of the lane, and to the other a panel that leaves a doorway at y of sign ``side``."""
     length, height = D.panel
     deck.railing(x, -side * D.railing / 2, pi / 2)
     middle = side * (D.width / 2 - D.passage - length / 2)
@@ -154,7 +154,7 @@ def _centre(builder: ArenaBuilder, end: int) -> None:
 
 
 def _traverse(builder: ArenaBuilder, end: int) -> None:
-    """A lane across a side slope, between panels.
+    """Build a lane across a side slope, between panels.
 
     The guide has no such lane; sloping all four floors is our choice.
     """
@@ -179,7 +179,7 @@ def _traverse(builder: ArenaBuilder, end: int) -> None:
 
 
 def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
-    """A wall across the lane with a door in its left half; the leaf is open, or ``shut``."""
+    """Build a wall across the lane, with a door in its left half whose leaf is open, or ``shut``."""
     decks = four_floors(builder)
     across = Deck(builder, np.zeros(3))
     thick, half = D.lumber[1], D.width / 4
@@ -192,7 +192,7 @@ def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
 
 
 def _leaf(builder: ArenaBuilder, jamb: float, thick: float, shut: bool) -> None:
-    """The door's leaf, hinged on the jamb nearest to the lane's centre line; it opens towards +x."""
+    """Add the door's leaf, hinged on the jamb nearest to the lane's centre line; the leaf opens towards +x."""
     gap, board = 0.005, 0.04  # m, gap around the leaf and its thickness
     opens = radians(D.leaf_opens)
     joint = {"type": "hinge", "axis": (0, 0, 1), "damping": (2.0,), "frictionloss": (1.0,)}
@@ -219,7 +219,7 @@ HOLES_ROUTE = ((1, 0), (0, 1), (1, 0), (0, -1), (1, 0))
 
 
 def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
-    """Ten pallets in five runs of a winding path, with a gate of two loose posts on the second pallet of each run."""
+    """Build a winding path of five runs of two pallets, with a gate of loose posts on each run's second pallet."""
     long, wide, high = D.hole_pallet
     turn = (long + wide) / 2
     ground = Deck(builder, np.zeros(3))
@@ -247,7 +247,7 @@ def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
 
 
 def _gate(builder: ArenaBuilder, number: int, at: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
-    """Two posts on a pallet, one on each side of the path."""
+    """Add two posts on a pallet, one on each side of the path."""
     thick, deep = D.lumber
     across = np.array([-heading[1], heading[0]])
     half = np.abs(thick * across + deep * heading) / 2

@@ -84,7 +84,7 @@ def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
 
 
 def framed(deck: Deck, length: float = D.floor, width: float = D.width) -> None:
-    """Add a floor of ``length`` × ``width`` m to a deck: board and frame."""
+    """Add a floor of ``length`` × ``width`` m, a board with its frame, to a deck."""
     deep = D.framing + D.board
     label = "terrain" if deck.R[2, 2] == 1 else "inclined_ramp"
     deck.box(label, (0.0, 0.0, -deep / 2), (length, width, deep))

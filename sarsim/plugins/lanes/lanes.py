@@ -8,7 +8,7 @@ if TYPE_CHECKING:  # the names of lanes must be available without slow imports
     from pipeline.robot import RobotModel
 
 MAZE = "maze"
-"""The search-and-map maze: listed with the lanes, but not one to drive through."""
+"""Name of the search-and-map maze, which is listed with the lanes although no robot has to traverse it."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Lane:
         return self.end + DIMENSIONS.floor / 2
 
 
-HOLES_END = 3.5  # m, the ``end`` of the lane with holes: two pallets of 1.2 m, and half the width, 1.0 m, of another
+HOLES_END = 3.5  # m, the ``end`` of the lane with holes: 2.5 pallets of 1.2 m, and half the width, 1.0 m, of another
 
 LANES = {
     "alleys": Lane(passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),

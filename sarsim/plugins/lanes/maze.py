@@ -1,7 +1,7 @@
 """The search-and-map maze of RoboCup Rescue's fabrication guide: an arena for missions of mapping and search.
 
-The guide's drawing was not available, so the positions of all panels, tubes, diagonals and signs are assumed. They
-are chosen such that a robot that cannot climb over diagonals still reaches every cell.
+The guide's drawing was not available, so the positions of all panels, tubes, diagonals and signs are assumed. The
+positions are chosen so that a robot that cannot climb over diagonals still reaches every cell.
 """
 
 from collections.abc import Iterator
@@ -44,7 +44,7 @@ class MazeConfig:
     """Dimensions in m, from the guide 2026C as transcribed by teams; values that it leaves open are assumed.
 
     Attributes:
-        cell: side of a cell; there are 9 × 5.
+        cell: side of a cell; there are 9 × 5 cells.
         thick, high: thickness and height of the 36 panels; their length, a cell, is assumed from a board's width.
         tube_count: number of mapping fiducials, tubes that a panel divides into two halves.
         tube_diameter: diameter of the tubes.
@@ -169,7 +169,7 @@ def _add_tube(builder: ArenaBuilder, config: MazeConfig, number: int, panel: Pan
 
 
 def _add_diagonal(builder: ArenaBuilder, config: MazeConfig, middle: Pair, direction: int, size: Pair) -> None:
-    """Two 2×4s side by side, from corner to corner of a cell."""
+    """Add two 2×4s side by side, from corner to corner of a cell."""
     (thick, high), side = config.lumber, config.cell
     _add_beam(
         builder, config.cell * middle - size / 2, direction * pi / 4, hypot(side, side) - 2 * thick, 2 * thick, high

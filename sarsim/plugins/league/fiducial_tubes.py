@@ -1,7 +1,7 @@
-"""Tubes that serve as fiducials: their positions in the map, and a check of the codes' distances from them.
+"""Tubes that serve as fiducials: their positions in the map, and a check of the codes' distances from the tubes.
 
 The small league of RoboCup Rescue checks whether the map, seen from above, shows a tube cut in two by a wall as half
-circles, and whether a code's straight-line distances to the two nearest tubes are right.
+circles. It also checks whether a code's straight-line distances to the two nearest tubes are right.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class TubeConfig:
 
     Attributes:
         max_displacement: maximum displacement of a tube in the map along x and along y, m.
-        max_radial_error: maximum distance from a circle at which a point is on it, m: a voxel of a coarse map.
+        max_radial_error: maximum distance from a circle at which a point is considered to be on the circle, m.
         step: spacing of the centres that are tried, m.
         low: height above a tube's foot, m, up to which points belong to the floor.
         arc: minimum fraction of a circle with points on it; a half circle is 0.5, and a flat panel covers 0.27.
@@ -85,7 +85,7 @@ def _around(
 
 
 def _circle(points: NDArray[np.float64], near: Place, radius: float, config: TubeConfig) -> NDArray[np.float64]:
-    """(2,) m, centre of the circle of ``radius``, m, with points in the most sectors; NaN if these are too few."""
+    """(2,) m, centre of the circle of ``radius``, m, with points in the most sectors; NaN if they are too few."""
     steps = np.arange(-config.max_displacement, config.max_displacement + config.step / 2, config.step)
     tried = near + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     arcs = np.array([_arc(points, middle, radius, config.max_radial_error) for middle in tried])
@@ -108,7 +108,7 @@ def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float
 def is_well_placed(
     place: Place, true: Place, shown: Places, tubes: Tubes, within: float, config: TubeConfig = TubeConfig()
 ) -> bool:
-    """Whether a code's distances from the nearest tubes in the map are right to ``within`` m.
+    """Whether the map gives a code's distances from the nearest tubes with errors of at most ``within`` m.
 
     Args:
         place, true: position of the code in the map and in the arena, m.

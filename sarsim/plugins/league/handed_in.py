@@ -31,7 +31,7 @@ from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.victims import NEAR, min_cost_pairs
 
 COVERAGE_RADIUS = (
-    0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of those that it shows
+    0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of the cells that it shows
 )
 MAX_CORRESPONDENCE_DISTANCE = 0.5  # m; the registration ignores points farther than this from every true surface
 MAX_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
@@ -57,7 +57,7 @@ class TrueFind:
 
 
 def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
-    """The objects in an arena that score: all kinds that the league lists; living victims also as sources of heat."""
+    """The objects in an arena of the kinds that the league lists; living victims are listed as heat sources too."""
     things = things_of(model, data)
     return [
         TrueFind(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
@@ -106,10 +106,10 @@ def true_arena(
 
 
 def registered_error(points: NDArray[np.floating], scene: Any) -> float:
-    """Mean distance, m, of points (N, 3) in the world to the true surfaces, after registration from the identity.
+    """Mean distance, m, of points (N, 3) in the world from the true surfaces, after a registration.
 
     Assumed: the league's global error is this distance. The registration is point-to-plane ICP (Chen and Medioni
-    1992) with exact nearest points on the true surfaces. Infinite without points.
+    1992) from the identity, with exact nearest points on the true surfaces. The distance is infinite without points.
     """
     if not len(points):
         return float("inf")
@@ -142,7 +142,7 @@ def _step(
 
 
 def covered(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLayer:
-    """The cells of the true ground that points (N, 3), m in the world, cover."""
+    """(nx, ny) bool, the cells of the true ground that points (N, 3), m in the world, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
     return np.asarray(surface.grid.distance_to(seen) <= COVERAGE_RADIUS)
@@ -209,8 +209,8 @@ def score_handed_in(
 def small_run(codes: Sequence[ReadCode], points: NDArray[np.floating], arena: TrueArena, within: float) -> SmallRun:
     """Measure the quantities that the small league scores, from the codes read and the map's points.
 
-    ``points``: (N, 3) m in the world. A code is well placed if its distances from the two nearest fiducials in the
-    map are right to ``within`` m.
+    ``points``: (N, 3) m in the world. A code is well placed if the map gives its distances from the two nearest
+    fiducials with errors of at most ``within`` m.
     """
     shown, right = mapped_tubes(points, arena.tubes), {}
     for code in codes:
@@ -280,8 +280,8 @@ def virtual_run(
     """Measure the quantities that the Virtual Robot competition scores.
 
     A mark, or the parked robot, is near a victim if it is within ``reach``, m; ``places``: (M, 3) m in the world, of
-    the finds. Assumed: finds named victim and sources of heat mark victims, and sources of heat mark living ones. A
-    living victim scores if it is marked as living and the robot is parked near it.
+    the finds. Assumed: a find named victim or a heat source marks a victim; a heat source marks a living victim.
+    A living victim scores if it is marked as living and the robot is parked near it.
     """
     victims = [find for find in arena.finds if find.is_victim]
     true, is_living = _places(victims)[:, :2], np.array([find.is_living for find in victims], np.bool_)

@@ -2,7 +2,7 @@
 
 Sources: Rescue Robot League, rules 2026D, as summarised by a team; Virtual Robot competition, draft rules of
 18 January 2022; small league (RMRC), rule book of 2026. Where these leave something open, the docstring of the rule's
-function states what is assumed.
+function states the assumption.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class LeagueRun:
     Attributes:
         coverage: fraction of the drivable ground that the 3D map shows.
         global_error: global error of the 3D map, m.
-        extras: how many of RGB, normals and confidence the 3D map has.
+        extras: number of the properties RGB, normals and confidence that the 3D map has.
         present: number of objects in the arena that score as finds.
         right, wrong: numbers of finds that match an object, each object counted once, and of all other finds.
         localisation_error: mean position error of the right finds, m.
@@ -43,10 +43,10 @@ class VirtualRun:
     """Measurements of a run of virtual robots.
 
     Attributes:
-        portals, discovered: numbers of portals in the arena, and of those that the map shows.
-        victims, right, wrong: numbers of victims in the arena, of those near a mark, and of marks near no victim.
-        living, right_living, wrong_living: numbers of living victims, of those marked as living and with a robot
-            parked beside them, and of marks of living victims near no such victim.
+        portals, discovered: numbers of portals in the arena, and of portals that the map shows.
+        victims, right, wrong: numbers of victims in the arena, of victims near a mark, and of marks near no victim.
+        living, right_living, wrong_living: numbers of living victims, of living victims marked as living with a robot
+            parked beside them, and of marks of living victims near no living victim.
         contacts: number of contacts with living victims.
     """
 
@@ -68,8 +68,8 @@ class SmallRun:
     Attributes:
         codes: number of QR codes in the arena.
         read: number of codes that were read.
-        placed: number of codes read whose distances from the two nearest fiducials in the map are right.
-        fiducials, shown: numbers of fiducials in the arena, and of those that the map shows.
+        placed: number of the codes read whose distances from the two nearest fiducials in the map are right.
+        fiducials, shown: numbers of fiducials in the arena, and of fiducials that the map shows.
         is_autonomous: whether nobody drove the robot.
     """
 
@@ -84,11 +84,11 @@ class SmallRun:
 def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
 
-    map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
-    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each object found; a
-    wrong find costs nothing, because the summary names no penalty.
-    autonomy: the sum of both × 5, or × 1 if teleoperated; this rule's points are those that the factor adds.
-    resets: the summary names no penalty in the labyrinth.
+    - map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 plus ``extra`` per extra.
+    - detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each object found; a
+      wrong find costs nothing, because the summary names no penalty.
+    - autonomy: the sum of both × 5, or × 1 if teleoperated; this rule's points are the points that the factor adds.
+    - resets: the summary names no penalty in the labyrinth.
     """
     bonus = 1 + rewards.extra * run.extras
     of_map = run.coverage / (1 + run.global_error) * bonus
@@ -113,9 +113,11 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
     """The score of the Virtual Robot competition 2022, the sum of its rules.
 
     ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. S is the fraction
-    of portals discovered; V, v_r and v_w are the numbers of victims, right and wrong; with a, those of living ones.
-    Assumed: without victims, or without living ones, their summand is 0. A contact costs a fraction of what a living
-    victim adds to both summands; all contacts cost at most what the right living victims have added.
+    of portals discovered. V, v_r and v_w are the numbers of victims, right victims and wrong marks; V_a, v_ar and
+    v_aw are the same numbers for living victims.
+    Assumed: without victims, or without living victims, the respective summand is 0. A contact costs a fraction of
+    the points that a living victim adds to both summands. All contacts together cost at most the points that the
+    right living victims have added.
     """
     share = run.discovered / run.portals if run.portals else 0.0
     found = rewards.alpha * (1 - rewards.beta)
@@ -144,7 +146,7 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
 def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
     """The score of the small league's labyrinth 2026: points for codes read and well placed, × 4 if nobody drove.
 
-    Laps are not scored in mapping. Assumed: a reading scores if a code in the arena has its text, each text once.
+    Laps are not scored in mapping. Assumed: a reading scores if a code in the arena has its text, but only once.
     """
     codes, placed = rewards.reading * run.read, rewards.placed * run.placed
     factor = rewards.reading_alone if run.is_autonomous else 1.0

@@ -44,7 +44,7 @@ class League(Plugin):
     needs = ("finds",)
 
     def __init__(self, settings: LeagueConfig, command: Any) -> None:
-        """Read the mission that the command names; ``minutes`` replaces its time limit, ``home`` adds a task."""
+        """Read the mission that the command names; ``minutes`` replaces its time limit, and ``home`` adds a task."""
         super().__init__(settings, command)
         brief = load_mission(command.mission)
         minutes = getattr(command, "minutes", None)
@@ -85,7 +85,7 @@ class _Clock(Sink):
 
 
 class MissionScore(Sink):
-    """Adds the scores of the files that an episode submitted to its report."""
+    """Adds to an episode's report the scores of the files that the episode submitted."""
 
     finishing = "scoring the mission"
 
@@ -93,7 +93,7 @@ class MissionScore(Sink):
         self._robot, self._brief = robot, brief
 
     def finish(self, result: Result) -> None:
-        """Score the files as a judge does who has no other data of the episode."""
+        """Score the files as a judge without other data of the episode would."""
         if result.is_reported:
             result.add(mission_score(result.folder, self._robot, self._brief))
 

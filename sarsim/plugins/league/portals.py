@@ -27,7 +27,7 @@ def portals(surface: GroundTruthSurface, clearance: float) -> Places:
 
 
 def _between_walls(surface: GroundTruthSurface, clearance: float) -> MaskLayer:
-    """The cells farther than ``clearance`` m from walls and connected to drivable ones, even across obstacles."""
+    """The cells farther than ``clearance`` m from walls and connected to drivable cells, even across obstacles."""
     near = surface.grid.distance_to(surface.walls) <= clearance
     free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
     pieces, _ = ndimage.label(free, EIGHT)
@@ -54,7 +54,7 @@ def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]
 
 
 def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """(2,) cells of the skeleton where three or more branches meet; of cells near each other, only one.
+    """(2,) cells of the skeleton where three or more branches meet; of several such cells near each other, only one.
 
     A branch is counted only if it leaves the square around the largest free disc at the cell, because branches also
     lead into the square's corners.

@@ -1,4 +1,4 @@
-"""Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
+"""Report everything in a mission's files that a judge would reject: ``validate_mission.py DIR``."""
 
 import sys
 from dataclasses import dataclass

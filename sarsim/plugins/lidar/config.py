@@ -102,21 +102,21 @@ PRESETS = {
 }
 """Sensors by name, from their data sheets.
 
-- Velodyne VLP-16 (63-9243 Rev. D, 63-9229): 16 rows, ±15°, 5 to 20 turns a second of 0.1° to 0.4°, up to 100 m,
-  "typical accuracy ±3 cm", which is taken as the standard deviation at all distances; the nearest distance is the
-  default of Velodyne's ROS driver.
+- Velodyne VLP-16 (63-9243 Rev. D, 63-9229): 16 rows, ±15°, 5 to 20 turns a second with columns 0.1° to 0.4° apart, up
+  to 100 m. The "typical accuracy ±3 cm" is taken as the standard deviation at all distances. The nearest distance is
+  the default of Velodyne's ROS driver.
 - Ouster OS1-64 (first generation): 64 rows, ±16.6°, 1024 columns at 10 turns a second, 0.8 to 120 m; repeatability
   1.5 cm with a strong signal and 10 cm with the weakest one; 40 m on surfaces that reflect 10%.
 - Hokuyo UTM-30LX: one row of 1081 beams over 270°, 25 ms a scan, 0.1 to 30 m; repeatability 1 cm up to
   10 m and 3 cm up to 30 m.
 """
 ANY = PRESETS["vlp-16"]
-"""Preset with the other properties of a lidar that is given as ROWSxCOLUMNS."""
+"""Preset that supplies the other properties of a lidar that is given as ROWSxCOLUMNS."""
 
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """The lidar that the robot carries; by default, all settings are those of the sensor.
+    """The lidar that the robot carries; by default, all settings are the sensor's.
 
     Attributes:
         sensor: vlp-16, os1-64, utm-30lx, or rows and columns of beams, such as 16x900.
@@ -124,9 +124,9 @@ class LidarConfig:
         vertical: elevation of the lowest and the highest row, or of every row, degrees.
         horizontal: horizontal field of view, degrees.
         rate: turns per second. A simulated robot gives at most one scan per control period, 25 a second.
-        rolling: measure each column at the robot's pose at that time, not all at the pose where the scan begins.
+        rolling: measure each column at the robot's pose at the column's time, not at the pose where the scan begins.
         noise: simulate noise of the ranges, and beams without return.
-        sigma: standard deviation of a range at distance 0 and at the farthest one, m.
+        sigma: standard deviation of a range at distance 0 and at the farthest distance, m.
         detection_range: distance, m, from which a beam returns with ``detection_probability``.
         detection_probability: fraction of the beams that returns from ``detection_range``.
     """

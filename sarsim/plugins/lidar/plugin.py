@@ -27,7 +27,7 @@ from sarsim.settings import SimulatorConfig, TeleopConfig
 
 STREAM = 0x11DA2  # part of the lidar's seed, so that its random numbers differ from others of the same seed
 UNSENT = 64
-"""Maximum number of scans that wait to be sent, because without a bag or a network nothing takes them."""
+"""Maximum number of scans that wait to be sent; without a limit, they would accumulate if nothing fetches them."""
 ENTITY = "world/robot/lidar"
 
 
@@ -59,7 +59,7 @@ class Lidar(Plugin):
         return [ScanFiles(robot, required(context.folder), context.recorder)]
 
     def measurements(self) -> Iterable[tuple[str, float, Any]]:
-        """The scans since the last call."""
+        """Yield the messages of all scans since the last call."""
         from sarsim.plugins.lidar.ros import scan_messages  # needs a package of its own
 
         robot = required(self._robot)
@@ -135,7 +135,7 @@ class ScanFiles(Sink):
         self._writer.add(scan)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """Log the newest scan, its points in the colours of their labels."""
+        """Log the newest scan, with points in the colours of their labels."""
         if self._recorder is not None and self._newest is not None:
             log_scan(self._recorder.stream, self._newest, self._robot.scanner.T_base_lidar)
 

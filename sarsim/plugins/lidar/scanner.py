@@ -18,7 +18,7 @@ from sarsim.sensors.rendering import hidden
 SITE = "lidar"
 """Name of the site in a robot's MJCF at which the lidar is mounted."""
 ABOVE_CAMERA = 0.06
-"""m, height above the camera of a lidar on a robot without such a site: on top of the robot's mast, level."""
+"""m, height of the lidar above the camera on a robot without such a site: level, on top of the mast."""
 MIN_COSINE = np.cos(np.radians(80))
 """Cosine of the incidence angle beyond which noise grows no further; Soudarissanane et al. measured up to 80°."""
 NOTHING = -1  # geom id of a beam that hits nothing
@@ -68,7 +68,7 @@ class Scanner:
 
     Attributes:
         model: the sensor.
-        rolls: whether each column is measured at the robot's pose at that time.
+        rolls: whether each column is measured at the robot's pose at the column's time.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Scanner:
             base_body: id of the robot's body ``base_link``, or of its root at the same pose.
             model: the sensor.
             rng: draws the sensor's errors; None for a sensor without errors.
-            rolls: whether each column is measured at the robot's pose at that time.
+            rolls: whether each column is measured at the robot's pose at the column's time.
 
         Raises:
             InputError: a geom's label is invalid.
@@ -157,7 +157,7 @@ class Scanner:
         return self.scan(time)
 
     def _roll(self, t0: float, T0: Pose, t1: float, T1: Pose) -> Iterator[Scan]:
-        """Fire the columns between two times, s, as the robot moves between two poses; yields complete scans."""
+        """Fire the columns between two times, s, as the robot moves between two poses, and yield complete scans."""
         step, columns = self.model.column_time, self.model.columns
         while True:
             start = self._begin + self._turn / self.model.rate
@@ -208,7 +208,7 @@ class Scanner:
     def _cast_columns(
         self, poses: Poses, rays: NDArray[np.float64]
     ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """As :meth:`_cast`, row by row, for (R, C, 3) rays of which each column has its own pose."""
+        """As :meth:`_cast`, row by row, for (R, C, 3) rays, each of whose columns has its own pose."""
         rows = rays.shape[0]
         cast = [self._cast(T, rays[:, k]) for k, T in enumerate(poses)]
         geom = np.stack([geoms for geoms, _, _ in cast], axis=1).ravel()
@@ -240,13 +240,13 @@ class Scanner:
     def _errors(self, distance: Values, cosine: Values) -> tuple[Values, Mask]:
         """(N,) measured distances, m, and (N,) returns, from true distances and cosines of the incidence angles.
 
-        The standard deviation grows linearly with the distance, between the values of the data sheet, and with the
-        inverse cosine of the incidence, as the signal gets weaker (Soudarissanane et al., "Incidence angle influence
-        on the quality of terrestrial laser scanning points", Laser Scanning 2009). The signal of a matt surface falls
-        with the cosine and with the square of the distance. Speckle spreads it exponentially (Goodman, "Some effects
-        of target-induced scintillation on optical radar performance", Proc. IEEE 1965), so the fraction above the
-        detector's threshold is exp(-threshold / signal), which is ``detection_probability`` at ``detection_range``
-        and normal incidence.
+        The standard deviation grows linearly with the distance, between the values of the data sheet. It also grows
+        with the inverse cosine of the incidence angle, as the signal gets weaker (Soudarissanane et al., "Incidence
+        angle influence on the quality of terrestrial laser scanning points", Laser Scanning 2009). The signal of a
+        matt surface falls with the cosine and with the square of the distance. Speckle spreads the signal
+        exponentially (Goodman, "Some effects of target-induced scintillation on optical radar performance", Proc.
+        IEEE 1965). The fraction of the signals above the detector's threshold is therefore exp(-threshold / signal).
+        At ``detection_range`` and normal incidence, this fraction is ``detection_probability``.
         """
         if self._rng is None:
             return distance, np.ones(len(distance), np.bool_)

@@ -44,7 +44,7 @@ class SequenceWriter:
     """
 
     def __init__(self, folder: Path):
-        """Replace the folder by an empty one; InputError if it cannot be written."""
+        """Replace the folder with an empty one; InputError if it cannot be written."""
         self._folder = folder
         self.scans, self.points = 0, 0
         self._times, self._poses = list[float](), list[Pose]()

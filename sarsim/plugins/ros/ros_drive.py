@@ -100,11 +100,11 @@ class RosDrive(ExplorerRun):
 
     Attributes:
         robot: the robot on the network.
-        stopped: reason why the robot was stopped before the end; None if it was not.
+        stopped: reason why the robot was stopped before the end; None if it was not stopped.
     """
 
     def __init__(self, config: RosExplorationConfig, node: RosNode):
-        """Raises InputError if no robot is found, or a file cannot be read or written."""
+        """Connect to the robot; InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
         camera = config.camera_pose and CameraPose(*config.camera_pose).T_base_camera
         model, live, own = paced_model(config.robot, config.speed), config.ros.live, robot_sensor(config.robot)
@@ -142,7 +142,7 @@ class RosDrive(ExplorerRun):
         interrupted: Callable[[], bool] = lambda: False,
         on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> bool:
-        """Run as :class:`pipeline.run.ExplorerRun` does, except that the robot stops at once when ``interrupted``.
+        """Run as :class:`pipeline.run.ExplorerRun` does, but stop the robot at once if ``interrupted`` returns True.
 
         Raises:
             InputError: the robot stops sending data, or does not follow commands; the maps so far are kept.
@@ -173,7 +173,7 @@ class RosDrive(ExplorerRun):
             raise InterruptedDriveError
 
     def _send(self, topic: str, time: float, message: Message) -> None:
-        """Send data in sarsim's frame ``map``, unless the robot has its own, because Nav2 would mix up the two."""
+        """Send data in sarsim's frame ``map``, unless the robot has its own map, because Nav2 would mix up both."""
         if not self._has_other_map:
             self._node.publish(topic, time, message)
 

@@ -13,7 +13,7 @@ from sarsim.plugins.ros.settings import RosRobotConfig
 
 
 def ros_robot(config: RosRobotConfig) -> None:
-    """Run the simulated robot as a ROS 2 robot: it publishes sensor data and follows commands until Ctrl-C."""
+    """Run the simulated robot as a ROS 2 robot that publishes sensor data and follows commands until Ctrl-C."""
     check_rendering()
     require_package("rosbags", "bags", "a robot on a ROS 2 network")
     from pipeline.plugins.ros.live.node import RosNode

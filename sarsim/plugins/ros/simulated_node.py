@@ -47,7 +47,7 @@ class SimulatedNode:
     """
 
     def __init__(self, config: RosRobotConfig, node: RosNode):
-        """Raises InputError if the arena or the folder for results is not available."""
+        """Place the robot and subscribe to its topics; InputError if the arena or the folder is not available."""
         if not 0 < config.camera_rate <= 25:
             raise InputError(f"--camera-rate {config.camera_rate:g}: must be above 0 and at most 25")
         if config.seed < 0:

@@ -15,7 +15,7 @@ from sarsim.ground_truth.shapes import rotation
 
 @contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Prefix the message of an InputError raised in the context with ``name``, unless it is empty."""
+    """If ``name`` is not empty, prepend it to the message of any InputError raised in the context."""
     try:
         yield
     except InputError as error:
@@ -23,30 +23,39 @@ def naming(name: str) -> Iterator[None]:
 
 
 class RescueArena(composer.Arena):
-    """An arena whose site ``start`` marks where the robot starts."""
+    """An arena with a site ``start`` that marks the robot's start pose."""
 
     def _build(self, root: mjcf.RootElement, called: str = "") -> None:
-        """Use the MJCF ``root`` as an arena named ``called`` in messages; InputError if it has no site ``start``."""
+        """Use the MJCF ``root`` as the arena.
+
+        Args:
+            root: the ``<mujoco>`` element.
+            called: name of the arena in error messages.
+
+        Raises:
+            InputError: ``root`` has no site ``start``.
+        """
         self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
             raise InputError("the arena has no start; add a site named 'start' or use --start X Y YAW")
 
     def naming(self) -> AbstractContextManager[None]:
-        """A context that prefixes the message of an InputError with the arena's name."""
+        """A context manager that prepends the arena's name to the message of any InputError."""
         return naming(self._called)
 
     @property
     def T_world_start(self) -> Pose:
-        """Start pose of the robot's ``base_link``."""
+        """Start pose of the robot's ``base_link`` in the world."""
         start = self._mjcf_root.find("site", "start")
         quat = np.array([1.0, 0, 0, 0] if start.quat is None else start.quat)
-        quat = quat / np.linalg.norm(quat)  # as MuJoCo does, because numbers in files are rounded
+        quat = quat / np.linalg.norm(quat)  # as in MuJoCo, because numbers in files are rounded
         return from_rotation(rotation(quat), np.zeros(3) if start.pos is None else start.pos)
 
     def to_xml(self) -> str:
         """The arena's MJCF, in a form that :func:`~sarsim.arenas.load.load_arena` can read.
 
-        PyMJCF gives the global default class the name ``/`` in a file, but refuses to read a file that names it.
+        PyMJCF names the global default class ``/`` in a file, but refuses to read such a file. The name is therefore
+        removed.
         """
         root = self.mjcf_model.to_xml(precision=17)
         for top in root.iterfind("default/default[@class='/']"):

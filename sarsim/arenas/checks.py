@@ -1,4 +1,4 @@
-"""Checks of an arena's true geometry that every random arena must pass."""
+"""Checks that the true geometry of every random arena must pass."""
 
 from collections.abc import Iterator, Mapping
 from itertools import chain
@@ -14,21 +14,24 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
-DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of the image
-VISIBLE_SHARE = 0.2  # Fraction of a victim's geoms that the camera must see from one position
+DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # rad, elevation angles of the image's lower and upper edges
+VISIBLE_SHARE = 0.2  # Minimum fraction of a victim's geoms that the camera must see from one position
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
 SPECK = 0.1  # m²; smaller pieces of ground are ignored
-VIEW_SPACING = 4  # cells between the camera positions that are tried
+VIEW_SPACING = 4  # cells, spacing of the camera positions that are tried
 
 
 def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterator[str]:
-    """Describe each check that an arena fails, as soon as its result is known.
+    """Yield a description of each check that an arena fails, as soon as the check is complete.
 
-    An arena passes if its start is free, if drivable ground connects all ground on which a P3-AT can stand, and if a
-    camera at the height of the P3-AT's camera can see every victim from that ground.
+    An arena passes if
+
+    - its start is free,
+    - drivable ground connects all ground on which a P3-AT can stand, and
+    - a camera at the height of the P3-AT's camera can see every victim from this ground.
 
     Args:
-        mjcf: the arena, with a site ``start``.
+        mjcf: MJCF of the arena, with a site ``start``.
         files: contents of the files to which the MJCF refers, by name.
     """
     model = mujoco.MjModel.from_xml_string(mjcf, files)
@@ -49,7 +52,7 @@ def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterat
 
 
 def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
-    """Area, m², of each piece of ground larger than ``SPECK``, except the one on which the robot starts."""
+    """Yield the area, m², of each piece of ground that is larger than ``SPECK`` and does not contain the start."""
     beside = np.where(ground.pieces == piece, 0, ground.pieces)
     grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
     elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
@@ -66,7 +69,7 @@ def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
 
 
 def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, places: NDArray[np.float64]) -> bool:
-    """Whether at least ``VISIBLE_SHARE`` of a victim is visible from one camera position in ``places`` (N, 3) m."""
+    """Whether at least ``VISIBLE_SHARE`` of a victim's geoms are visible from one of the ``places`` (N, 3) m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
     in_range = (distance >= XTION.nearest) & (distance <= XTION.farthest)

@@ -1,9 +1,11 @@
-"""The objects to find that library elements represent; ``.raf`` files and furnished arenas contain such elements.
+"""Objects to find that library elements represent in ``.raf`` files and furnished arenas.
 
-The following rules are sarsim's own, because the format leaves these points open. The suffix of a victim's type
-states the contents of its box: the letter t (thermal) or the word heat means a warm doll, and q or qr means a code. A
-doll without a suffix is warm. A sign whose type gives no class or an unknown one gets the next class in the list of
-all classes.
+The format of ``.raf`` files leaves some points open, for which sarsim has its own rules:
+
+- The suffix of a victim's type states the contents of the victim's box. The letter t (thermal) or the word heat
+  means a warm doll, and q or qr means a QR code. A doll without a suffix is warm.
+- If a sign's type gives no class or an unknown one, the class is chosen from the list of all classes by the number of
+  the sign.
 """
 
 from collections.abc import Iterator
@@ -24,22 +26,22 @@ OTHER_WORDS = {
     "blasting_agents": "explosive",
     "fuel-oil": "flammable-liquid",
 }
-"""Class names that the arena designer uses, and the names under which teams report these classes."""
+"""Class names of the arena designer, with the names under which teams report these classes."""
 TOWARDS_VIEWER = np.array([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])
-"""Axes of an object that hangs on an element's back wall, in the element's frame: x right, y up, z along -y."""
+"""Axes, as columns in an element's frame, of an object on the element's back wall: x right, y up, z along -y."""
 # Side and position of objects in the element's frame, m.
 SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # Signs, as in the arena designer
 WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # Codes of ``small_wall_qr``
-BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of dolls' boxes
+BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of a doll's box
 BOTTLE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
 _Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
-"""An object to find, with its position (3,) m and axes (3, 3) in the frame of its element."""
+"""An object to find, with the object's position (3,) m and axes (3, 3) in the frame of its element."""
 
 
 def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], yaw_deg: float) -> None:
     """Add the objects to find that an element of type ``kind`` represents.
 
-    ``position``: (3,) m, origin of the element; ``yaw_deg``: angle by which it is turned to the left, degrees.
+    ``position``: (3,) m, origin of the element; ``yaw_deg``: rotation of the element to the left, degrees.
     """
     cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
     R = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
@@ -50,7 +52,7 @@ def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], 
 def _things(
     builder: ArenaBuilder, kind: str
 ) -> Iterator[tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield the objects to find that an element of type ``kind`` represents."""
+    """Yield each object to find that an element of type ``kind`` represents, in the form of ``_Placed``."""
     number = builder.next_thing
     if kind.startswith("hazmat"):
         sign = hazmat_sign(f"hazmat_sign_{number}", _class(kind, number), SIGN_SIDE, SignStyle())
@@ -65,7 +67,7 @@ def _things(
 
 
 def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
-    """Yield the doll in a box and, if the element's type asks for one, the code next to the doll."""
+    """Yield the doll in a box and, if the element's type requests a code, the code next to the doll."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
     yield doll(builder.next_victim, ALIVE if is_warm else DEAD, np.random.default_rng(number)), np.zeros(3), np.eye(3)

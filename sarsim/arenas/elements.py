@@ -1,8 +1,8 @@
-"""The element library, and the builder that assembles its elements into one plain MJCF document.
+"""A library of arena elements, and a builder that assembles elements into one MJCF document.
 
 All static geoms belong to the world body, so that hundreds of elements do not slow down the physics. Each victim is a
-separate body ``victim_<id>``, and each object to find is a separate body, too. The document refers to no files except
-pictures of signs and codes; without such pictures, MuJoCo's viewer opens it as it is.
+separate body, ``victim_<id>``, and so is each other object to find. The document refers to no files except pictures
+of signs and codes. MuJoCo's viewer can directly open a document without such pictures.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,11 +29,11 @@ from sarsim.victims.victims import PREFIX
 TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """MJCF attributes by name, as text or as numbers."""
-FLAT = 1e-9  # m; heights that differ by less are considered equal
+FLAT = 1e-9  # m; a height field with a smaller range of heights is considered flat
 DRAWN = ("hazmat_sign", "fire_extinguisher")
-"""Elements whose geoms only give the size of the object that is shown in their place."""
+"""Elements that are replaced by an object to find; their geoms only extend the arena's bounds."""
 _LIGHTS = (
-    # name, direction, diffuse, whether it casts shadows
+    # name, direction, diffuse colour, whether the light casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
     ("fill", (0.4, -0.3, -0.8), (0.25, 0.25, 0.26), False),
 )
@@ -54,7 +54,7 @@ class ElementLibrary:
         self.types = frozenset(self._bodies)
 
     def header(self) -> list[Element]:
-        """Copies of the file's settings, assets and default classes: all children except worldbody and statistic."""
+        """Copies of the file's settings, assets and default classes, but not of worldbody and statistic."""
         return [deepcopy(child) for child in self._root if child.tag not in ("worldbody", "statistic")]
 
     def geoms(self, kind: str) -> list[Element]:
@@ -62,7 +62,7 @@ class ElementLibrary:
         return self._bodies[kind].findall("geom")
 
     def mount_points(self, kind: str) -> NDArray[np.float64]:
-        """(N, 2) m, x and z of an element's mount points in its frame."""
+        """(N, 2) m, x and z of an element's mount points in the element's frame."""
         sites = [numbers_of(site, "pos", (0, 0, 0)) for site in self._bodies[kind].iterfind("site")]
         return np.array(sites).reshape(-1, 3)[:, [0, 2]]
 
@@ -125,7 +125,7 @@ class ArenaBuilder:
 
     @property
     def next_thing(self) -> int:
-        """The number of the next object to find, counted from 1 over all objects so far, victims included."""
+        """Number of the next object to find; all objects, including victims, are numbered from 1."""
         return 1 + len(self.root.findall("custom/text"))
 
     @property
@@ -140,8 +140,9 @@ class ArenaBuilder:
 
         Args:
             position: (3,) m, position of the victim's body.
-            geoms: the MJCF attributes of each geom in the body, and its colour (red, green, blue, 0 to 1).
-            state: alive or dead; empty if not known yet.
+            geoms: the MJCF attributes of each geom and its colour: red, green, blue, from 0 to 1, or None for the
+                default colour of victims.
+            state: alive or dead; empty if unknown.
         """
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(position))
@@ -152,7 +153,7 @@ class ArenaBuilder:
         annotate_body(self.root, name, VICTIM, state=state)
 
     def settle_states(self, state: str) -> int:
-        """Set the state of the victims that have none; returns their number."""
+        """Set the state of all victims without a state, and return the number of these victims."""
         unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]
         for text in unsettled:
             text.set("data", data_of(VICTIM, state=state))
@@ -188,7 +189,7 @@ class ArenaBuilder:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
-        annotate_body(self.root, name, VICTIM, state=DEAD)  # the library has only a picture, as cold as the wall
+        annotate_body(self.root, name, VICTIM, state=DEAD)  # the library's victim is a picture, as cold as the wall
 
     def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
         """Add a geom that belongs to no element.
@@ -196,7 +197,7 @@ class ArenaBuilder:
         Args:
             label: default class of the geom.
             geom: MJCF attributes of the geom.
-            colour: red, green, blue, from 0 to 1; by default, that of the label's material.
+            colour: red, green, blue, from 0 to 1; by default, the colour of the label's material.
         """
         # PyMJCF's run time grows with the square of the number of unnamed geoms.
         named = {"name": f"{label}_{len(self._world)}", "class": label}
@@ -204,7 +205,12 @@ class ArenaBuilder:
         self._world.append(Element("geom", named | _written(geom) | paint))
 
     def add_mesh(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64] | None = None) -> str:
-        """Add a mesh of vertices (N, 3) m and triangles (M, 3), by default of the convex hull; returns its name."""
+        """Add a mesh and return its name.
+
+        Args:
+            vertices: (N, 3) m.
+            triangles: (M, 3) indices of vertices; by default, the mesh is the convex hull of the vertices.
+        """
         faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
         return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
 
@@ -212,20 +218,20 @@ class ArenaBuilder:
         """Add a height field and return its name.
 
         Args:
-            heights: (rows, columns) heights, whose y increases with the row.
-            size: (4,) m, half size along x and y, height from the lowest to the highest point, and thickness below
+            heights: (rows, columns) heights, in any unit; y increases with the row.
+            size: (4,) m, half sizes along x and y, height from the lowest to the highest point, and thickness below
                 the lowest point.
         """
         rows, columns = heights.shape
         shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
         counts = {"nrow": str(rows), "ncol": str(columns)}
-        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # MJCF: largest y first
+        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # largest y first
 
     def _material(self, colour: Sequence[float]) -> str:
         return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})
 
     def _asset(self, kind: str, attributes: Attributes) -> str:
-        """The name of an asset with these attributes, added if it is new."""
+        """The name of the asset with these attributes, which is added if it does not exist."""
         written = _written(attributes)
         key = (kind, *written.items())
         if key not in self._assets:
@@ -234,7 +240,7 @@ class ArenaBuilder:
         return self._assets[key]
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:
-        """Change a library ``texture`` or ``material`` in this arena."""
+        """Change attributes of a library ``texture`` or ``material`` in this arena."""
         (element,) = self.root.findall(f"asset/{kind}[@name='{name}']")
         for key, value in attributes.items():
             element.set(key, value if isinstance(value, str) else _text(value))
@@ -274,7 +280,7 @@ class ArenaBuilder:
             attributes = {
                 "name": name,
                 "directional": "true",
-                # A directional light that is farther away produces striped shadows.
+                # A directional light farther away would produce striped shadows.
                 "pos": _text(np.array([x, y, 0.3]) - extent * np.array(direction)),
                 "dir": _text(direction),
                 "diffuse": _text(diffuse),
@@ -330,7 +336,7 @@ class _Pose:
         return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]
 
     def geom(self, geom: Element) -> Element:
-        """A copy of one of the element's geoms, with its pose in the world."""
+        """A copy of a geom of the element, with the geom's pose in the world."""
         x, y, z = numbers_of(geom, "pos", (0, 0, 0))
         position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
@@ -339,7 +345,10 @@ class _Pose:
 
 
 def _turn(yaw_deg: float) -> NDArray[np.float64]:
-    """Unit quaternion (w, x, y, z) of a rotation about z; right angles are exact, so that tiles meet without gaps."""
+    """Unit quaternion (w, x, y, z) of a rotation about z by ``yaw_deg`` degrees.
+
+    Multiples of 90° are exact, so that tiles meet without gaps.
+    """
     quarter, rest = divmod(yaw_deg, 90.0)
     if rest == 0:
         half = np.sqrt(0.5)
@@ -352,7 +361,7 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
 def _identity(geom: Element) -> tuple[object, ...]:
     """A key that is equal for geoms that fill the same space and look alike."""
     w, x, y, z = numbers_of(geom, "quat", (1, 0, 0, 0))
-    # An upright box turned by 180° about z fills the same space; a mesh does not.
+    # A rotation by 180° about z maps an upright box, but not a mesh, onto itself.
     is_box = geom.get("mesh") is None and x == y == 0
     yaw = round(np.degrees(2 * np.arctan2(z, w)), 2) % (180 if is_box else 360)
     position = np.round(numbers_of(geom, "pos", (0, 0, 0)), 4) + 0.0
@@ -361,10 +370,10 @@ def _identity(geom: Element) -> tuple[object, ...]:
 
 
 def _written(attributes: Attributes) -> dict[str, str]:
-    """Attributes as MJCF text."""
+    """The attributes, with numbers converted to MJCF text."""
     return {name: value if isinstance(value, str) else _text(value) for name, value in attributes.items()}
 
 
 def _text(values: ArrayLike) -> str:
-    """Numbers as MJCF text with six decimals, which hides rounding errors that differ between machines."""
+    """Numbers as MJCF text, rounded to six decimals to hide rounding errors that differ between machines."""
     return " ".join(f"{round(float(v), 6) + 0.0:.6f}".rstrip("0").rstrip(".") for v in np.ravel(values))

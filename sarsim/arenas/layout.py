@@ -1,4 +1,4 @@
-"""The plan of a random arena as a grid of tiles, with walls, ground and elements described by integers."""
+"""The plan of a random arena: a grid of tiles whose walls, ground and elements are described by integers."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -8,11 +8,11 @@ from typing import Literal
 Tile = tuple[int, int]  # Column and row
 Side = int  # 0 to 3: east, north, west, south, that is +x, +y, -x, -y
 Edge = tuple[Tile, Side]
-"""The edge between a tile and its neighbour, named as the east or north side of one of the two tiles."""
+"""A side of a tile; an edge between two tiles is always given as the east or north side of one of them."""
 
 NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
-YAW = (270, 0, 90, 180)  # Yaw, degrees, at which an element's +y side, where its wall stands, faces each side
+YAW = (270, 0, 90, 180)  # Yaw, degrees, at which an element's +y side, which has the wall, faces each side
 
 
 def opposite(side: Side) -> Side:
@@ -21,7 +21,7 @@ def opposite(side: Side) -> Side:
 
 
 def shift(front: Side, ahead: int, aside: int) -> Tile:
-    """Offset along x and y, cm, of a point ``ahead`` cm towards the side ``front`` and ``aside`` cm to the left."""
+    """Offset along x and y, cm: ``ahead`` cm towards side ``front`` and ``aside`` cm to the left when facing it."""
     (fx, fy), (lx, ly) = NEIGHBOUR_TILES[front], NEIGHBOUR_TILES[(front + 1) % 4]
     return ahead * fx + aside * lx, ahead * fy + aside * ly
 
@@ -33,7 +33,7 @@ class TileGround:
     Attributes:
         kind: floor, a deck, a ramp, a ridge (up and down again), or blocked for the robot.
         level: height of a deck, of a ramp's upper end, or of a ridge, cm.
-        uphill: side of a ramp's upper end; for a ridge, one of the two sides over which the robot drives.
+        uphill: side at a ramp's upper end; for a ridge, one of the two sides that the robot can cross.
     """
 
     kind: Literal["floor", "deck", "ramp", "ridge", "blocked"] = "floor"
@@ -41,7 +41,7 @@ class TileGround:
     uphill: Side = 0
 
     def level_at(self, side: Side) -> int | None:
-        """Height of the ground where the robot leaves the tile over a side, cm; None if it cannot."""
+        """Height of the ground at a side, cm; None if the robot cannot leave the tile over this side."""
         if self.kind in ("floor", "deck"):
             return self.level
         if self.kind == "blocked" or side % 2 != self.uphill % 2:
@@ -76,8 +76,8 @@ class Layout:
     Attributes:
         columns, rows: numbers of tiles along x and y.
         walls: edges inside the arena that have a wall.
-        reserved: tiles that must not be changed any more.
-        start: tile where the robot starts; None until it is chosen.
+        reserved: tiles that must not be changed.
+        start: tile on which the robot starts; None until a tile is chosen.
     """
 
     def __init__(self, columns: int, rows: int):
@@ -96,12 +96,12 @@ class Layout:
         return [(t, s) for t in self.tiles() for s in (0, 1) if self.neighbour(t, s) is not None]
 
     def neighbour(self, tile: Tile, side: Side) -> Tile | None:
-        """The neighbouring tile on a side; None if it would be outside the arena."""
+        """The neighbouring tile on a side; None at the arena's border."""
         i, j = self.next(tile, side)
         return (i, j) if 0 <= i < self.columns and 0 <= j < self.rows else None
 
     def edge(self, tile: Tile, side: Side) -> Edge:
-        """The unique name of the edge on a side of a tile."""
+        """The unique form of the edge on a side of a tile; see ``Edge``."""
         other = self.neighbour(tile, side)
         return (other, opposite(side)) if side >= 2 and other is not None else (tile, side)
 
@@ -135,16 +135,16 @@ class Layout:
         return not open_tiles or self._reach(min(open_tiles), self.is_passable) == open_tiles
 
     def is_explorable(self) -> bool:
-        """Whether a robot that drives only over seen ground reaches all tiles except ridges and blocked tiles."""
+        """Whether the robot, driving only over ground that it has seen, can reach all floor, decks and ramps."""
         seen = set() if self.start is None else self._reach(self.start, self._in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 
     def _in_sight(self, tile: Tile, side: Side) -> bool:
-        """Whether the robot can drive over this side and sees the ground beyond it in advance.
+        """Whether the robot can drive over this side and can see the ground beyond the side in advance.
 
-        The robot's camera sees nothing nearer than 0.8 m, so the tile before a ramp must itself be preceded by a
-        floor tile, from which the robot can see the ramp. From one ridge to the next, the result is False, because
-        the far slope of the last of several ridges is hidden.
+        The robot's camera sees nothing nearer than 0.8 m. The tile before a ramp or ridge must therefore be preceded
+        by a floor tile, from which the robot can see the ramp or ridge. Between two ridges, the result is False,
+        because the robot cannot see the far slope of the last ridge in a row.
         """
         if not self.is_passable(tile, side):
             return False
@@ -169,14 +169,14 @@ class Layout:
         return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
     def tiles_towards(self, tile: Tile, side: Side, length: int) -> list[Tile]:
-        """``length`` tiles in a row, starting with ``tile``, towards ``side``; fewer at the arena's border."""
+        """A row of ``length`` tiles from ``tile`` towards ``side``; shorter if the arena's border is nearer."""
         tiles = [tile]
         while len(tiles) < length and (after := self.neighbour(tiles[-1], side)) is not None:
             tiles.append(after)
         return tiles
 
     def try_lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
-        """Change ground and remove walls if the robot can still explore all tiles; returns whether this was done."""
+        """Change ground and remove walls if the robot can still explore all tiles; return whether it can."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
         self.walls.difference_update(opened)
@@ -186,9 +186,9 @@ class Layout:
         return False
 
     def try_block(self, tiles: list[Tile]) -> bool:
-        """Block free tiles if they can be seen from open floor and the robot can still explore all others.
+        """Block free tiles if they are visible from open floor and the robot can still explore all other tiles.
 
-        Walls between the blocked tiles are removed. Returns whether the tiles were blocked.
+        Walls between the blocked tiles are removed. The result is True if the tiles were blocked.
         """
         if not all(self.is_free(t) for t in tiles) or not self.viewing_sides(tiles):
             return False
@@ -196,7 +196,7 @@ class Layout:
         return self.try_lay([(t, BLOCKED) for t in tiles], between)
 
     def viewing_sides(self, tiles: list[Tile]) -> list[Edge]:
-        """Sides of the given tiles, as (tile, side), through which they can be seen from open floor."""
+        """Sides of the given tiles, as (tile, side), through which the tiles are visible from open floor."""
         return [
             (tile, side)
             for tile in tiles

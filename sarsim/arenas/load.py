@@ -29,7 +29,7 @@ from sarsim.vetting.trial import check_model, is_shipped, read_mjcf
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,
 }  # fmt: skip
-"""The function that builds an arena from each type of file, by the file's extension."""
+"""The functions that build arenas from files, by the file's extension."""
 LEANING = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
 MAX_NAMED_BODIES = 5  # Maximum number of bodies that a warning names
 DRAWN = 3  # Geoms of groups below this number are drawn
@@ -46,7 +46,7 @@ def load_arena(
 
     Args:
         name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
-        start: start of the robot; by default the arena's own start, or else the best position in the arena.
+        start: start pose of the robot; by default the arena's own start, or else the best one in the arena.
         random: settings of a random arena.
         victims: settings of the victims in an arena built from a file.
 
@@ -72,7 +72,7 @@ def load_arena(
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
-    """A checked copy of an arena that was made by other code, with the requested start or else the arena's own.
+    """A checked copy of an arena from other code, with the requested start, or else the arena's own start.
 
     Raises:
         InputError: ``arena`` is not an arena, MuJoCo cannot build it, or the robot cannot stand at the start. The
@@ -91,7 +91,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
 
 
 def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> StartPose | None:
-    """Add the people in the list of placements, and set unknown victim states; returns the list's start, if any."""
+    """Add the people in the list of placements, set unknown victim states, and return the list's start, if any."""
     listed = read_placements(victims.placements) if victims.placements else None
     for pose in listed.victims if listed else ():
         add_person(builder, pose)
@@ -116,10 +116,13 @@ def _from_mjcf(path: Path, requested: StartPose | None) -> RescueArena:
 
 
 def _check_rules(model: mujoco.MjModel, name: str) -> None:
-    """Warn of each rule for third-party arenas that a model breaks; InputError if gravity does not point downwards.
+    """Warn about each rule for third-party arenas that a model breaks.
 
-    The scores and the true ground assume that movable bodies stay where they are at the start, and ignore drawn
-    shapes without a label.
+    The scores and the true ground assume that movable bodies stay at their initial positions, and ignore drawn shapes
+    without a label.
+
+    Raises:
+        InputError: gravity does not point downwards.
     """
     x, y, z = model.opt.gravity
     if z >= 0 or np.hypot(x, y) > -z * LEANING:
@@ -138,7 +141,7 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
 
 
 def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, requested: StartPose | None, name: str) -> None:
-    """Add the requested start, or else the arena's own, to the world body; ``model`` is the compiled ``root``."""
+    """Add the requested start, or else the arena's own start, to ``root``; ``model`` is compiled from ``root``."""
     world, site = _at_rest(model), root.find("site", "start")
     if requested is not None:
         start = start_at(*world, *requested)
@@ -158,7 +161,7 @@ def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, requested: StartPo
 
 
 def _from_builder(name: str, builder: ArenaBuilder, requested: StartPose | None) -> RescueArena:
-    """The arena of a builder, with the requested start, or else the builder's own, or else the best one."""
+    """The arena from a builder, with the requested start, or else the builder's start, or else the best start."""
     if requested is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
         with naming(name):
@@ -170,7 +173,7 @@ def _from_builder(name: str, builder: ArenaBuilder, requested: StartPose | None)
 def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(xml, files)
-    except (ValueError, mujoco.FatalError) as error:  # for example, a mesh has no volume
+    except (ValueError, mujoco.FatalError) as error:  # for example, if a mesh has no volume
         raise InputError(f"{name}: MuJoCo cannot compile the arena: {' '.join(str(error).split())[:200]}") from error
 
 

@@ -3,8 +3,8 @@
 Occupied pixels become walls, and the ground fills the smallest rectangle around all occupied and free pixels.
 ``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the top one. In the
 modes ``trinary`` and ``scale``, a pixel's occupancy is its darkness (its brightness if ``negate`` is set). In the
-mode ``raw``, a pixel's value is its occupancy in percent; above 100, the occupancy is unknown. A pixel is occupied if
-its occupancy is above ``occupied_thresh``. In the mode ``trinary``, alpha is averaged with the colours, as in ROS
+mode ``raw``, a pixel's value is its occupancy in percent; a value above 100 means unknown. A pixel is occupied if its
+occupancy is above ``occupied_thresh``. In the mode ``trinary``, alpha is averaged with the colours, as in ROS
 (http://wiki.ros.org/map_server, image_loader.cpp).
 """
 
@@ -26,12 +26,12 @@ from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.raf import MAX_GEOMS
 from sarsim.vetting.model_files import MAX_MODEL_BYTES
 
-MAX_BYTES = 100_000  # Maximum size of the YAML file, which has seven short lines
-MAX_PIXELS = 60_000_000  # 6,000 m², the maximum area of an arena, in pixels of 1 cm
+MAX_BYTES = 100_000  # bytes, maximum size of the YAML file; a typical file has seven short lines
+MAX_PIXELS = 60_000_000  # Maximum area of an arena, 6,000 m², in pixels of 1 cm
 WALL_HEIGHT = TILE_SIZE  # m; a NIST wall is as high as it is wide
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": MODES[0]}
-"""Values of keys that a file leaves out; map_saver writes the same values."""
+"""Default values of optional keys; map_saver writes the same values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Map2D:
     """A 2D occupancy map, seen from above.
 
     Attributes:
-        occupied: occupied pixels; row 0 is the bottom one, column 0 the leftmost.
+        occupied: occupied pixels; row 0 is the bottom row, column 0 the leftmost column.
         free: free pixels; pixels that are neither occupied nor free are unknown.
         resolution: side of a pixel, m.
         origin: pose of the outer corner of pixel (0, 0): x and y in m, yaw in rad.
@@ -51,7 +51,7 @@ class Map2D:
     origin: tuple[float, float, float]
 
     def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centre (2,) m in the world and half size (2,) m of the rectangle ``cells`` (2, 2), as in :attr:`known`."""
+        """Centre (2,) m in the world and half sizes (2,) m of a rectangle of cells, given as in :attr:`known`."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
@@ -59,7 +59,7 @@ class Map2D:
 
     @property
     def known(self) -> NDArray[np.int64]:
-        """(2, 2) first and end cell (row, column) of the smallest rectangle around all occupied and free cells.
+        """(2, 2) first cell and end cell (row, column) of the smallest rectangle around all occupied and free cells.
 
         The end cell is excluded.
         """
@@ -92,7 +92,7 @@ def read_map(path: Path) -> Map2D:
 
 
 def build_map(path: Path) -> ArenaBuilder:
-    """Build the arena of a map, without a start.
+    """Build the arena of a map, without marking a start.
 
     Raises:
         InputError: the map is invalid (see :func:`read_map`), has no walls, or needs more than ``MAX_GEOMS`` boxes.
@@ -180,11 +180,11 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
         raise
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{file}: cannot be read as an image: {' '.join(str(error).split())}") from error
-    return np.atleast_3d(pixels / 257 if deep else pixels)  # 16 bits to 8
+    return np.atleast_3d(pixels / 257 if deep else pixels)  # from 16 bits to 8
 
 
 def _mode(image: Image.Image) -> str:
-    """The mode (L, RGB or RGBA) to which an image with a palette, one bit per pixel or another mode is converted."""
+    """The mode, L, RGB or RGBA, to which an image in any other mode is converted."""
     return "L" if image.mode == "1" else "RGBA" if "transparency" in image.info else "RGB"
 
 

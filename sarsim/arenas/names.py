@@ -14,7 +14,7 @@ MJCF = ".xml"
 
 
 def check_arena_name(name: str) -> None:
-    """Raise InputError unless the name is a built-in arena, ``random:SEED`` or the path of a known type of file."""
+    """Raise InputError unless ``name`` is a built-in arena, ``random:SEED`` or the path of a file of a known type."""
     if name in BUILT_IN:
         return
     if name.startswith(RANDOM):
@@ -29,7 +29,7 @@ def check_arena_name(name: str) -> None:
 
 
 def seed_of(name: str) -> int:
-    """The seed in ``random:SEED``; InputError if it is not a valid seed."""
+    """The seed in ``random:SEED``; InputError if the seed is invalid."""
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
         raise InputError(f"arena {name!r}: the seed must be a non-negative integer of at most {MAX_DIGITS} digits")

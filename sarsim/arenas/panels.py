@@ -1,4 +1,4 @@
-"""Finds wall panels that lie inside others, because two neighbouring tiles may both include the wall between them."""
+"""Finds wall panels inside other panels, for example where two neighbouring tiles both include the same wall."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Values
 
-SLACK = 1e-4  # m, maximum distance by which a panel inside another may protrude from it
+SLACK = 1e-4  # m by which a panel may protrude from another panel and still lie inside it
 
 
 def covered_panels(geoms: list[Element]) -> list[Element]:
-    """The wall panels that lie inside another panel; removing them only avoids coincident faces.
+    """The wall panels that lie inside another panel, which can be removed to avoid coincident faces.
 
     ``geoms``: all static geoms, in the world frame; boxes of class ``wall`` are the panels.
     """
@@ -26,7 +26,7 @@ def covered_panels(geoms: list[Element]) -> list[Element]:
 
 
 def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
-    """The plane of a panel, and the panel's extent in it: (4,) m, backwards, forwards, downwards and upwards.
+    """The plane of a panel, and its reach (4,) m backwards, forwards, downwards and upwards from the plane's origin.
 
     The plane is given by the panel's yaw in degrees, its offset along the normal and its half thickness, m.
     """
@@ -41,7 +41,7 @@ def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
 
 
 def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]:
-    """The panels in a plane that lie inside a larger panel."""
+    """The panels that lie inside a larger panel; all panels are in one plane."""
     panels = sorted(panels, key=lambda panel: -float(panel[1].sum()))
     outlines = np.array([outline for _, outline in panels])
     inside = [(outlines[:n] >= outline - SLACK).all(axis=1).any() for n, outline in enumerate(outlines)]

@@ -1,10 +1,10 @@
-"""Victims and starts in arena files, found by model names or in the lists of placements that leagues publish.
+"""Victims in arena files, found by model names, and the lists of victims and starts that leagues publish.
 
-A line of a list is ``NAME x y z roll pitch yaw``, in m and rad in the world frame, as Gazebo prints poses. The name
-may be missing or be a line number, and the last three numbers may be missing. Commas, semicolons, colons, equals
-signs and brackets are treated as spaces, and ``#`` begins a comment. Lines whose name contains ``start`` or ``robot``
-are starts; all other lines are victims. The name on a line without numbers applies to the lines below it that have no
-name.
+A line of a list has the form ``NAME x y z roll pitch yaw``, in m and rad in the world frame, as Gazebo prints poses.
+The name may be omitted or be a line number, and the last three numbers may be omitted. Commas, semicolons, colons,
+equals signs and brackets are treated as spaces, and ``#`` begins a comment. Lines whose name contains ``start`` or
+``robot`` are starts; all other lines are victims. The name on a line without numbers also applies to the nameless
+lines below it.
 """
 
 import re
@@ -23,13 +23,13 @@ from sarsim.arenas.things.thing import ALIVE, DEAD, annotate_body
 from sarsim.victims.victims import PREFIX, Posture, make_victim
 
 VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
-"""Words that mark the name of a model as a victim; the last is the manikin of DARPA's Subterranean Challenge."""
+"""Words in the names of victims' models; the last is the manikin of DARPA's Subterranean Challenge."""
 STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "cold": DEAD, "dead": DEAD}
 """States of victims by words in their names; the Virtual Robot league has hot, cold and moving victims."""
 START_WORDS = ("start", "robot")
 """Words in the name on a line that mark the line as a start of the robot."""
 ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
-"""Postures of people for whom an arena file gives only a position."""
+"""Postures from which one is drawn for each person, because arena files and lists give no postures."""
 MAX_LINES = 1000
 """Maximum number of lines in a list; the league's worlds have at most 20 victims."""
 _SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
@@ -58,7 +58,7 @@ class Placements:
 
     Attributes:
         victims: poses of people.
-        starts: poses where robots start.
+        starts: start poses of robots.
     """
 
     victims: tuple[WorldPose, ...]
@@ -71,7 +71,7 @@ class Placements:
 
 
 def is_victim(name: str) -> bool:
-    """Whether the name of a model marks it as a victim."""
+    """Whether the name of a model marks the model as a victim."""
     return any(word in "_".join(_words(name)) for word in VICTIM_WORDS)
 
 
@@ -81,7 +81,7 @@ def state_of(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """The words of a name in lower case: ``victimWoman_hot-2`` has four."""
+    """The words of a name in lower case; ``victimWoman_hot-2`` has the words victim, woman, hot and 2."""
     return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
 
 
@@ -89,7 +89,7 @@ def read_placements(path: Path) -> Placements:
     """Read a list of placements.
 
     Raises:
-        InputError: the file is missing or too long or contains no pose, or a line has a wrong number of values or a
+        InputError: the file is missing, is too long or contains no poses, or a line has a wrong number of values or a
             value out of range.
     """
     lines = read_text(path).splitlines()
@@ -119,7 +119,7 @@ def _number(word: str) -> float | None:
 
 def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
     if len(numbers) == 7 and numbers[0] == round(numbers[0]):
-        numbers = numbers[1:]  # the first one is a line number
+        numbers = numbers[1:]  # the first number is a line number
     if len(numbers) not in (3, 6):
         raise InputError(
             f"{where}: a pose must have 3 or 6 numbers (x y z, or x y z roll pitch yaw, in m and rad),"
@@ -133,12 +133,15 @@ def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
 
 
 def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
-    """Add a person who lies with the head along the pose's x axis; the victim's number determines their looks."""
+    """Add a person who lies with the head in the pose's +x direction.
+
+    The number of the victim determines the person's posture and appearance.
+    """
     name = builder.next_victim
     number = name.removeprefix(PREFIX)
     rng = np.random.default_rng(int(number))
     person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
-    ahead, aside = person.footprint.mean(axis=0)  # the pose is that of the person's centre
+    ahead, aside = person.footprint.mean(axis=0)  # the pose gives the person's centre
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)
     person.add_to(builder.root, middle, pose.yaw)

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
-MAX_TILES = 60  # along x or y; 72 m
+MAX_TILES = 60  # Maximum extent along x or y, tiles; 72 m
 MAX_GEOMS = 15_000
-FLOOR_MARGIN = 0.5  # m that the floor extends beyond the outermost tiles
+FLOOR_MARGIN = 0.5  # m by which the floor extends beyond the outermost tiles
 
 TYPES = frozenset(
     (
@@ -61,7 +61,7 @@ class RafElement:
         x, y: position in tiles, including the offset.
         rotation: clockwise rotation, degrees.
         mount_point: index into the mount points of the element's wall.
-        tile: x and y of the tile without the offset, and rotation, degrees, which identify the element's wall.
+        tile: x and y of the tile without the offset, and rotation, degrees; together, they identify the wall.
     """
 
     type: str
@@ -73,12 +73,12 @@ class RafElement:
 
     @property
     def kind(self) -> str:
-        """Name in the element library."""
+        """Name of the element in the library."""
         return _kind(self.type) or self.type
 
 
 def _kind(type_: str) -> str | None:
-    """Name in the element library of a type of element; None if the type is unknown."""
+    """Name of the library element for a type; None if the type is unknown."""
     return type_ if type_ in TYPES else next((k for prefix, k in FAMILIES.items() if type_.startswith(prefix)), None)
 
 
@@ -105,7 +105,7 @@ def read_raf(path: Path) -> list[RafElement]:
 
 
 def build_raf(path: Path) -> ArenaBuilder:
-    """Build the arena of a file, without a start; InputError if the file is invalid or too large."""
+    """Build the arena of a file, without marking a start; InputError if the file is invalid or too large."""
     elements = read_raf(path)
     _check_geoms(path, elements)
     builder = ArenaBuilder(path.stem)
@@ -144,7 +144,7 @@ def _element(where: str, line: "Element") -> RafElement:
 
 
 def _meant(word: str, words: Iterable[str]) -> str:
-    """The word that was probably meant, for a message; empty if none of the ``words`` is similar."""
+    """End of an error message that suggests the word most similar to ``word``; empty if no word is similar."""
     return "".join(f"; perhaps you meant {near}" for near in get_close_matches(word, words, n=1))
 
 
@@ -197,7 +197,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
 
 
 def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> Place:
-    """(3,) m, offset from an element's tile to the mount point on its wall; zero if it does not hang on a wall."""
+    """(3,) m, offset from a tile to the element's mount point; zero if the element does not hang on a wall."""
     if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
         return np.zeros(3)
     along, up = mounts[element.mount_point]

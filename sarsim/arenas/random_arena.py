@@ -1,8 +1,8 @@
 """Random rescue arenas of NIST-like tiles; the same seed gives the same arena on any machine.
 
-The plan consists of integers (:mod:`sarsim.arenas.layout`). By construction, the start is free, the robot can drive
-to every open tile, and each victim lies next to an open tile. The true geometry of the finished arena is checked as
-well; an arena that fails a check is drawn again with other random numbers.
+The plan of an arena consists of integers (:mod:`sarsim.arenas.layout`). By construction, the start is free, the robot
+can drive to every open tile, and each victim lies next to an open tile. The true geometry of the finished arena is
+also checked; an arena that fails a check is generated again with other random numbers.
 """
 
 import numpy as np
@@ -38,11 +38,11 @@ _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "things": (
 _BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # minimum and maximum of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
-"""Elements, furniture, victims, the tile where the robot starts, and the side that it faces."""
+"""Elements, furniture, victims, the tile on which the robot starts, and the side that the robot faces."""
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
-    """Build the arena of a seed, including the start.
+    """Build the arena for a seed, including the start.
 
     Raises:
         InputError: the seed or a setting is out of bounds, or the contents do not fit into the tiles.
@@ -76,7 +76,7 @@ def _check(seed: int, config: RandomArenaConfig) -> None:
 
 
 def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
-    """Draw a plan; None if the victims do not fit."""
+    """A random plan; None if the victims do not fit."""
     layout = Layout(config.columns, config.rows)
     make_maze(layout, draws, config.wall_density)
     start = choose_start(layout, draws)
@@ -104,7 +104,7 @@ def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Pl
 
 
 def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
-    """Build the arena of a plan, with the origin at its centre."""
+    """Build the arena of a plan, with the origin at the arena's centre."""
     items, pieces, victims, tile, side = plan
     builder = ArenaBuilder(name)
     corner = -np.array([config.columns, config.rows]) * TILE_SIZE / 2

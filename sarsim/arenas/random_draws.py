@@ -1,4 +1,4 @@
-"""Random choices that use only integers, so that they are the same on any machine."""
+"""Random choices based only on integers, so that a seed gives the same choices on any machine."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class RandomDraws:
-    """Draws random integers, events and elements from a NumPy generator."""
+    """Makes random choices with a NumPy generator."""
 
     def __init__(self, rng: np.random.Generator):
         self.rng = rng
@@ -19,7 +19,7 @@ class RandomDraws:
         return int(self.rng.integers(low, high + 1))
 
     def chance(self, probability: float) -> bool:
-        """True with probability ``probability``, rounded to a hundredth."""
+        """True with a probability of ``probability``, rounded to hundredths."""
         return self.number(0, 99) < round(100 * probability)
 
     def pick(self, choice: Sequence[T]) -> T:

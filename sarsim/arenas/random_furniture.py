@@ -1,6 +1,6 @@
-"""Draws the obstacles, clutter, furniture and rescue elements of a random arena.
+"""Places the obstacles, clutter, furniture and rescue elements of a random arena.
 
-The robot cannot drive over these elements, and they are easily mistaken for others.
+The robot cannot drive over these elements, which are easily mistaken for elements of other classes.
 """
 
 from sarsim.arenas.layout import SIDES, YAW, Item, Layout, Side, Tile, opposite, shift
@@ -13,36 +13,36 @@ OBSTACLES: dict[int, tuple[str, ...]] = {
     2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
     3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
 }
-"""Elements that occupy a whole tile, by difficulty; those listed twice are drawn twice as often."""
+"""Elements that occupy a whole tile, by difficulty; elements listed twice are chosen twice as often."""
 BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
-"""Elements that lie along walls, with their distance from the tile's centre, cm, which keeps a lane of 1 m free."""
+"""Elements that lie along walls, each with a distance from the tile's centre, cm, that keeps a lane of 1 m free."""
 AGAINST_WALL = (
     ("cabinet_low", 14), ("cabinet_tall", 14), ("cabinet_narrow", 34), ("bookshelf", 9), ("desk", 4), ("seat", 19),
     ("crate", 29), ("column", 39), ("motor", 8), ("gas_bottles", 34), ("pipes", 4), ("sacks", 2), ("sacks", 2),
     ("simple_elev_ramp", 0), ("simple_elev_ramp", 0), ("stairs_120", 0), ("manip_storage", 0),
 )  # fmt: skip
-"""Elements that stand with their back to a side of their tile, with their maximum shift along this side, cm."""
+"""Elements that stand with the back to a side of the tile, each with its maximum shift along this side, cm."""
 FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps", "crate_stack", "work_table")
 """Elements for the centre of a tile."""
 RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
-"""Ramps that lead nowhere, with the number of quarter turns that make them rise away from the robot."""
+"""Ramps that lead nowhere, each with the number of quarter turns after which it rises away from the robot."""
 BULKY = (
     *("raised_floor_120",) * 4, *("simple_elev_ramp",) * 3, "wardrobe", "wardrobe", "cupboards", "machine",
     "cabinet_tall",
 )  # fmt: skip
 """Elements that block much of the view. The robot can drive under the first kind, which may span several tiles."""
-SPREAD = 0.5  # Fraction of a raised floor's free neighbouring tiles that get a raised floor as well
+SPREAD = 0.5  # Fraction of a raised floor's free neighbouring tiles that also get a raised floor
 CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
-"""Small elements that may stand in front of another one, at any angle."""
-ACCOMPANIED = 0.4  # Fraction of the tiles with furniture that also get a small element
+"""Small elements that may stand in front of another element, at any angle."""
+ACCOMPANIED = 0.4  # Fraction of the furnished tiles without a workplace that also get a small element
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """Elements that hang on walls."""
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
 def place_obstacles(layout: Layout, draws: RandomDraws, fraction: float, difficulty: int) -> list[Item]:
-    """Place obstacles of one tile each until they fill a ``fraction`` of tiles or no more tiles can be blocked."""
+    """Block a ``fraction`` of the tiles with one obstacle each, or fewer if no further tile can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -54,7 +54,7 @@ def place_obstacles(layout: Layout, draws: RandomDraws, fraction: float, difficu
 
 
 def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool:
-    """Whether a diagonal wall cuts no floor of its tile off from all neighbouring tiles."""
+    """Whether an element leaves no part of the tile's floor enclosed; only a diagonal wall can enclose floor."""
     open_sides = {s for _, s in layout.viewing_sides([tile])}
     if kind == "wall_diag_120":
         halves = ({1, 2}, {0, 3}) if side % 2 else ({0, 1}, {2, 3})
@@ -75,7 +75,7 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, fraction: float) -> list
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Block whole tiles with furniture until it fills a ``fraction`` of the tiles or no more tiles can be blocked."""
+    """Block a ``fraction`` of the tiles with furniture, or fewer if no further tile can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
@@ -88,7 +88,7 @@ def place_furniture(layout: Layout, draws: RandomDraws, fraction: float) -> list
 
 
 def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Place raised floors over free tiles, and boards and cupboards that block a tile, on a ``fraction`` of tiles."""
+    """Cover a ``fraction`` of the tiles with raised floors, which leave the tiles free, or with blocking elements."""
     wanted = round(fraction * len(layout.tiles()))
     items: dict[Tile, Item] = {}
     for tile in draws.shuffled(layout.tiles()):
@@ -105,13 +105,13 @@ def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Ite
 
 
 def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]:
-    """A tile, and some of the free neighbouring tiles to which the robot can drive from it."""
+    """``tile``, and a random selection of the free neighbouring tiles to which the robot can drive from ``tile``."""
     beside = [layout.next(tile, side) for side in layout.exits(tile)]
     return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
 
 
 def hang_on_walls(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
-    """Hang barrels, boxes and signs on tiles with one wall, because a lane between two walls would be too narrow."""
+    """Hang barrels, boxes and signs in tiles with only one wall; a lane between two walls would become too narrow."""
     places = [(t, layout.walls_of(t)) for t in layout.tiles() if layout.is_free(t)]
     single = [(tile, walls[0]) for tile, walls in places if len(walls) == 1]
     wanted = round(fraction * len(layout.tiles()))
@@ -119,7 +119,7 @@ def hang_on_walls(layout: Layout, draws: RandomDraws, fraction: float) -> list[I
 
 
 def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
-    """Fill a tile that the robot sees through its side ``front``."""
+    """Random furniture for a tile that the robot sees through the tile's side ``front``."""
     back = opposite(front)
     draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":

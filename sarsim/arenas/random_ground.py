@@ -1,4 +1,4 @@
-"""Draws the ground of a random arena: a maze, and ramps and decks in it."""
+"""Generates the layout of a random arena: a maze with ramps and decks."""
 
 from collections.abc import Sequence
 
@@ -7,15 +7,15 @@ from sarsim.arenas.random_draws import RandomDraws
 
 DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
 RIDGE = 17  # cm, height of ridges
-FENCED = 0.5  # Fraction of the sides with a drop to the floor that get a wall
-HOLED = 0.15  # Fraction of the inner walls with holes, if the arena has such walls
-TALL = 0.25  # Fraction of the other walls that are twice as high
-OTHER = 0.25  # Fraction of the inner walls that are not panels, if the arena has any such walls
-MAX_WAY = 4  # tiles; open floor ahead beyond this does not make a start better
+FENCED = 0.5  # Probability of a wall on a side with a drop to floor
+HOLED = 0.15  # Probability that an inner wall has holes, if the arena has such walls
+TALL = 0.25  # Probability that any other wall is twice as high
+OTHER = 0.25  # Probability that an inner wall is not a panel, if the arena has such walls
+MAX_WAY = 4  # tiles, maximum length of the open floor ahead by which starts are compared
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
-    """Make a perfect maze by depth-first search, then keep only the fraction ``density`` of its inner walls."""
+    """Make a perfect maze by depth-first search, then keep each inner wall with probability ``density``."""
     layout.walls.update(layout.inner_edges())
     path = [draws.pick(layout.tiles())]
     seen = set(path)
@@ -34,9 +34,9 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
 
 
 def lay_ramps(layout: Layout, draws: RandomDraws, fraction: float, fields: bool) -> None:
-    """Lay runs of ramps and decks until they fill a ``fraction`` of the tiles or no further run fits.
+    """Lay runs of ramps and decks until they fill a ``fraction`` of the tiles or all attempts are used up.
 
-    If ``fields`` is set, fields of several ridges in a row are laid as well, beginning with one field.
+    If ``fields`` is set, also lay fields of several ridges in a row; the first run is such a field.
     """
     tries, left = 10 * len(layout.tiles()), round(fraction * len(layout.tiles()))
     for _ in range(tries if fields else 0):
@@ -51,7 +51,7 @@ def lay_ramps(layout: Layout, draws: RandomDraws, fraction: float, fields: bool)
 
 
 def _lay_run(layout: Layout, draws: RandomDraws, kind: str, max_tiles: int) -> int:
-    """Try to lay one run from a random tile in a random direction; returns the number of tiles that it occupies."""
+    """Try to lay a run from a random tile in a random direction; return the number of tiles that the run occupies."""
     first, side = draws.pick(layout.tiles()), draws.pick(SIDES)
     grounds, beyond = _draw_run(draws, kind, side), 0 if kind == "up" else 1
     tiles = layout.tiles_towards(first, side, 1 + len(grounds) + beyond)
@@ -68,7 +68,7 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, max_tiles: int) -> i
 
 
 def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
-    """The grounds of a run: a ridge, several ridges, two ramps with a deck between them, or a ramp up to a deck."""
+    """Grounds of a run: a ridge, several ridges, two ramps with decks between them, or a ramp up to decks."""
     level = draws.pick(DECK_HEIGHTS)
     up, down = TileGround("ramp", level, side), TileGround("ramp", level, opposite(side))
     decks = [TileGround("deck", level)] * draws.number(1, 2)
@@ -77,7 +77,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on all sides with a drop to a ramp or deck, and on the fraction ``FENCED`` of those to the floor."""
+    """Put walls on sides with a drop: on a fraction ``FENCED`` of the sides next to floor, and on all other sides."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.is_passable(tile, side)
@@ -86,7 +86,7 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
 
 
 def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
-    """Choose the floor tile and side with the longest row of open floor ahead, and reserve its first two tiles."""
+    """Choose the floor tile and side with the longest row of open floor; reserve the first two tiles of the row."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
     tile, side = max(draws.shuffled(places), key=lambda place: len(_corridor(layout, *place)))
     layout.start = tile

@@ -1,4 +1,4 @@
-"""Random colours and patterns for an arena's materials, so that a network learns shapes, not the look of plywood."""
+"""Random colours and patterns for an arena's materials, so that a network learns shapes rather than textures."""
 
 import colorsys
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _PATTERNS = ("none", "random", "edge", "cross")
 
 
 def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
-    """Give an arena's materials random colours, and those with a texture random patterns."""
+    """Give an arena's materials random colours and, if they have a texture, random patterns."""
     for material, texture in _TEXTURES.items():
         colour = random_colour(draws)
         step: dict[str, str | Sequence[float]] = {
@@ -39,7 +39,7 @@ def random_colour(draws: RandomDraws) -> Colour:
 
 
 def _shade(colour: Colour, draws: RandomDraws) -> Colour:
-    """The same colour, up to 40% darker or 20% lighter."""
+    """A random shade of a colour, up to 40% darker or 20% lighter."""
     factor = draws.number(60, 120) / 100
     red, green, blue = (min(1.0, factor * c) for c in colour)
     return red, green, blue

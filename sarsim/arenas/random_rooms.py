@@ -1,7 +1,7 @@
-"""Draws rows of furniture of many sizes and colours, which is easily confused with walls, ramps and decks.
+"""Generates rows of furniture that is easily confused with walls, ramps and decks, in many sizes and colours.
 
-A piece consists of boxes in the frame of a tile, in whole cm, with its back at +y. The headroom under tables is too
-low for the robot, and only stairs have a surface as low as a deck.
+A piece of furniture consists of boxes, in whole cm in the frame of its tile, and has its back at +y. The headroom
+under tables is too low for the robot, and only stairs have a surface as low as a deck.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from sarsim.arenas.random_paint import Colour, random_colour
 Box = tuple[int, int, int, int, int, int]  # x0, x1, y0, y1, z0, z1, cm
 BACK = 59  # cm, y of the back of a piece; the face of the wall is at 59.5
 HALF = 59  # cm, half width of a piece that fills its tile up to a narrow gap to the next piece
-LONGEST_ROW = 4  # Maximum number of tiles with the same piece side by side
+LONGEST_ROW = 4  # Maximum number of tiles in a row with the same piece
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Piece:
 
 
 def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
-    """Place pieces of one tile each until they fill a ``fraction`` of the tiles or no more tiles can be blocked."""
+    """Place pieces of one tile each until they fill a ``fraction`` of the tiles or no further tile can be blocked."""
     wanted = round(fraction * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -62,7 +62,7 @@ def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
 
 
 def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Tile]:
-    """A tile and a random number of its neighbours along a wall, with no wall between them."""
+    """A row along the side ``back``: ``tile`` and a random number of free tiles next to it, with no walls between."""
     row, along = [tile], draws.pick(((back + 1) % 4, (back + 3) % 4))
     for _ in range(draws.number(0, LONGEST_ROW - 1)):
         if layout.has_wall(row[-1], along) or not layout.is_free(layout.next(row[-1], along)):
@@ -113,7 +113,7 @@ def _wall_shelf(draws: RandomDraws) -> list[Box]:
 
 
 def _table(draws: RandomDraws) -> list[Box]:
-    """A table, desk or bench between coffee table and counter height, on legs or panels, with or without an apron."""
+    """A table, desk or bench, 40 to 95 cm high, on legs or panels, with or without an apron."""
     half, depth, height = draws.number(35, HALF), draws.number(40, 110), draws.number(40, 95)
     front, leg, top = BACK - depth, draws.number(3, 8), draws.number(2, 5)
     below = min(height - top - draws.number(0, 10), 60)
@@ -123,7 +123,7 @@ def _table(draws: RandomDraws) -> list[Box]:
     boxes += [(x, x + leg, y0, y1, 0, below) for x in (-half, half - leg) for y0, y1 in ends]
     if draws.chance(0.3):  # drawers
         boxes.append((half - 42, half - leg, front + 5, BACK - 3, draws.number(0, 8), below))
-    if draws.chance(0.4):  # a screen, books
+    if draws.chance(0.4):  # a screen or books
         left = draws.number(-half, half - 26)
         back = draws.number(front + 15, BACK)
         boxes.append((left, left + 25, back - draws.number(4, 14), back, height, height + draws.number(5, 40)))
@@ -153,7 +153,7 @@ def _bed(draws: RandomDraws) -> list[Box]:
 
 
 def _stairs(draws: RandomDraws) -> list[Box]:
-    """Steps that rise towards the back, solid or open; they are too high for the robot to climb."""
+    """Solid or open stairs that rise towards the back, with steps too high for the robot to climb."""
     half, steps, rise = draws.number(35, HALF), draws.number(3, 5), draws.number(14, 22)
     tread, solid = 110 // steps, draws.chance(0.6)
     fronts = [BACK - (steps - step) * tread for step in range(steps)]

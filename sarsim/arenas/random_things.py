@@ -27,24 +27,24 @@ from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
 from sarsim.arenas.walls import VIEWING_DISTANCE, Walls, wall_axes
 from sarsim.victims.mjcf import about_z
 
-WALL_ROOM = 0.25  # m of flat wall on all sides: half a doll's box, and more than half of the largest sign's diagonal
+WALL_ROOM = 0.25  # m of flat wall in each direction: half a doll's box, and more than half the diagonal of any sign
 THING_SPACING = 0.6  # m between objects, so that they do not touch
-HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; limited by the camera's view
+HIGHEST, LOWEST = 0.25, -0.15  # m relative to ``SIGHT_HEIGHT``, limits of objects' heights due to the camera's view
 DEAD_SHARE = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
 FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
-"""Axes of an object that stands with its back to a wall (x right, z up) in the frame of one that hangs on it."""
+"""Axes of an object that stands with its back to a wall (x right, z up) in the frame of an object on the wall."""
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
 BRACKET = 0.11  # m from the wall to the axis of a fire extinguisher
-TILTED = 0.3  # Fraction of the signs that hang at a random angle instead of on their corner
+TILTED = 0.3  # Fraction of the signs that hang at a random angle instead of standing on a corner
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
     """Hang up to ``number`` objects, of all kinds in turn, on walls next to drivable ground.
 
-    Also declare some of the people dead.
+    If ``number`` is above 0, also declare some of the people dead.
     """
     if not number:
         return
@@ -68,7 +68,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
 
 
 def _declare_some_dead(builder: ArenaBuilder, draws: RandomDraws) -> None:
-    """Declare a fraction of the people in the arena dead."""
+    """Declare each person in the arena dead with probability ``DEAD_SHARE``."""
     for text in builder.root.findall("custom/text"):
         if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_SHARE):
             text.set("data", data_of("victim", state=DEAD))
@@ -91,7 +91,7 @@ def _hang(
 
 
 def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
-    """Hang a box that contains a doll, with its origin at ``position`` (3,) m and axes ``R`` (3, 3)."""
+    """Hang a doll in its box; the origin of both is at ``position`` (3,) m, and their axes are ``R`` (3, 3)."""
     state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
     builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
     builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
@@ -108,7 +108,7 @@ def _code(name: str, draws: RandomDraws) -> ThingModel:
 
 
 def _tag(name: str, draws: RandomDraws) -> ThingModel:
-    # Lower numbers are reserved for the tags by which maps are scored.
+    # Lower numbers are reserved for the tags that are used to score maps.
     return april_tag(name, draws.number(MAX_TAGS, len(TAG_DICTIONARY.bytesList) - 1), TAG_SIDE)
 
 

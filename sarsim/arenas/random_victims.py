@@ -1,4 +1,4 @@
-"""Draws the victims of a random arena, and finds room for them next to the tiles on which the robot drives."""
+"""Places the victims of a random arena next to the tiles on which the robot drives."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,20 @@ from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
 
 ROOM = 0.04  # m between a victim and the edges of its tiles
-DRAWS = 10  # Maximum number of people drawn to find one that fits
+DRAWS = 10  # Maximum number of random people that are tried until one fits
 OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
-"""Postures drawn for the placement "open"; for the other placements, those in ``SUITABLE`` are drawn."""
+"""Postures to choose from for the placement "open"; ``SUITABLE`` lists the postures for the other placements."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedVictim:
-    """A victim, the position (3,) m of its origin relative to the corner of tile (0, 0), and its yaw, rad."""
+    """A victim, and its pose in the arena.
+
+    Attributes:
+        model: the victim.
+        position: (3,) m, origin of the victim relative to the outer corner of tile (0, 0).
+        yaw: rotation of the victim to the left, rad.
+    """
 
     model: VictimModel
     position: NDArray[np.float64]
@@ -40,15 +46,15 @@ class _Spot:
 
     @property
     def room(self) -> NDArray[np.float64]:
-        """(2,) m, size of the rectangle along the direction that the victim faces, and across it."""
+        """(2,) m, size of the rectangle along the direction that the victim faces, and across this direction."""
         count = np.ptp(self.tiles, axis=0) + 1
         return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE_SIZE
 
 
 def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
-    """Draw people until one fits on free tiles, and block these tiles; None if none fits.
+    """Generate random people until one fits on free tiles, and block these tiles; None if nobody fits.
 
-    If ``hidden`` is set, some people are half buried in rubble, in a box or behind a hole.
+    If ``hidden`` is set, the person may be half buried in rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
@@ -63,7 +69,7 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
 
 
 def _spots(layout: Layout) -> list[_Spot]:
-    """Free rectangles of at most two by two tiles, each once for every side that a victim may face."""
+    """Free rectangles of at most two by two tiles, each listed once for every side that a victim may face."""
     sizes = [(w, h) for w in (1, 2) for h in (1, 2)]
     rectangles = [[(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes]
     inside = set(layout.tiles())
@@ -72,7 +78,7 @@ def _spots(layout: Layout) -> list[_Spot]:
 
 
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
-    """Whether the victim has room, a wall if needed and, if in a box or behind a hole, open floor in front."""
+    """Whether the victim has room, a wall if needed and, for a victim in a box or behind a hole, open floor ahead."""
     # A panel with a hole may fill its tile from wall to wall.
     margin = 0.0 if victim.placement == "hole" else ROOM
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
@@ -84,7 +90,7 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
 
 
 def _position(victim: VictimModel, spot: _Spot) -> Place:
-    """(3,) m, the victim's origin, at the foot of its wall or such that its footprint is centred on the tiles."""
+    """(3,) m, the victim's origin: at the foot of a wall if needed, else with the footprint centred on the tiles."""
     forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
     if victim.needs_wall:
         # 6 mm is half the wall's thickness plus a clearance of 1 mm.

@@ -18,8 +18,8 @@ class WorldVictims:
     """Victims in a third-party world.
 
     Attributes:
-        placements: list of victims, and of starts if none is given, that a league publishes with its world.
-        state: state of victims whose names do not state whether they are alive.
+        placements: list of victims and starts that a league publishes with its world; ``--start`` takes precedence.
+        state: state of victims whose names do not say whether they are alive.
     """
 
     placements: Path | None = None
@@ -35,20 +35,22 @@ class RandomArenaConfig:
         rows: number of 1.2 m tiles along y, 3 to 20.
         wall_density: fraction of a perfect maze's inner walls that are built; 0 is an empty hall.
         ramps: fraction of the tiles with ramps or decks, 0 to 1; no effect at difficulty 0.
-        clutter: fraction of the tiles with an obstacle, 0 to 1: a diagonal wall; from difficulty 2, also a barrel or
-            crossing ramps, and blocks or pipes on as many other tiles; at difficulty 3, also a step field.
-        furniture: fraction of the tiles with furniture or rescue elements that block the robot, 0 to 1. As many tiles
-            have an object on a wall. If above 0, some inner walls are thick or made of cloth.
+        clutter: fraction of the tiles with an obstacle, 0 to 1: diagonal walls, from difficulty 2 also barrels and
+            crossing ramps, and at difficulty 3 also step fields. From difficulty 2, as many other tiles have blocks
+            or pipes.
+        furniture: fraction of the tiles with furniture or rescue elements that block the robot, 0 to 1. If above 0,
+            as many tiles have an object on a wall, and some inner walls are thick or made of cloth.
         bulky: fraction of the tiles with elements that block the view: raised floors, steep boards, cupboards.
         victims: number of victims, 0 to 100.
-        difficulty: 0 is flat; 1 adds decks and ridges of ramps; 2 adds crossing ramps, clutter, holes in walls and
-            half-hidden victims; 3 adds continuous ramp fields and step fields. By default the seed modulo 4.
+        difficulty: 0 to 3, by default the seed modulo 4. Level 0 is flat, level 1 adds decks and ridges of ramps,
+            level 2 adds crossing ramps, clutter, holes in walls and half-hidden victims, and level 3 adds continuous
+            ramp fields and step fields.
         ceiling: add a ceiling at a height of 2.4 m and extend all walls up to it.
         furnished: fraction of the tiles with furniture of varied size and colour in rows along walls: lockers,
             shelves, tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.
         things: maximum number of objects to find other than people, 0 to 100: in turn hazmat signs, codes, dolls,
-            tags, fire extinguishers and door levers. If there are any, a third of the people are dead.
+            tags, fire extinguishers and door levers. If above 0, about a third of the people are dead.
     """
 
     columns: int = 7

@@ -17,30 +17,30 @@ from pipeline.transforms import from_yaw, yaw_of
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
-START_FAR = 3.0  # m; free floor ahead beyond this does not make a start better
-CLEAR = 0.6  # m; clearance beyond this does not make a start better
+START_FAR = 3.0  # m, maximum length of the free floor ahead by which starts are compared
+CLEAR = 0.6  # m, maximum clearance by which starts are compared
 HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
 LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
 ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MAX_PLACES = 2000  # Maximum number of positions that are compared
-MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
+MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, the largest patches of floor first
 ABOVE = 0.3  # m, height above a start from which the ground below is searched for
 MAX_GROUND_GAP = 0.005  # m; a start at most this far from the ground is considered to be on it
 SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
 UPRIGHT = np.radians(0.5)  # Maximum tilt of a start that is considered upright, rad
-START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
+START_AREA = 0.25  # m², minimum area in which the robot's centre can move; a tile between four walls has 0.35 m²
 
 
 class Start(NamedTuple):
-    """The start pose of ``base_link``: x, y, z in m, and yaw in rad."""
+    """The start pose of ``base_link``: position x, y, z, m, and yaw, rad."""
 
     position: tuple[float, float, float]
     yaw: float
 
 
 def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw_deg: float) -> Start:
-    """The start at a requested position, on the lowest ground with headroom there.
+    """The start at a requested position, on the lowest ground with headroom at this position.
 
     Raises:
         InputError: the robot cannot stand there, or a number is not finite.
@@ -57,7 +57,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
 
 
 def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose) -> tuple[Pose, str]:
-    """A marked start, moved upright onto the nearest ground, and a description of the change, empty if there is none.
+    """A marked start, moved upright onto the nearest ground, and a description of the change; empty if unchanged.
 
     Raises:
         InputError: there is no ground with headroom below or above the start.
@@ -69,7 +69,7 @@ def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: P
         - ABOVE
         for off in SLOPE * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     )
-    # On a slope, a start that is perpendicular to the slope is upright, too.
+    # On a slope, a start perpendicular to the slope is also considered upright.
     up = np.array([ahead - over, beside - over, SLOPE])
     on_slope = float(np.arccos(np.clip(T_world_start[:3, 2] @ up / np.linalg.norm(up), -1, 1)))
     tilt = min(float(np.arccos(np.clip(T_world_start[2, 2], -1, 1))), on_slope)
@@ -91,8 +91,8 @@ def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: P
 def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """The best start on the floor of the largest connected piece of drivable ground.
 
-    For an open view ahead and room to turn, it maximises the length of free, level floor ahead plus twice the
-    clearance.
+    To provide an open view and room to turn, the best start maximises the length of free, level floor ahead plus
+    twice the clearance.
 
     Raises:
         InputError: there is no free floor.
@@ -111,7 +111,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
 
 
 def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
-    """(nx, ny) floor cells of each connected piece of ground, and the piece's weighted number of cells."""
+    """Yield the floor cells, (nx, ny) bool, of each connected piece of ground and the piece's weighted cell count."""
     weight = np.where(_is_inside(ground), 1.0, OUTSIDE_SHARE)
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
@@ -131,9 +131,10 @@ def _is_inside(ground: FreeGround) -> MaskLayer:
 
 
 def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
-    """The best start on the lowest level of a floor, because robots map more above their start than below it.
+    """The best start on the lowest level of a floor.
 
-    If the floor has too many cells, only some of them are compared.
+    The lowest level is used because robots map more above the start than below it. If the floor has too many cells,
+    only some of the cells are compared.
     """
     floor = floor & (ground.height <= ground.height[floor].min() + ONE_LEVEL)
     inside = floor & _is_inside(ground)

@@ -1,4 +1,4 @@
-"""Finds places on an arena's walls, in front of drivable ground, where objects can be hung."""
+"""Finds places on an arena's walls for objects that can be viewed from drivable ground."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,13 +11,14 @@ from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.sensors.camera import geom_labels
 
-SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
+SIGHT_HEIGHT = 0.5  # m, height above the ground at which walls are searched for; the camera is at 0.6 m
 VIEWING_DISTANCE = 0.8
-"""m in front of a wall at which the robot must be able to stand; a lane of 1.2 m is wide enough."""
-MAX_STEP = 0.05  # m, maximum height difference between that ground and the ground from which the wall was found
+"""m, distance in front of a wall at which the robot must be able to stand; a lane of 1.2 m is wide enough."""
+MAX_STEP = 0.05
+"""m, maximum height difference between the ground in front of a wall and the ground from which the wall is found."""
 PLACES, DIRECTIONS = 2000, 8
 """Maximum number of drivable positions from which walls are searched for, and number of directions from each."""
-WALL_REACH = 2.5  # m, maximum distance of these walls from such a position
+WALL_REACH = 2.5  # m, maximum distance of a wall from the position from which it is found
 FLAT = 0.001  # m by which a wall may deviate from a plane
 _SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible geom groups
 
@@ -26,7 +27,7 @@ class Walls:
     """An arena's upright walls as seen from drivable ground."""
 
     def __init__(self, model: mujoco.MjModel, start: Place) -> None:
-        """``start``: a point on the ground on which the robot drives."""
+        """``start``: (3,) m, a point on the ground on which the robot drives."""
         self._model, self._data = model, mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)
         self._is_wall = geom_labels(model) == Label.WALL
@@ -65,7 +66,7 @@ class Walls:
     def has_room(
         self, point: NDArray[np.float64], normal: NDArray[np.float64], half: float, rise: float = 0.0
     ) -> bool:
-        """Whether the wall around a place is flat and not occluded, and the robot can stand in front of it.
+        """Whether the wall around a place is flat and not occluded, and the robot can stand in front of the place.
 
         ``point`` (3,) m and ``normal`` (3,) as from :meth:`hits`; the place is ``rise`` m above the point and extends
         ``half`` m in all directions.
@@ -98,10 +99,10 @@ class Walls:
 
 
 def along(normal: NDArray[np.float64]) -> Direction:
-    """Direction (3,) to the right for a viewer who faces a wall with this horizontal normal (3,)."""
+    """Unit vector (3,) to the right for a viewer who faces a wall with horizontal unit normal (3,)."""
     return np.array([-normal[1], normal[0], 0.0])
 
 
 def wall_axes(normal: NDArray[np.float64]) -> Rotation3:
-    """Axes of an object that hangs on a wall with this horizontal normal (3,): right, up and towards the viewer."""
+    """(3, 3) axes, as columns, of an object on a wall with horizontal normal (3,): right, up, towards the viewer."""
     return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

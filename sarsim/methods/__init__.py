@@ -1,1 +1,1 @@
-"""The robot's methods by name, shipped and user-defined: their names are checked, and instances created."""
+"""Finds the robot's methods by name, shipped or user-defined: checks the names and creates instances."""

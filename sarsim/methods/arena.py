@@ -1,4 +1,4 @@
-"""The arena that ``--arena`` names, which may be a user-defined function."""
+"""The arena that ``--arena`` names, which a user-defined function may build."""
 
 import inspect
 
@@ -25,7 +25,7 @@ def make_arena(
         start: start pose of the robot; by default the arena's own start, or else the best position in the arena.
         random: settings of a random arena.
         seed: seed for a user-defined function.
-        victims: settings of the victims in a published world.
+        victims: settings of the victims in an arena built from a file.
 
     Raises:
         InputError: as in :func:`~sarsim.arenas.load.load_arena`; or the function does not exist, or does not return

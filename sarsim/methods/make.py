@@ -1,4 +1,4 @@
-"""The robot's methods that flags name: shipped ones, and classes of the user's own."""
+"""Creates the robot's methods that flags name: shipped methods and user-defined classes."""
 
 import inspect
 from typing import Any
@@ -62,11 +62,11 @@ def make_planner(name: str, robot: RobotModel) -> Planner:
 
 
 def make_own(flag: str, name: str, interface: type, *args: RobotModel) -> Any:
-    """An instance of the user's own class that a flag names; an error in the class keeps its traceback.
+    """An instance of the user-defined class that a flag names; an error in the class keeps its traceback.
 
     Raises:
-        InputError: there is no such class, or it lacks a member of ``interface``; if the interface has abstract
-            methods, only these are required.
+        InputError: there is no such class, or the class lacks a member of ``interface``; if the interface has
+            abstract methods, only these methods are required.
     """
     loaded = load_own(flag, name, OWN_CLASS)
     if not inspect.isclass(loaded):

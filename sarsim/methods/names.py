@@ -1,7 +1,8 @@
-"""Names of methods: checked without loading any method, so that a wrong name is rejected at once, and loaded.
+"""Checks names of methods without loading a method, so that a wrong name is rejected at once, and loads methods.
 
-A name of the user's own is MODULE:CLASS (for an arena, MODULE:FUNCTION), looked up on PYTHONPATH and in the working
-directory, or an entry point that an installed package registers in the group ``sarsim.<flag>``.
+The name of a user-defined method is MODULE:CLASS, or MODULE:FUNCTION for an arena, and is looked up on PYTHONPATH and
+in the working directory. The name may also be an entry point that an installed package registers in the group
+``sarsim.<flag>``.
 """
 
 import sys
@@ -20,7 +21,7 @@ OWN_CLASS, OWN_FUNCTION = "MODULE:CLASS", "MODULE:FUNCTION"
 
 
 def check_method(kind: str, name: str, flag: str = "") -> None:
-    """Check that a name is that of a shipped method or an entry point, or begins with an existing module.
+    """Check that ``name`` is a shipped method, an entry point or MODULE:CLASS with an existing module.
 
     Args:
         kind: a key of ``METHODS``.
@@ -28,7 +29,7 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
         flag: the flag that names the method, for error messages, if it differs from ``kind``.
 
     Raises:
-        InputError: there is no such method; the message lists those that exist.
+        InputError: there is no such method; the message lists the existing methods.
     """
     module, colon, _ = name.partition(":")
     if colon:
@@ -44,7 +45,7 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
 
 
 def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> EntryPoints:
-    """The entry points with a given name; InputError, listing the existing names, if there is none."""
+    """The entry points with a given name; if there is none, InputError with a list of the existing names."""
     group = f"sarsim.{kind.replace('-', '_')}"
     if not (found := entry_points(group=group, name=name)):
         known = ", ".join([*METHODS[kind], *sorted(entry_points(group=group).names)])
@@ -53,7 +54,7 @@ def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> E
 
 
 def load_own(kind: str, name: str, form: str) -> Any:
-    """The object that a name of the user's own stands for; an error in its module keeps its traceback.
+    """The user-defined class or function with a given name; an error in its module keeps the traceback.
 
     Raises:
         InputError: there is no such module, or it does not define the object.
@@ -76,7 +77,7 @@ def load_own(kind: str, name: str, form: str) -> Any:
 
 @contextmanager
 def working_folder() -> Iterator[None]:
-    """Also search for modules in the working directory, after all other locations."""
+    """In the context, also search for modules in the working directory, after all other locations."""
     sys.path.append(str(Path.cwd()))
     try:
         yield

@@ -18,7 +18,7 @@ from sarsim.settings import POINT_NETWORKS, LabelSource, PerceptionConfig
 
 
 def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:
-    """The classifier of a command and its victim detector, if any; InputError if they cannot be used."""
+    """The classifier and, if any, the victim detector of a command; InputError if one of them cannot be used."""
     classifier = make_classifier(config.labels, config.weights, config.pipeline.semantic_map)
     if config.detector_class:
         return classifier, make_own("detector-class", config.detector_class, Detector)
@@ -29,7 +29,7 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
 
 
 def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> FindReader | None:
-    """The readers of all finds except people, those of plug-ins first; None if there are none.
+    """The readers of all finds except people, readers from plug-ins first; None if there are no readers.
 
     Raises:
         InputError: a reader cannot be used.
@@ -42,10 +42,10 @@ def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> Fi
 def make_classifier(
     labels: LabelSource, weights: Path | None, config: SemanticMapConfig = SemanticMapConfig()
 ) -> PointClassifier:
-    """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
+    """The classifier that ``--labels`` names, with ``weights`` or the shipped weights.
 
     Raises:
-        InputError: the weights are missing or belong to another network, or there is no such class.
+        InputError: the weights are missing or belong to another network, or there is no classifier with this name.
     """
     if labels == "truth":
         return TruthClassifier()

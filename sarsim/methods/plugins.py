@@ -1,4 +1,4 @@
-"""Plug-ins: the installed ones, those that a command line requests, and their instances for a run."""
+"""Finds installed plug-ins, assigns words of a command line to plug-ins, and creates plug-ins for a run."""
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,11 +12,11 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.settings import EXPLORE, is_shipped
 
-if TYPE_CHECKING:  # commands look for plug-ins before their imports that take seconds
+if TYPE_CHECKING:  # commands look for plug-ins before slow imports, which take seconds
     from pipeline.plugin import Plugin
 
 FLAGGED = ("sarsim.reader", "sarsim.sensor", "sarsim.sink")
-"""Groups of the entry points of plug-ins that ``--NAME`` requests."""
+"""Entry point groups of the plug-ins that a flag ``--NAME`` can request."""
 MISSION = "sarsim.mission"
 
 
@@ -40,7 +40,7 @@ def find(name: str, groups: Iterable[str] = FLAGGED) -> EntryPoint:
 
 
 def find_mission(name: str) -> tuple[str, EntryPoint]:
-    """The name of the settings and the entry point of the mission that ``--mission`` gives by name or file.
+    """The plug-in name and the entry point of the mission that ``--mission`` gives by name or file.
 
     Raises:
         InputError: there is no such mission.
@@ -54,7 +54,7 @@ def find_mission(name: str) -> tuple[str, EntryPoint]:
 
 
 def _remedy(name: str) -> str:
-    """The remedy if the sources have a plug-in that the installation does not know; empty otherwise."""
+    """The remedy, for a message, if the sources contain a plug-in that is not installed; empty otherwise."""
     project = Path(__file__).parents[2] / "pyproject.toml"
     groups = tomllib.loads(project.read_text())["project"].get("entry-points", {}) if project.is_file() else {}
     return "; run: make setup" if any(name in names for names in groups.values()) else ""
@@ -83,7 +83,7 @@ def load(entry: EntryPoint) -> "type[Plugin]":
 
 
 def split_flags(words: Sequence[str], own: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
-    """The words of a command line that belong to plug-ins, by plug-in and as flags of their settings; and the rest.
+    """Split a command line into the words of each plug-in, as flags of its settings, and the remaining words.
 
     ``own``: names of the command's own flags, which take precedence.
     """
@@ -109,13 +109,13 @@ def split_flags(words: Sequence[str], own: Sequence[str]) -> tuple[dict[str, lis
 
 
 def settings_of(name: str, words: Sequence[str], default: Any = None) -> Any:
-    """A plug-in's settings from the words that belong to it; ``default``: its settings in a file, if any."""
+    """The settings of a plug-in from its words on the command line; ``default``: its settings in a file, if any."""
     kind, given = load(find(name)).Settings, {} if default is None else {"default": default}
     return tyro.cli(kind, args=list(words), prog=f"--{name}", config=(tyro.conf.SuppressFixed,), **given)
 
 
 def is_portable(settings: Any) -> bool:
-    """Whether a file may request a plug-in with these settings or this class of them: not if a setting is a path."""
+    """Whether a file may request a plug-in with these settings or this class of settings, because none is a path."""
     return not any("Path" in str(f.type) for f in fields(settings))
 
 

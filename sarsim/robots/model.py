@@ -14,7 +14,7 @@ from sarsim.vetting.model_files import parse_mjcf
 
 DEPTH_RANGE = "depth_range"  # Name of the only ``<numeric>`` that a file may omit
 PLAUSIBLE = 1e-3, 10.0
-"""Minimum and maximum plausible parameter of a robot that drives through buildings; m, rad and their rates."""
+"""Minimum and maximum plausible parameter of a robot that drives in buildings, in m, rad and their rates."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
@@ -29,7 +29,7 @@ def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
 
 
 def paced_model(robot: str, speed: float | None) -> RobotModel:
-    """:func:`robot_model` with another speed, m/s, limited to the robot's top speed; None keeps the robot's own."""
+    """Like :func:`robot_model`, but with ``speed`` m/s, limited to the top speed; None keeps the robot's speed."""
     model, top = robot_model(robot), drive_model(robot).top_speed
     if speed is not None and speed > top:
         print(f"--speed {speed:g}: limited to the robot's top speed of {top:g} m/s", file=sys.stderr)
@@ -37,13 +37,13 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
 
 
 def robot_sensor(robot: str = ROBOTS[0]) -> SensorModel | None:
-    """The robot's camera, by the nearest and farthest depth, m, in its file's ``<numeric name="depth_range">``.
+    """The robot's camera, whose depth range, m, is read from ``<numeric name="depth_range">`` in the robot's file.
 
     Returns:
-        The camera, with the noise of an Xtion; None if the file does not give its range.
+        The camera, with the noise of an Xtion; None if the file gives no range.
 
     Raises:
-        InputError: the file is missing or invalid, or no camera has such a range.
+        InputError: the file is missing or invalid, or the range is invalid.
     """
     given = _numbers(robot).get(DEPTH_RANGE)
     if given is None:
@@ -69,7 +69,7 @@ def _numbers(robot: str) -> dict[str, list[float]]:
 
 
 def _filled(kind: type[Model], robot: str) -> Model:
-    """A ``kind`` whose fields have the values of the ``<numeric>`` elements of the same names."""
+    """An instance of ``kind`` whose fields have the values of the ``<numeric>`` elements with the same names."""
     numbers, (least, most) = _numbers(robot), PLAUSIBLE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():

@@ -10,7 +10,11 @@ ROBOTS = ("pioneer3at", "jackal")
 
 
 def robot_file(robot: str) -> Path:
-    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if it is missing."""
+    """Path of a robot's MJCF; a ``robot`` that is not one of ``ROBOTS`` is itself the path.
+
+    Raises:
+        InputError: the file does not exist.
+    """
     path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
     if not path.exists():
         raise InputError(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.robot import Velocity
 
 SURPLUS = 1.2
-"""Maximum wheel speed relative to that at ``top_speed``; the surplus is for feedback."""
+"""Ratio of the maximum wheel speed to the wheel speed at ``top_speed``; the surplus is for feedback."""
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
 MAX_HEADING_ERROR = 0.2
@@ -31,9 +31,9 @@ class DriveModel:
     Attributes:
         wheel_radius: rolling radius, m.
         effective_track: track of the two-wheeled vehicle that turns like the robot, m. It is wider than the robot's
-            own track, because the tyres slip sideways: ``track + wheelbase² / track`` with equal loads and Coulomb
-            friction.
-        top_speed, top_turn_rate: faster commands are clipped to these, m/s and rad/s.
+            own track because the tyres slip sideways. With equal loads and Coulomb friction, it is
+            ``track + wheelbase² / track``.
+        top_speed, top_turn_rate: limits to which faster commands are clipped, m/s and rad/s.
         acceleration, turn_acceleration: maximum accelerations, m/s² and rad/s².
     """
 
@@ -51,10 +51,11 @@ class DriveModel:
 
 
 class SkidSteerController:
-    """Follows a velocity command with limited acceleration; gyro feedback holds the heading, encoders the speeds.
+    """Follows a velocity command with limited acceleration, using feedback from the gyro and the encoders.
 
-    Call ``command`` once per control period. The heading error is the integral of the commanded minus the measured
-    turn rate, so that a turn ends at the commanded heading even though the tyres slip.
+    Call ``command`` once per control period. Gyro feedback holds the heading, and encoder feedback the wheel speeds.
+    The heading error is the integral of the commanded minus the measured turn rate, so that a turn ends at the
+    commanded heading even though the tyres slip.
 
     Attributes:
         heading_error: angle by which the robot still has to turn to reach the heading commanded so far, rad.
@@ -87,7 +88,7 @@ class SkidSteerController:
         return np.array([w + WHEEL_GAIN * lag for w, lag in zip(self._wheel_target, self._wheel_lag, strict=True)])
 
     def _follow(self, velocity: Velocity, dt: float) -> None:
-        """Move the reference towards the command, no faster than the acceleration limits."""
+        """Move the reference velocity towards the command within the acceleration limits."""
         drive = self._drive
         self._v = _approach(self._v, velocity.v, drive.top_speed, drive.acceleration * dt)
         self._omega = _approach(self._omega, velocity.omega, drive.top_turn_rate, drive.turn_acceleration * dt)
@@ -101,7 +102,7 @@ class SkidSteerController:
             self.heading_error = 0.0
 
     def _wheels(self) -> list[float]:
-        """[left, right] rad/s, wheel speeds; if one is too fast, both are scaled down to keep the curvature."""
+        """[left, right] rad/s, wheel speeds; if one is too high, both are scaled down to keep the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = self._v - side, self._v + side

@@ -29,16 +29,19 @@ FREEDOM = ("damping", "armature", "frictionloss")
 
 
 class SkidSteerRobot(composer.Robot):
-    """A robot with an RGB-D camera and four wheels that cannot steer; attach it with ``arena.add_free_entity``.
+    """A robot with four unsteered wheels and an RGB-D camera; use ``arena.add_free_entity`` to attach the robot.
 
     Attributes:
         model: parameters for the pipeline.
-        drive: parameters for its firmware.
-        freedom: values of ``FREEDOM`` that its file sets for the robot's free joint, if any.
+        drive: parameters for the firmware.
+        freedom: values of ``FREEDOM`` that the robot's file sets for the free joint, if any.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
-        """``robot``: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
+        """Read the robot's MJCF.
+
+        Args:
+            robot: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
 
         Raises:
             InputError: the robot does not exist, its file is invalid, or a required part or number is missing.
@@ -96,7 +99,7 @@ class SkidSteerRobot(composer.Robot):
         return per_side(self.encoders(physics))
 
     def gyro(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """(3,) rad/s, turn rates in ``base_link``."""
+        """(3,) rad/s, angular velocity in ``base_link``."""
         return np.array(physics.bind(self._mjcf_root.find("sensor", "gyro")).sensordata)
 
     def accelerometer(self, physics: mjcf.Physics) -> NDArray[np.float64]:
@@ -109,7 +112,7 @@ class SkidSteerRobot(composer.Robot):
         return np.concatenate([np.arange(3) + physics.model.sensor_adr[sensor.element_id] for sensor in sensors])
 
     def measurements(self, physics: mjcf.Physics) -> dict[str, NDArray[np.float64]]:
-        """The measurements of the robot's own sensors, by the names of the methods that describe them."""
+        """The measurements of the robot's own sensors, by the names of the methods that return them."""
         sensors = (self.encoders, self.wheel_speed, self.gyro, self.accelerometer)
         return {sensor.__name__: sensor(physics) for sensor in sensors}
 
@@ -124,7 +127,7 @@ class SkidSteerRobot(composer.Robot):
 
 
 def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
-    """Keep only the robot, at the origin, and return the values of ``FREEDOM`` that its own free joint sets.
+    """Keep only the robot, at the origin, and return the values of ``FREEDOM`` that the file's free joint sets.
 
     A file made for viewing a robot on its own also has a floor, lights, a free joint and a start pose.
     """

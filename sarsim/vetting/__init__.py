@@ -1,1 +1,1 @@
-"""Untrusted models of arenas and robots: their files are checked, then compiled on trial, before they are used."""
+"""Vets untrusted models of arenas and robots: checks their files, then compiles the models on trial before use."""

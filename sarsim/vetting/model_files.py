@@ -1,6 +1,6 @@
-"""Checks of the files of an untrusted model, as plain XML and by size, before anything expands or opens them.
+"""Checks the files of an untrusted model, as plain XML and by size, before other code opens or expands the files.
 
-XML is read as Gazebo and MuJoCo read it, with tinyxml2, which accepts more than the standard allows.
+Like tinyxml2, with which Gazebo and MuJoCo read XML, the parser accepts more than the standard allows.
 """
 
 import re
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 MAX_MODEL_BYTES = 100_000_000  # Maximum total size of a model's files: MJCF, meshes, textures and height fields
-MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms for each; esogu_52x15 has 1,600
+MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms per geom; esogu_52x15 has 1,600
 MJCF_SUFFIXES = ".xml", ".mjcf"
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders."""
 _PARTS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-"""Start and end markers of everything that is not an element."""
+"""Start and end markers of comments, CDATA sections and processing instructions."""
 _NAME = r"[^\s<>/=\"'&!?]+"
 _ATTRIBUTE = re.compile(rf"\s*({_NAME})\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rf"<(/?)({_NAME})((?:{_ATTRIBUTE.pattern.replace('(', '(?:')})*)\s*(/?)>")
@@ -32,7 +32,7 @@ _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
 
 class RefusedError(InputError):
-    """A file may be harmful, rather than merely broken or missing; nothing that refers to it is read."""
+    """Raised for a file that may be harmful, rather than merely broken; no model that refers to the file is read."""
 
 
 def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
@@ -56,7 +56,11 @@ def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
 
 
 def root_of(content: bytes) -> "Element":
-    """The root element of XML that MuJoCo and Gazebo can read, even if it violates the standard; else ParseError."""
+    """The root element of XML that MuJoCo and Gazebo can read, even if the XML violates the standard.
+
+    Raises:
+        ParseError: the XML cannot be parsed, even after repair.
+    """
     try:
         return ElementTree.fromstring(content, forbid_dtd=True)
     except ElementTree.ParseError as error:
@@ -69,10 +73,17 @@ def root_of(content: bytes) -> "Element":
 def _repaired(content: bytes) -> str:
     """Repair errors in a file's content that Gazebo and MuJoCo accept but a strict parser would reject.
 
-    These errors are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, text before the declaration, missing
-    spaces between attributes, repeated attributes (the first is used), ``<`` in an attribute, prefixes without a
-    namespace, control characters, and anything after the root. Mismatched tags and values without quotes, which
-    tinyxml2 rejects, are left unchanged. So are document types and entities, so that the parser rejects them.
+    The repaired errors are
+
+    - a bare ``&``, and ``<`` in an attribute,
+    - control characters, and bytes that are not UTF-8,
+    - ``--`` in a comment,
+    - text before the declaration or after the root element,
+    - missing spaces between attributes, and repeated attributes, of which the first is used, and
+    - prefixes without a namespace.
+
+    Mismatched tags and values without quotes, which tinyxml2 rejects, are left unchanged. Document types and entities
+    are also left unchanged, so that the parser rejects the file.
     """
     text = content.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "surrogateescape")
     text = _CONTROL.sub(" ", _NOT_UTF8.sub(lambda byte: chr(ord(byte[0]) - 0xDC00), text))
@@ -91,7 +102,7 @@ def _repaired(content: bytes) -> str:
             end = tag.end()
             closing, *_, alone = tag.groups()
             depth += -1 if closing else not alone
-            if depth <= 0:  # The root is closed
+            if depth <= 0:  # The root element is closed
                 return "".join(mended).strip()
         else:
             break
@@ -126,11 +137,11 @@ def parse_mjcf(path: Path) -> dict[Path, "Element"]:
 
 
 def check_files(path: Path) -> None:
-    """Check all files of a model before anything builds or opens them.
+    """Check all files of a model before other code opens or builds the model.
 
     Raises:
-        InputError: a file is invalid (see :func:`parse_mjcf`), or the model has too many geoms, or refers to a file
-            outside its folder or to something that is not a file.
+        InputError: a file is invalid (see :func:`parse_mjcf`), or the model has too many geoms or refers to a file
+            outside its folder or to something other than a regular file.
     """
     roots = parse_mjcf(path)
     if roots[path].tag == "robot":
@@ -155,7 +166,7 @@ def check_files(path: Path) -> None:
 
 
 def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
-    """The files with given names in folders ``bases``; InputError if one would lie outside the folder of ``path``."""
+    """Existing files with ``names`` in folders ``bases``; InputError if one lies outside the folder of ``path``."""
     home = path.parent.resolve()
     found = [base / name for name in names if name for base in bases]
     try:

@@ -1,9 +1,9 @@
-"""Converts MJCF, by means of MuJoCo's own compiler, to a form that means the same alone and merged with another file.
+"""Converts MJCF with MuJoCo's compiler to a form that has the same meaning alone and merged with another file.
 
 An MJCF file contains settings for its reader: the unit of angles, the method of computing inertias, folders,
-defaults, included and attached files, frames and copies. If two files are merged, each is read with the other's
-settings. Therefore, MuJoCo reads each file alone and writes it with values that depend on no setting: radians and
-quaternions, explicit inertias, and every attribute on its own element.
+defaults, included and attached files, frames and copies. If two files are merged, the settings of one file also
+affect the other file. Therefore, MuJoCo reads each file alone and writes it with values that depend on no setting:
+radians and quaternions, explicit inertias, and every attribute on its own element.
 """
 
 import ctypes
@@ -30,29 +30,29 @@ if TYPE_CHECKING:
 
 EXACT = 17  # Digits that preserve a float64 exactly
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
-"""Elements with a file, and the attribute of a compiled model that gives the path of the file that MuJoCo opened."""
+"""Elements with a file, each with the array of the compiled model that gives the addresses of the files' paths."""
 _Classes = dict[str, dict[str, dict[str, str]]]
 Check = Callable[[mujoco.MjModel], None]
 _TOP = "main"
-"""MuJoCo's name of the global default class."""
+"""MuJoCo's name for the global default class."""
 DEFAULTS_OF = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
-"""For sections to which one element of a default class applies as a whole, the section and the element's tag."""
+"""Sections in which all elements have the same tag in default classes, each with this tag."""
 SIZES = (
     "nuserdata",
     *(f"nuser_{kind}" for kind in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")),
 )
-"""Attributes of ``<size>`` that matter beyond the file itself."""
+"""Attributes of ``<size>`` that are still needed after a merge."""
 
 
 def _no_check(model: mujoco.MjModel) -> None: ...
 
 
 def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """A compiled model, and MJCF that means the same wherever it is merged.
+    """A compiled model, and MJCF that has the same meaning alone and merged with another file.
 
     Args:
         path: the MJCF file.
-        check: raises InputError if a compiled model must not be written.
+        check: function that raises InputError if a compiled model must not be written.
 
     Raises:
         InputError: the file is missing, MuJoCo or PyMJCF cannot read it, or ``check`` rejects it.
@@ -73,7 +73,7 @@ def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mj
 def _one_line(beginning: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # These concern settings that MuJoCo will drop
+            warnings.simplefilter("ignore", UserWarning)  # The warnings concern settings that MuJoCo will drop
             yield
     except InputError:
         raise
@@ -107,21 +107,21 @@ def _resolved(
 
 
 def _written(spec: mujoco.MjSpec) -> "Element":
-    """A compiled spec as XML with full precision; MuJoCo's default of six digits is half a millimetre at 100 m."""
+    """A compiled spec as XML with full precision; MuJoCo's default, six digits, errs by up to 0.5 mm at 100 m."""
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
     library = ctypes.CDLL(str(path))
     before = library._mjPRIVATE__get_xml_precision()
     library._mjPRIVATE__set_xml_precision(EXACT)
     try:
         with TemporaryDirectory() as folder:
-            spec.to_file(f"{folder}/model.xml")  # Not to a string, which must be UTF-8; names need not be
+            spec.to_file(f"{folder}/model.xml")  # Not to a string: names need not be UTF-8
             return root_of(Path(folder, "model.xml").read_bytes())
     finally:
         library._mjPRIVATE__set_xml_precision(before)
 
 
 def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
-    """Write the options that the file sets, including those set to MuJoCo's default."""
+    """Write the options that the file sets, including options set to MuJoCo's defaults."""
     compiler = spec.compiler
     compiler.savecompiled = compiler.savecanonical = False
     authored = _written(spec).find("option")
@@ -134,7 +134,7 @@ def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
 def _with_files(
     root: "Element", model: mujoco.MjModel, spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path
 ) -> dict[str, bytes]:
-    """The contents of the files that MuJoCo opened, by name; the elements are changed to these names."""
+    """Give the files that MuJoCo opened unique names in the elements; return the files' contents by these names."""
     files: dict[str, bytes] = {}
 
     def named(path: str) -> str:
@@ -165,7 +165,7 @@ def _apply_defaults(root: "Element") -> None:
 
 
 def _collect(default: "Element", inherited: Mapping[str, dict[str, str]], classes: _Classes) -> None:
-    """Add a class and its subclasses, with the attributes that they set for each kind of element, to ``classes``."""
+    """Add a class and its subclasses to ``classes``, each with its attributes for each kind of element."""
     own = {tag: dict(attributes) for tag, attributes in inherited.items()}
     for child in default:
         if child.tag != "default":
@@ -205,7 +205,7 @@ def _numbers(element: "Element", name: str, default: str) -> NDArray[np.float64]
 
 
 def _move(element: "Element", T: Pose) -> None:
-    """Transform the pose of an element out of a frame that has the 4×4 pose ``T``."""
+    """Convert the pose of an element in a frame with the 4×4 pose ``T`` to a pose in the frame's parent."""
     if element.tag in ("body", "geom", "site", "camera"):
         moved, quat = T @ _pose(element), np.empty(4)
         mujoco.mju_mat2Quat(quat, moved[:3, :3].ravel())
@@ -237,7 +237,7 @@ def _rename(root: "Element") -> None:
 
 
 def _drop_settings(root: "Element") -> None:
-    """Remove settings that are resolved or apply only to the file; only the unit of angles remains."""
+    """Remove settings that are resolved or apply only to the file; for the compiler, set only the unit of angles."""
     for element in [e for tag in ("compiler", "keyframe") for e in root.findall(tag)]:
         root.remove(element)
     root.insert(0, root.makeelement("compiler", {"angle": "radian"}))

@@ -19,7 +19,7 @@ MAX_USER = 100  # Maximum number of ``user`` values of an element
 MAX_HEIGHTS = 2_400_000  # Maximum number of height field cells: 6,000 m², the maximum surveyed area, in 5 cm cells
 FARTHEST = 8_000.0  # m from the origin; beyond it, float32 does not resolve 1 mm
 ITERATIONS = 0, 1000  # Minimum and maximum iterations of a solver; MuJoCo's default is 100
-FACETS = 3, 128  # Minimum and maximum quads along or around a drawn shape; MuJoCo's defaults are at most 28
+FACETS = 3, 128  # Minimum and maximum number of quads along or around a shape; MuJoCo's defaults are at most 28
 BOUNDS = {
     "timestep": (1e-4, 0.02),  # s; at most the drive's period
     "iterations": ITERATIONS,
@@ -38,7 +38,7 @@ BOUNDS = {
 }
 """Valid ranges of a model's options and visual settings."""
 SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
-"""Arrays in which a model must not differ after being written and read again."""
+"""Arrays of bodies and of geoms that must not change when a model is written and read again."""
 ALIKE = 1e-6  # m, kg and kg m², maximum difference between the values in ``SAME``
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
 """Arrays with coordinates in m."""
@@ -83,7 +83,7 @@ def vet_mjcf(path: Path) -> None:
 
 
 def _tried(path: Path) -> str:
-    """``GOOD``, or the error of a file; empty if MuJoCo ran out of memory."""
+    """``GOOD`` if a file can be used, otherwise the error message; empty if MuJoCo ran out of memory."""
     try:
         model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))
@@ -119,7 +119,7 @@ def check_model(model: mujoco.MjModel) -> None:
             _check(name, getattr(owner, name), BOUNDS[name])
     if model.hfield_data.size > MAX_HEIGHTS:
         raise InputError(f"the height fields have {model.hfield_data.size} cells; the limit is {MAX_HEIGHTS}")
-    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived ones last
+    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived arrays last
         value = getattr(model, name)
         if name.startswith("nuser_"):
             _check(name, value, (0, MAX_USER))

@@ -32,12 +32,12 @@ BOTTOMS = (
 )  # fmt: skip
 SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12, 0.12), (0.18, 0.24, 0.42))
 SPACING = {"stripes": 0.11, "bands": 0.24}  # Period of the stripes or bands, m
-CHECK, CLOTH = 0.11, 0.4  # Side of the square covered by a texture of checks, and of plain cloth, m
+CHECK, CLOTH = 0.11, 0.4  # m, sides of the squares that textures of checks and of plain cloth cover
 PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
 """Patterns of tops other than overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))  # Ratios of the RGB values of the lips to those of the skin
+LIPS = np.array((0.85, 0.55, 0.52))  # Ratios of the lips' RGB values to the skin's
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
@@ -101,7 +101,7 @@ class Outfit:
 
 
 def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element], list[Element]]:
-    """Assets and geoms of a person, all of whose names start with ``name`` and ``_``."""
+    """Assets and geoms of a person; the names of all assets and geoms start with ``name`` and ``_``."""
     assets, geoms = _materials(name, outfit), []
     normals = vertex_normals(figure.body)
     for number, part in enumerate(figure.parts):
@@ -119,7 +119,7 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
 
 
 def _materials(name: str, outfit: Outfit) -> list[Element]:
-    """The materials of a person: clothes have textures, the rest plain colours."""
+    """Materials and textures of a person; only the top and the bottom have textures."""
     bottom = {"builtin": "flat", "rgb1": numbers(outfit.bottom), "mark": "random", "random": "0.2"}
     bottom["markrgb"] = numbers(np.array(outfit.bottom) * 0.85)
     materials = []
@@ -172,7 +172,7 @@ def _mesh(
 
 
 def _face(name: str, figure: Figure) -> list[Element]:
-    """Eyes, brows and mouth, by which a face is recognised; the numbers are positions on the head at rest."""
+    """Eyes, brows and mouth, which make a face recognisable; the numbers are positions and radii at rest, m."""
     features = [("lips", "lips", (0.0, 0.662, 0.1165), (0.024, 0.0075, 0.006))]
     for side, sign in (("left", 1), ("right", -1)):
         features += [

@@ -11,7 +11,7 @@ from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
 PANEL = 0.02  # Thickness of boards and panels, m
-MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
+MAX_SLOPE = np.radians(28)  # rad, maximum slope of a board in rubble
 WALL, HOLE = 1.2, (0.28, 0.24)  # m: height and minimum width of a wall panel, and half sizes of its hole
 COVER_GAP, RIM = 0.03, 0.05  # m: gap between a person and the cover, and between a hole and the panel's edge
 MAX_DEPTH = 0.6  # Maximum depth of a box, m; a person who needs more room sticks out of the box
@@ -23,7 +23,7 @@ CONCRETE = (0.55, 0.54, 0.52)
 
 @dataclass(frozen=True, eq=False)
 class PersonCover:
-    """Geoms around a person, and points in these geoms that show their extent.
+    """Geoms around a person, and points that sample these geoms.
 
     Attributes:
         geoms: geoms of the body ``cover_<id>``.
@@ -55,7 +55,10 @@ def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
 
 
 def box(name: str, person: NDArray[np.float64]) -> PersonCover:
-    """A box, open towards +x, around a person with points (N, 3) m, whose legs may stick out of it."""
+    """A box around a person, open towards +x; the person's legs may stick out of the box.
+
+    ``person``: (N, 3) m, points on the person; ``name``: prefix of the geoms' names.
+    """
     low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
@@ -69,9 +72,9 @@ def box(name: str, person: NDArray[np.float64]) -> PersonCover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> PersonCover:
-    """A panel in front of a person with points (N, 3) m, with a hole in front of the chin (3,) m.
+    """A panel in front of a person, 1.2 m high and at least as wide, with a hole in front of the chin.
 
-    The panel is 1.2 m high and at least as wide.
+    ``person``: (N, 3) m, points on the person; ``chin``: (3,) m; ``name``: prefix of the geoms' names.
     """
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
@@ -95,7 +98,7 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
 
 
 def seat(name: str, half_sizes: NDArray[np.float64]) -> PersonCover:
-    """The block of ``half_sizes`` (3,) m on which a seated person sits, with its back to the wall."""
+    """The block, of ``half_sizes`` (3,) m, on which a seated person sits; the back of the block is at the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
     return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 
@@ -110,7 +113,7 @@ def joined(covers: list[PersonCover]) -> PersonCover:
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
 ) -> PersonCover | None:
-    """A board over ``middle`` with one end on the floor, leaning on the points ``under``; None if it is too steep.
+    """A board over ``middle``, leaning on the points ``under``, with one end on the floor; None if it is too steep.
 
     The lower end is moved away from ``middle`` until the board's slope is less than ``MAX_SLOPE``.
     """
@@ -161,7 +164,7 @@ def _block_of(
     colour: tuple[float, ...],
     rng: np.random.Generator | None = None,
 ) -> PersonCover:
-    """A box geom, and a grid of points in it at most 5 cm apart."""
+    """A box geom, and a grid of points in the box, at most 5 cm apart."""
     rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
     axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -12,7 +12,7 @@ from pipeline.labels import Label
 
 
 def numbers(values: float | Iterable[float] | NDArray[np.floating], decimals: int = 4) -> str:
-    """A number or (N,) numbers as text."""
+    """A number or (N,) numbers as text, rounded to a number of decimals."""
     return " ".join(
         f"{value:.{decimals}f}".rstrip("0").rstrip(".") for value in np.ravel(np.asarray(values, np.float64))
     )

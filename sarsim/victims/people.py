@@ -1,4 +1,4 @@
-"""The library of bodies and of the postures in which they came to rest, ``assets/victims/people.npz``.
+"""The library of people, ``assets/victims/people.npz``: bodies, and poses in which bodies came to rest.
 
 The surfaces of the bodies lie around the bones of dm_control's CMU humanoid, which was dropped as a ragdoll.
 """
@@ -19,8 +19,8 @@ from sarsim.victims.mjcf import about_z
 
 UNIT = 1e-4  # m; vertices are stored as integer multiples of this
 STATURE = 2.01  # Stature of the library's people, m
-NECK = np.array([0, 0.63, 0.01])  # At rest, m; the point about which a child's larger head is scaled
-CHIN = np.array([[0, 0.6, 0.03]])  # At rest, m; between head and chest
+NECK = np.array([0, 0.63, 0.01])  # m, at rest; the point about which a child's larger head is scaled
+CHIN = np.array([[0, 0.6, 0.03]])  # m, at rest; between head and chest
 AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
 
 
@@ -47,14 +47,14 @@ class Figure:
 
     Attributes:
         body: the whole surface without the hair.
-        rest: the body's vertices at rest, with the arms stretched out: x to the left, y up.
+        rest: (N, 3) m, the body's vertices at rest, with the arms stretched out; x points to the left and y up.
         face_parts: index of the part of each face of the body.
         parts: names of the parts.
         hair: surface of the hair by style.
         turn: rotation of the head from rest to the posture.
         offset: translation of the head from rest to the posture.
         head_scale: size of the head relative to an adult's.
-        scale: stature over ``STATURE``.
+        scale: ratio of the person's stature to ``STATURE``.
     """
 
     body: Shape
@@ -102,7 +102,7 @@ class Figure:
         )
 
     def centred(self) -> "Figure":
-        """The person shifted so that their horizontal centre is at the origin and their lowest point on the floor."""
+        """The person shifted horizontally to be centred at the origin, and vertically to rest on the floor."""
         shown = self.places("bald")
         low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
@@ -114,7 +114,7 @@ class People:
     Attributes:
         postures: (P,) posture of each pose.
         builds: (P,) build of each pose: man, woman, stout or child.
-        block: (3,) half sizes of the block on which seated people sit, m, for people of stature ``STATURE``.
+        block: (3,) m, half sizes of the block on which seated people of stature ``STATURE`` sit.
     """
 
     def __init__(self, arrays: dict[str, NDArray]):
@@ -144,7 +144,7 @@ class People:
         return figure
 
     def _pressed(self, places: NDArray[np.float64], pose: int) -> NDArray[np.float64]:
-        """Points, moved to the surface if they are inside the floor or, for some postures, the wall at x = 0."""
+        """(N, 3) m, points, moved to the surface if inside the floor or, for some postures, the wall at x = 0."""
         wall = 0 if self.postures[pose] in AGAINST_WALL else -np.inf
         return np.maximum(places, [wall, -np.inf, 0])
 
@@ -189,7 +189,7 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
 
 
 def _holes(faces: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """Yield for each hole of a surface an adjacent face and the (K, 2) edges around it, directed as in the faces."""
+    """Yield, for each hole in a surface, an adjacent face and the (K, 2) edges, directed as in the faces."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     rim = np.sort(first[count == 1])

@@ -2,10 +2,10 @@
 
 An arena builder makes a victim with ``make_victim("3", rng, "sitting", "open")``, and places it with
 ``victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)``; scoring locates victims with
-``victims_of(model, data)``. A victim is a body ``victim_<id>`` of the world, without joints, all of whose geoms have
-label 6; its cover (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names of
-its geoms, meshes, materials and textures start with ``victim_<id>_``. Nothing refers to a file or a default class, so
-the MJCF can be opened anywhere.
+``victims_of(model, data)``. A victim is a body ``victim_<id>`` of the world, without joints; all geoms of this body
+have label 6. The names of the victim's geoms, meshes, materials and textures start with ``victim_<id>_``. A cover
+(rubble, a box, a wall with a hole) is a second body, ``cover_<id>``, with labels 7 and 1. The MJCF refers to no file
+and no default class, so that it can be opened anywhere.
 
 A victim's own frame has x and y on the floor and z up. The footprint surrounds the origin unless ``needs_wall`` is
 set. In that case, the origin is at the foot of the wall against which the victim leans, the wall is the plane x = 0,
@@ -33,10 +33,22 @@ from sarsim.victims.mjcf import numbers
 from sarsim.victims.people import AGAINST_WALL, CHIN, Figure, people
 
 Posture = Literal["lying", "prone", "side", "sitting", "slumped", "seated", "bust"]
-"""On the back; face down; on one side; upright or slumped against a wall; on a block; head and shoulders only."""
+"""The posture of a victim:
+
+- ``lying``, ``prone`` and ``side``: on the back, face down and on one side,
+- ``sitting`` and ``slumped``: upright and slumped against a wall,
+- ``seated``: on a block,
+- ``bust``: only head and shoulders.
+"""
 
 Placement = Literal["open", "rubble", "box", "hole"]
-"""In plain view; half under boards and blocks; in a box open towards +x; behind a wall panel with a hole."""
+"""The placement of a victim:
+
+- ``open``: in plain view,
+- ``rubble``: half under boards and blocks,
+- ``box``: in a box that is open towards +x,
+- ``hole``: behind a wall panel with a hole.
+"""
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
@@ -47,7 +59,7 @@ SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
-"""The postures possible in each placement; a random posture is one of those that need no wall."""
+"""The postures possible in each placement; a random posture is always one that needs no wall."""
 STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
 """Range of statures of each build, m."""
 
@@ -83,7 +95,7 @@ class VictimModel:
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
         """Add the victim to a ``<mujoco>`` element, with origin ``position`` (3,) m, turned left by ``yaw`` rad."""
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
-        # Made only here, because most people drawn for an arena fit in no free place, and are never added.
+        # Made only here, because most people generated for an arena fit in no free place and are never added.
         assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
         bodies = []
         for body, geoms in ((PREFIX + self.id, person), (COVER + self.id, self.cover.geoms)):
@@ -128,11 +140,11 @@ def make_victim(
     """Make a victim of random build, size and clothes; the same generator state gives the same victim.
 
     Args:
-        id: unique in the arena; letters, digits and underscores.
+        id: unique name in the arena, made of letters, digits and underscores.
         rng: random generator.
-        posture: by default, a random one that needs no wall.
+        posture: posture of the person; by default, a random posture that needs no wall.
         placement: the kind of cover.
-        stature: standing height of the person, m; by default, a random one that suits the build.
+        stature: standing height of the person, m; by default, a random height that suits the build.
         room: maximum size of the person along x and y, m.
 
     Raises:
@@ -181,7 +193,7 @@ def box_of_geoms(model: mujoco.MjModel, geoms: Indices) -> Box:
 def _figures(
     posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
 ) -> Iterator[tuple[Figure, str]]:
-    """Yield the library's people in a posture, in random order, by default of random stature, with their builds."""
+    """Yield the library's people in a posture, and their builds, in random order; the default stature is random."""
     library = people()
     kept = "sitting" if posture == "bust" else posture  # a bust is the upper part of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):

@@ -1,4 +1,4 @@
-"""Arenas from SDF files (Gazebo's worlds and models), made with the same builder as other arenas."""
+"""Builds arenas from SDF files, which describe Gazebo's worlds and models."""
 
 import logging
 from collections import Counter, defaultdict
@@ -38,12 +38,12 @@ from sarsim.vetting.model_files import MAX_GEOMS
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
 BEYOND = 2.0  # m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects
 MAX_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far from the others
-FAR_OUT = 3.0  # A body this many times as far from the centre as the others does not belong to the world
-MAX_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
-HEADROOM = robot_model().headroom  # m; a surface that is higher above the lowest point of a model is not ground
-TILE = 6.0  # m; visible surfaces are split into cubes of this size, so that rendering can skip those out of view
-MAX_FACETS = 10_000  # Above this number (0.1 ms each), a piece that collides as its hull has a single label
-COLLIDES: Attributes = {"group": 3}  # collides, but is not drawn
+FAR_OUT = 3.0  # A body more than this many times as far from the centre as the others is left out
+MAX_NAMED = 40  # Maximum number of missing items, and of broken items, that a warning names
+HEADROOM = robot_model().headroom  # m; a surface more than this above a model's lowest point is not ground
+TILE = 6.0  # m, side of the cubes into which visible surfaces are split, so that rendering can skip cubes out of view
+MAX_FACETS = 10_000  # Above this number (0.1 ms each), pieces that collide as their hulls have a single label each
+COLLIDES: Attributes = {"group": 3}  # for a geom that collides but is not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 
 _log = logging.getLogger(__name__)
@@ -51,14 +51,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A solid or a part of one that becomes a geom.
+    """A solid, or a part of a solid, that becomes a geom.
 
     Attributes:
         solid: the solid to which the geom belongs.
-        part: corners of a convex part of the solid's mesh piece; None for the whole solid.
+        part: (N, 3) m, corners of a convex part of the solid's mesh piece; None for the whole solid.
         facet: index of the piece's facet that the geom shows, without colliding; None if the geom collides.
         is_seen: whether the geom is drawn.
-        corners: corners in the world, m.
+        corners: (N, 3) m, corners in the world.
         features: features that determine the geom's label.
     """
 
@@ -71,7 +71,7 @@ class _Body:
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
-    """Build the arena of a world, without a start.
+    """Build the arena of a world, without marking a start.
 
     Raises:
         InputError: the file is missing, broken or too large, refers to a file that may be harmful, or contains no
@@ -106,7 +106,7 @@ def build_sdf(path: Path) -> ArenaBuilder:
 
 
 def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
-    """The solids of all models except those with scoped names in ``apart``; InputError if there is nothing to build.
+    """The solids of all models whose scoped names are not in ``apart``; InputError if there is nothing to build.
 
     As in Gazebo, a world in which all models are missing is an empty floor.
     """
@@ -149,8 +149,8 @@ def _far_out(name: str, place: NDArray[np.float64]) -> str:
 def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> tuple[list[Solid], Window | None]:
     """The solids of a world, and the window of the world that fits into an arena; None if the whole world fits.
 
-    Solids are cut at the window, unless only solids that were thrown out of the world are outside it. ``places``:
-    (N, 2) m, positions of the victims.
+    Solids are cut at the window, unless Gazebo's physics has thrown all solids outside the window out of the world.
+    ``places``: (N, 2) m, positions of the victims.
     """
     around = [_box_around(solid) for solid in solids if solid.kind != "plane"]
     boxes = np.concatenate([np.array(around).reshape(-1, 2, 2), np.stack([places, places], axis=1)])
@@ -158,7 +158,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
         return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
-    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MAX_THROWN)]  # the others were thrown out of the world
+    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MAX_THROWN)]  # the other boxes were thrown out of the world
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
     if np.prod(extent + 2 * MARGIN) <= MAX_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
@@ -178,7 +178,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _as_hulls(solids: list[Solid]) -> set[int]:
-    """The ids of the pieces that collide as one geom: as many of the most detailed as ``MAX_PIECES`` requires."""
+    """The ids of the pieces that collide as one geom: as many as ``MAX_PIECES`` requires, the most detailed first."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
     hulls = {id(piece) for piece in pieces if not piece.parts}
     parts = sum(len(piece.parts) or 1 for piece in pieces)
@@ -192,9 +192,10 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
 
 
 def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) -> Iterator[_Body]:
-    """The bodies of a solid; a piece in ``hulls`` collides as one body, and one in ``plain`` is also drawn as one.
+    """Yield the bodies of a solid.
 
-    ``flat`` counts the parts without volume.
+    A piece in ``hulls`` collides as one body, and a piece in ``plain`` is also drawn as one body. ``flat`` counts the
+    parts without volume.
     """
     piece, T = solid.piece, solid.T_world
     facets = [] if piece is None or id(piece) in plain else piece.seen
@@ -225,9 +226,10 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
 
 
 def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
-    """Remove the few bodies, if any, that lie so far out that the world could not be built.
+    """The bodies without the few, if any, that lie so far out that the world could not be built.
 
-    Gazebo's physics may have thrown such bodies away. Also returns a description, with the position, of each of them.
+    Gazebo's physics may have thrown such bodies away. The second result describes each removed body, with its
+    position.
     """
     if not bodies:
         return [], []
@@ -249,7 +251,7 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
 def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
     """Build the arena of bodies, with room for victims at places (N, 2) m.
 
-    A floor is added if there is no ground, or if the file holds only models whose ground is raised.
+    A floor is added if there is no ground, or if the file contains only models whose ground is raised.
     """
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies, places)
@@ -280,7 +282,7 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
 
 
 def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
-    """The label of a body in a world of ``footprint`` m²; a heightmap below the body is its ground."""
+    """The label of a body in a world of ``footprint`` m²; a heightmap below the body replaces ``ground``."""
     if body.solid.tile is not None:
         return label_of_ground(body.features.slope)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
@@ -291,7 +293,7 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
     """Lowest and highest (x, y), m, of all bodies except planes and of places (N, 2) m, extended by ``MARGIN``.
 
     If there are only planes, they have the size in the file, up to the maximum area of an arena. If there are neither
-    bodies nor victims, the bounds are at a distance of ``MARGIN`` from the origin.
+    bodies nor victims, the bounds lie at a distance of ``MARGIN`` from the origin.
     """
     around = np.concatenate([places, *(body.corners[:, :2] for body in bodies if body.solid.kind != "plane")])
     if not len(around) and not bodies:
@@ -304,7 +306,7 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
 
 
 def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Lowest and highest (x, y), m, of planes: ``BEYOND`` outside the bounds, unless the arena would be too large."""
+    """Lowest and highest (x, y), m, of planes: ``BEYOND`` outside the bounds unless the arena would be too large."""
     beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MAX_AREA else 0.0
     return low - beyond, high + beyond
 
@@ -325,7 +327,7 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
 
 
 def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Split triangles (N, 3, 3) m by the cube of side ``TILE`` in which their centres lie."""
+    """Yield triangles (N, 3, 3) m in groups whose centres lie in the same cube of side ``TILE``."""
     middle = triangles.mean(axis=1)
     tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
     _, which = np.unique(tile, axis=0, return_inverse=True)

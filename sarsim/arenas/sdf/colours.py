@@ -23,7 +23,7 @@ _NAMED: dict[str, Colour] = {
     "Blue": (0, 0, 1), "SkyBlue": (0.13, 0.44, 0.7), "Yellow": (1, 1, 0), "ZincYellow": (0.9725, 0.9529, 0.2078),
     "Orange": (1, 0.51, 0.05), "DarkYellow": (0.7, 0.7, 0), "Purple": (1, 0, 1), "Turquoise": (0, 1, 1),
     "Gold": (0.8, 0.65, 0.12), "Indigo": (0.33, 0, 0.5), "PioneerBody": (1, 0, 0), "Pioneer2Body": (0.68, 0, 0),
-    # Approximate means of textures that come with Gazebo.
+    # Approximate mean colours of textures that come with Gazebo.
     "Wood": (0.6, 0.42, 0.25), "WoodFloor": (0.55, 0.38, 0.22), "WoodPallet": (0.65, 0.5, 0.33),
     "Bricks": (0.55, 0.33, 0.27), "PaintedWall": (0.8, 0.78, 0.72), "CeilingTiled": (0.85, 0.85, 0.83),
     "WindowFrame": (0.6, 0.6, 0.6), "Grass": (0.3, 0.42, 0.18), "Steps": (0.5, 0.5, 0.5),
@@ -37,7 +37,7 @@ _NAMED: dict[str, Colour] = {
 _VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
 """Suffixes of material names that leave the colour unchanged."""
 MAX_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
-SAMPLE = 64  # pixels along a texture's shorter side that suffice for its mean
+SAMPLE = 64  # pixels along a texture's shorter side that suffice for the mean colour
 MAX_SCRIPTS = 100  # Maximum number of material files that are read in a folder
 _BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
 _SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(.+?)\s*$", re.MULTILINE)
@@ -55,8 +55,8 @@ class Materials:
     def of_shape(self, shape: "Element", visuals: "Sequence[Element]", base: Path) -> Colour | None:
         """The colour of a shape in a file in folder ``base``.
 
-        This is the shape's own colour, or else that of a visual with the same geometry, or else that of the link's
-        first visual.
+        This is the shape's own colour, or else the colour of a visual with the same pose and geometry, or else the
+        colour of the link's first visual.
         """
         alike = [visual for visual in visuals if _form(visual) == _form(shape)]
         owners = (shape, *alike, *visuals[:1])
@@ -141,7 +141,7 @@ def _mean(content: bytes) -> Colour | None:
 
 
 def mean_colour(image: Image.Image) -> Colour | None:
-    """The mean colour of a picture, weighted by opacity; None if it is all transparent or too large."""
+    """The mean colour of a picture, weighted by opacity; None if the picture is fully transparent or too large."""
     if image.width * image.height > MAX_PIXELS:
         return None
     image.draft("RGB", (SAMPLE, SAMPLE))  # decodes a JPEG at a coarse scale
@@ -154,7 +154,7 @@ def mean_colour(image: Image.Image) -> Colour | None:
 
 
 def product(a: Colour, b: Colour) -> Colour:
-    """The product of two colours: that of a surface of one colour with a texture whose mean is the other colour."""
+    """The product of two colours, such as a surface's own colour and the mean colour of its texture."""
     red, green, blue = np.multiply(a, b).tolist()
     return red, green, blue
 

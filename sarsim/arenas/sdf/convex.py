@@ -17,8 +17,8 @@ THICKNESS = 2e-4  # m, thickness of a plate
 SLIVER = 1e-4  # m; a triangle with a smaller height is treated as a line
 ROUNDED = 1e-3  # m by which a part may fill a concave corner of its surface
 LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
-UPRIGHT = 0.03  # Maximum cosine between the normals of a prism's sides and its axis
-CAP = 0.2  # Minimum cosine between the normals of a prism's ends and its axis
+UPRIGHT = 0.03  # Maximum cosine of the angle between the normal of a prism's side and the prism's axis
+CAP = 0.2  # Minimum cosine of the angle between the normal of a prism's end and the prism's axis
 NARROW = 1.0  # m; an open surface is filled only where it is narrower than this, so that no robot could be inside
 
 
@@ -30,7 +30,7 @@ def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
 
 
 def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterator[Places]:
-    """The corners (N, 3) m of each plate below a mesh's facets, which are given as arrays of triangle indices."""
+    """Yield the corners (N, 3) m of each plate below a mesh's facets, given as arrays of triangle indices."""
     for faces in facets:
         normal = mesh.face_normals[faces[mesh.area_faces[faces].argmax()]]
         for polygon in _merged(mesh.faces[faces], [mesh.vertices @ _across(normal).T], mesh.vertices @ normal):
@@ -44,7 +44,7 @@ def _extrusion_prisms(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | 
     """The prisms of a mesh that is extruded along an axis; None if the mesh has another shape."""
     height, slope = mesh.vertices @ axis, np.abs(mesh.face_normals @ axis)
     is_high = height > (height.min() + height.max()) / 2
-    number = is_high[mesh.faces].sum(axis=1)  # number of each triangle's high corners
+    number = is_high[mesh.faces].sum(axis=1)  # number of high corners of each triangle
     is_side = (number == 1) | (number == 2)
     upper, sides = mesh.faces[number == 3], mesh.faces[is_side]
     if not len(upper) or (slope[is_side] > UPRIGHT).any() or (slope[~is_side] < CAP).any():
@@ -90,7 +90,7 @@ def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_
     """(N, 3) m, the point below each vertex of a mesh that is extruded along an axis.
 
     For the upper end of a side edge, this is the edge's lower end if its offset across the axis is within ``LEAN``.
-    For any other vertex, it is the point straight below, along the axis.
+    For any other vertex, it is the point straight below at the mesh's lowest height along the axis.
     """
     height = vertices @ axis
     below = vertices - np.outer(height - height.min(), axis)
@@ -98,7 +98,7 @@ def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_
     edges = edges[is_high[edges].sum(axis=1) == 1]
     edges = np.where(is_high[edges[:, :1]], edges, edges[:, ::-1])
     aside = np.linalg.norm(below[edges[:, 0]] - below[edges[:, 1]], axis=1)
-    edges = edges[np.argsort(-aside, kind="stable")]  # the nearest last, to overwrite the others
+    edges = edges[np.argsort(-aside, kind="stable")]  # the nearest edge last, to overwrite other edges
     edges = edges[np.sort(-aside) >= -LEAN]
     below[edges[:, 0]] = vertices[edges[:, 1]]
     return below
@@ -124,7 +124,7 @@ def _merged(
     """Merge triangles (M, 3) into polygons that are convex in every view, and counter-clockwise in the first view.
 
     The method of Hertel and Mehlhorn removes each edge, longest first, if the two polygons next to it form a convex
-    one. The result has at most four times the minimum number of polygons.
+    polygon. The result has at most four times the minimum number of polygons.
 
     Args:
         triangles: indices of vertices.
@@ -169,7 +169,7 @@ def _joined(one: list[int], other: list[int], start: int, end: int, places: list
     if one[first - 1] != start or other[second - 1] != end:
         return []
     joined, turn = one[first:] + one[:first] + (other[second:] + other[:second])[1:-1], len(one) - 1
-    while len(joined) > 3 and joined[-1] == joined[1]:  # back and forth along further common edges
+    while len(joined) > 3 and joined[-1] == joined[1]:  # the outline runs back and forth along further common edges
         joined, turn = joined[1:-1], turn - 1
     while 0 < turn < len(joined) - 1 and joined[turn - 1] == joined[turn + 1]:
         del joined[turn : turn + 2]

@@ -10,14 +10,20 @@ from pipeline.errors import InputError
 from pipeline.transforms import inverse
 
 MODEL = "__model__"
-"""The name of a model's own frame, within the model."""
+"""Name of a model's own frame within the model."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A frame: its 4×4 pose relative to another frame and, if it is that of a model, the frames inside the model.
+    """A frame, which may be the frame of a nested model.
 
-    For a model, the pose is that of the model's frame ``placed``, which need not be the model's own frame.
+    Attributes:
+        T: pose of the frame; for a nested model, pose of the model's frame ``placed``.
+        relative_to: name of the frame in which the pose is given.
+        otherwise: name of the frame to use if ``relative_to`` does not exist.
+        inside: frames of the nested model; None if the frame is not a model's frame.
+        placed: name of the nested model's frame to which the pose applies.
+        merged: whether the nested model's frames also belong to this scope.
     """
 
     T: Pose
@@ -47,7 +53,9 @@ class Frames:
         self, name: str, T: Pose, relative_to: str,
         inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False, otherwise: str = "",
     ) -> str:  # fmt: skip
-        """Add a frame and return its name, which is changed if it is already in use (the file is then invalid).
+        """Add a frame and return its name.
+
+        If the name is already in use, which is an error in the file, the name is changed.
 
         Args:
             name: name of the frame.
@@ -75,9 +83,9 @@ class Frames:
         )
 
     def pose(self, name: str, otherwise: str = "") -> Pose:
-        """Pose in this scope of a frame, which may be in a nested model (``model::frame``).
+        """Pose, relative to this scope's own frame, of a frame that may be in a nested model (``model::frame``).
 
-        If the frame does not exist, the pose of the frame ``otherwise`` is returned, if given.
+        If the frame does not exist and ``otherwise`` is given, the pose of the frame ``otherwise`` is returned.
 
         Raises:
             InputError: there is no such frame, or the poses of frames form a cycle.

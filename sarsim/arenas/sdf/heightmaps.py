@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
 """Supported file types; geographic rasters are not supported."""
-MAX_PIXELS = 1025**2  # Maximum size of a heightmap: the largest in Gazebo's documentation
+MAX_PIXELS = 1025**2  # pixels, maximum size of a heightmap: the largest size in Gazebo's documentation
 TILE = 2.0  # m, approximate side of a tile; each tile has its own label
 MAX_TILES = 40  # Maximum number of tiles along an axis
 BASE = 1.0  # m, thickness of a height field below its lowest point, so that nothing falls through

@@ -1,25 +1,29 @@
 """Labels convex bodies by shape and position, because SDF has no labels.
 
-The ground is at the lowest height at which the level surfaces up to a step (8 cm) above fill a quarter of the world's
-bounding rectangle. A height is not that of the ground if level surfaces above the step, but within the P3-AT's
-headroom, have at least the same area, as above the underside of a slab. Planes are infinite. The label of a body
-depends on its main face, the largest of its faces that do not face down. The first rule that applies gives the label:
+The ground is at the lowest height such that level surfaces up to a step (8 cm) above this height fill a quarter of
+the world's bounding rectangle. A height is excluded if level surfaces above the step, but within the P3-AT's
+headroom, have at least the same area, as above the underside of a slab. Planes are infinite.
+
+The label of a body depends on its main face, the largest of its faces that do not face down. The first rule that
+applies gives the label:
 
 1. if the main face is tilted by at most the slope that the P3-AT can climb (20°),
    - inclined ramp, if it is wide and tilted by more than 8°;
    - terrain, if it is level and within a step of the ground;
    - deck (``STRAIGHT_RAMP``), if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
    - terrain (the floor of a higher level) if it is level, lower than a door and fills a quarter of the rectangle;
-   - ceiling, if it is level and the body's underside is above the height of a door (2 m) over the ground;
-2. wall, if the face is within 20° of the vertical and at least as long as the P3-AT is wide (0.6 m with clearance),
-   and the body's thickness is at most a quarter of the face's length; or if the body is as tall as a door;
+   - ceiling, if it is level and the body's underside is at least the height of a door (2 m) above the ground;
+2. wall,
+   - if the body is at least as tall as a door, or
+   - if the main face is within 20° of the vertical and at least as long as the P3-AT is wide (0.6 m with clearance),
+     and the body's thickness is at most a quarter of the face's length;
 3. clutter.
 
 Each tile of a heightmap (about 2 m) has its own label: terrain if it is level, at any height; inclined ramp if the
 P3-AT can climb it; otherwise clutter. For other bodies above a heightmap, the heightmap is the ground.
 
-A face is wide if its area is at least 0.6 m × 0.6 m. For a facet of a larger surface, the area is that of the whole
-part of the surface that faces up.
+A face is wide if its area is at least 0.6 m × 0.6 m. A facet of a larger surface is wide if the upward-facing part of
+the surface has this area.
 """
 
 from dataclasses import dataclass
@@ -83,7 +87,7 @@ def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeF
     a, b, c = corners[hull.simplices].swapaxes(0, 1)
     areas = np.bincount(face.ravel(), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).round(6)
     areas[normals[:, 2] < -np.sin(_pioneer().max_tilt)] = 0.0
-    largest = np.lexsort((normals[:, 2], areas))[-1]  # of equal faces, the one that faces up most
+    largest = np.lexsort((normals[:, 2], areas))[-1]  # of faces with equal areas, the most upward-facing
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
@@ -91,7 +95,7 @@ def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeF
 
 
 def flat_shape_features(triangles: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
-    """The features of coplanar triangles (N, 3, 3) m in the world, facing either way; ``surface`` as above."""
+    """The features of coplanar triangles (N, 3, 3) m in the world; ``surface``: see ShapeFeatures."""
     corners = triangles.reshape(-1, 3)
     sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
     area = float(np.linalg.norm(sums))
@@ -152,7 +156,7 @@ def label_of(features: ShapeFeatures, ground: float, footprint: float) -> Label:
 
 
 def label_of_ground(slope: float) -> Label:
-    """The label of natural ground: a tile of a heightmap, at any height; ``slope``: z of its unit normal."""
+    """The label of a heightmap's tile, whatever its height; ``slope``: z of its unit normal."""
     if slope > np.cos(RAMP_TILT):
         return Label.TERRAIN
     return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER

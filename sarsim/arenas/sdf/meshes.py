@@ -1,4 +1,4 @@
-"""Reads triangles from mesh files, with pycollada or trimesh; in pure Python, broken files only raise exceptions."""
+"""Reads triangles from mesh files with pycollada or trimesh, in pure Python, so that broken files cause no crash."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from sarsim.arenas.sdf.colours import Colour, Materials, mean_colour, product
 from sarsim.arenas.sdf.resources import Resources
 from sarsim.vetting.model_files import RefusedError
 
-MAX_TRIANGLES = 500_000  # Maximum number of triangles of a mesh; finding its connected pieces takes 10 µs for each
+MAX_TRIANGLES = 500_000  # Maximum number of triangles of a mesh; finding connected pieces takes 10 µs per triangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class MeshSurface:
     """Triangles with the same name and colour.
 
     Attributes:
-        name: name of this part of the file, by which ``<submesh>`` selects it.
+        name: name by which ``<submesh>`` selects these triangles.
         vertices: (N, 3) float64 m, corners of the triangles.
         triangles: (M, 3) int64 indices of vertices, counter-clockwise as seen from outside.
         colour: colour of the triangles; None if the file gives none.
@@ -54,7 +54,7 @@ class Meshes:
         self._read: dict[Path, list[MeshSurface] | str] = {}
 
     def surfaces(self, path: Path) -> list[MeshSurface]:
-        """The surfaces of a mesh file (:func:`read_surfaces`); for an invalid file, every call raises InputError."""
+        """The surfaces of a mesh file, as in :func:`read_surfaces`; InputError if the file is invalid."""
         if path not in self._read:
             try:
                 self._read[path] = read_surfaces(self.resources, path, self.materials)
@@ -104,7 +104,7 @@ class _Beside(trimesh.resolvers.Resolver):
         self._resources, self._path = resources, path
 
     def get(self, name: str) -> bytes:
-        """The content of a file; if it cannot be read, KeyError, which trimesh treats as a missing file."""
+        """The content of a file; if the file cannot be read, KeyError, by which trimesh recognises a missing file."""
         try:
             path = self._resources.find(name, self._path.parent, str(self._path))
             if path is None or not path.is_file():
@@ -128,7 +128,7 @@ class _Beside(trimesh.resolvers.Resolver):
 
 
 def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
-    """Read STL, OBJ or glTF, whose coordinates are in m; only the materials of OBJ files are read."""
+    """Yield the surfaces of an STL, OBJ or glTF file, whose coordinates are in m; only OBJ materials are read."""
     kind, is_plain = path.suffix.lower()[1:], path.suffix.lower() != ".obj"
     objects = () if is_plain else {name.decode("utf-8", "replace").strip() for name in _OBJECT.findall(content)}
     options: dict[str, Any] = {"skip_materials": True} if is_plain else {"split_objects": True}
@@ -143,7 +143,7 @@ def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materi
 
 
 def _of_material(material: Any) -> Colour | None:
-    """The colour ``Kd`` of an OBJ material, multiplied by the mean of its texture; None if it has neither."""
+    """The product of an OBJ material's colour ``Kd`` and its texture's mean colour; None if both are missing."""
     if material is None:
         return None
     red, green, blue = (np.asarray(material.diffuse, np.float64)[:3] / 255).tolist()
@@ -153,7 +153,7 @@ def _of_material(material: Any) -> Colour | None:
 
 
 def _collada(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
-    """Read the visual scene of a COLLADA file, and apply its unit and the transforms of its nodes.
+    """Yield the surfaces of a COLLADA file's visual scene, in m, with the transforms of its nodes applied.
 
     ``<up_axis>`` is ignored, as in Gazebo, because worlds are made to look right in Gazebo.
     """
@@ -174,7 +174,7 @@ def _collada(content: bytes, path: Path, resources: Resources, materials: Materi
 
 
 def _diffuse(material: Any, folder: Path, materials: Materials) -> Colour | None:
-    """The diffuse colour of a COLLADA material or the mean of its texture; None if it has neither."""
+    """The diffuse colour of a COLLADA material or its texture's mean colour; None if both are missing."""
     value = getattr(getattr(material, "effect", None), "diffuse", None)
     image = getattr(getattr(getattr(value, "sampler", None), "surface", None), "image", None)
     if image is not None:

@@ -14,11 +14,11 @@ NEWEST = (1, 12)
 
 
 def model_file(resources: Resources, path: Path) -> Path:
-    """The SDF file for a path, which is either that file or the folder of a model.
+    """The SDF file for ``path``, which is either this file itself or the folder of a model.
 
-    In a folder, it is the file of the newest supported version that ``model.config`` lists, else ``model.sdf``, else
-    the only SDF file. If there is none, the search continues in the subfolder of the newest version, as in Gazebo's
-    cache, or in the only subfolder with a model.
+    The SDF file of a folder is the file of the newest supported version that ``model.config`` lists, else
+    ``model.sdf``, else the only SDF file. If there is no such file, the search continues in the subfolder of the
+    newest version, as in Gazebo's cache, or in the only subfolder with a model.
 
     Raises:
         InputError: there is no such file.

@@ -1,8 +1,8 @@
 """Connected pieces of a surface: their visible triangles, and the convex parts with which the robot collides.
 
 MuJoCo and the true ground treat every colliding geom as its convex hull. A closed, convex piece becomes one geom. Any
-other piece is drawn as it is, but collides as a few convex parts, either prisms between the two sides of a wall or
-thin plates on its facets, so that rooms, doorways and stairs stay open.
+other piece is drawn unchanged, but collides as a few convex parts, so that rooms, doorways and stairs stay open.
+These parts are either prisms between the two sides of a wall or thin plates on the facets.
 """
 
 from collections.abc import Iterator
@@ -22,10 +22,10 @@ from sarsim.arenas.sdf.convex import SLIVER, THICKNESS, plates, prisms
 from sarsim.arenas.sdf.meshes import MeshSurface
 
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
-"""(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
+"""(8, 3) indices of corners: triangles of a prism with ends 0, 1, 2 and 3, 4, 5, counter-clockwise from outside."""
 THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
 """m, thicknesses of plates on flat parts, in the order in which they are tried; far from the origin, single precision
-does not resolve the thinnest."""
+does not resolve the thinnest plate."""
 FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; for a plate, half its thickness
 MAX_PIECES = 2_000  # Maximum numbers of a mesh's pieces, a world's convex parts and a piece's facets; 2 ms per geom
 
@@ -38,7 +38,7 @@ class MeshPiece:
         vertices: (N, 3) m, corners of the triangles.
         triangles: (M, 3) indices of vertices.
         parts: corners of its convex parts, each (K, 3) m; empty if there are too many.
-        colour: colour of the surface.
+        colour: colour of the surface; None if the file gives none.
         facets: (M,) index of each triangle's flat facet; None unless the surface is drawn and the parts only collide.
     """
 
@@ -89,7 +89,7 @@ def _has_volume(corners: Places) -> bool:
 
 
 def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:
-    """The connected pieces of a surface."""
+    """Yield the connected pieces of a surface, or the whole surface if there are more than ``MAX_PIECES``."""
     mesh = trimesh.Trimesh(surface.vertices, surface.triangles, process=True)
     mesh.update_faces(mesh.nondegenerate_faces(height=SLIVER) & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()
@@ -121,9 +121,10 @@ def two_sided(triangles: NDArray[np.float64]) -> tuple[Places, NDArray[np.int64]
 
 
 def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
-    """Extrude outlines (N, 2) m from z = 0 to ``height`` m, in convex parts; an outline inside another is a hole.
+    """Extrude outlines (N, 2) m from z = 0 to ``height`` m; an outline inside another outline is a hole.
 
-    ValueError if the outlines enclose no area.
+    Raises:
+        ValueError: the outlines enclose no area.
     """
     area = shapely.Polygon()
     for outline in outlines:

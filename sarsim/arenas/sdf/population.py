@@ -1,7 +1,7 @@
 """Positions of the copies in a ``<population>``, as in Gazebo classic.
 
-Random positions are drawn with the seed ``SEED``, so that a world is always the same. In Gazebo, they differ at every
-start.
+Random positions depend only on the seed ``SEED``, so that a world is always the same; in Gazebo, the positions differ
+at every start.
 """
 
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SEED = 0
 SPACING = 0.1  # m between the points that are clustered to spread copies evenly over a box
-MAX_POINTS = 10_000  # Approximate maximum number of these points, and their number in a cylinder
+MAX_POINTS = 10_000  # Approximate maximum number of these points in a box, and their number in a cylinder
 LINES = {"linear-x": 0, "linear-y": 1, "linear-z": 2}
 """Distributions along a line, with the index of its axis."""
 
@@ -53,8 +53,8 @@ def places_of(population: "Element", where: str) -> Places:
 
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
-    """Positions in a grid relative to the first one, row by row, and the first relative to the grid's centre, m."""
-    distribution = required(population.find("distribution"))  # not None, because its <type> is grid
+    """(N, 3) m, positions in a grid relative to the first position, and (3,) m, the first relative to the centre."""
+    distribution = required(population.find("distribution"))  # not None, because the population's <type> is grid
     rows, columns = (_count(distribution, tag, where) for tag in ("rows", "cols"))
     _bounded(rows * columns, where)
     step = child_numbers(distribution, "step", (0.5, 0.5, 0.0), where) * (1, 1, 0)
@@ -77,7 +77,7 @@ def _in_box(kind: str, size: NDArray[np.float64], count: int, rng: np.random.Gen
 
 
 def _in_cylinder(radius: float, length: float, count: int, rng: np.random.Generator) -> Places:
-    """(N, 3) m, random positions in a cylinder with its base at 0, denser towards its axis, as in Gazebo."""
+    """(N, 3) m, random positions in a cylinder with its base at z = 0, denser towards its axis, as in Gazebo."""
     angle, distance = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, radius, count)
     return np.column_stack([distance * np.cos(angle), distance * np.sin(angle), rng.uniform(0, length, count)])
 

@@ -1,4 +1,7 @@
-"""Finds the files to which a world refers in its folder and folders of models; reads each once, with bounded size."""
+"""Finds the files to which a world refers, in the world's folder and in folders of models, and reads each file once.
+
+The total size of the files is limited.
+"""
 
 import os
 import re
@@ -25,7 +28,7 @@ _PACKAGE = "package.xml"
 """The file that makes a folder a ROS package."""
 _DEEPEST = 20  # Maximum number of suffixes of a path that are searched for
 _PACKAGE_LEVELS = 3  # Maximum number of levels from a world's folder up to its package
-_MAX_PACKAGES = 200  # Maximum number of packages next to that package that are searched
+_MAX_PACKAGES = 200  # Maximum number of packages next to the world's package that are searched
 _INSIDE = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
@@ -35,7 +38,7 @@ PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[
 
 
 class MissingError(InputError):
-    """A file or folder could not be found.
+    """Raised for a file or folder that was not found.
 
     Attributes:
         uri: the URI that was searched for.
@@ -51,14 +54,14 @@ _OUTSIDE = Path("..")
 
 
 def versions(folder: Path) -> list[int]:
-    """The versions of a model that have a subfolder in its folder, newest first."""
+    """The versions of a model for which the model's folder has a subfolder, newest first."""
     return sorted(
         (int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir()), reverse=True
     )
 
 
 def _in_any_case(path: Path) -> Path | None:
-    """The file or folder whose path matches, ignoring case; None if there is none."""
+    """The file or folder whose path equals ``path``, ignoring case; None if there is none."""
     if path.parent == path:
         return path
     folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
@@ -71,12 +74,17 @@ def _in_any_case(path: Path) -> Path | None:
 class Resources:
     """Finds and reads the files of one world.
 
-    A ``model://`` or ``package://`` URI is searched for in the world's folder, in ``models`` inside and next to it,
-    in the ROS package that contains the world and the packages next to it, and in the folders that Gazebo's
-    environment variables list; then in and above the folder of the file that refers to it. A path is relative to the
-    folder of that file; if nothing is there, for example because the path is from another machine, the suffixes of
-    the path are searched for in the folders of models. Case is ignored. Nothing outside these folders is read.
-    Nothing is downloaded; an online model is searched for by its name.
+    A ``model://`` or ``package://`` URI is searched for in these folders:
+
+    - the world's folder, and the folders ``models`` inside and next to the world's folder,
+    - the ROS package that contains the world, and the packages next to this package,
+    - the folders that Gazebo's environment variables list,
+    - the folder of the file that contains the URI, and the folders above this folder.
+
+    A path is relative to the folder of the file that contains the path. If nothing exists there, for example because
+    the path is from another machine, the suffixes of the path are searched for in the folders of models. Case is
+    ignored. Nothing outside these folders is read, and nothing is downloaded. A model from Gazebo's online library is
+    searched for by its name.
     """
 
     def __init__(self, world: Path):
@@ -111,7 +119,12 @@ class Resources:
         return name or folder.name
 
     def find(self, uri: str, base: Path, where: str) -> Path | None:
-        """The file or folder for a URI in a file in folder ``base``; None if there is none.
+        """The file or folder to which a URI refers; None if there is none.
+
+        Args:
+            uri: the URI.
+            base: folder of the file that contains the URI.
+            where: location of the URI for error messages.
 
         Raises:
             InputError: the path is outside the folders of the world and of models, or is not a valid file name.
@@ -144,7 +157,7 @@ class Resources:
         return any(path.is_relative_to(allowed) for allowed in (folder, *self._folders))
 
     def _places(self, uri: str, base: Path) -> Iterator[tuple[Path, str]]:
-        """The places to search for a URI: folders, each with a path in it."""
+        """Yield the places to search for a URI: folders, each with a path relative to the folder."""
         for spelt in dict.fromkeys((uri, unquote(uri))):
             scheme, apart, rest = spelt.partition("://")
             if online := _ONLINE.fullmatch(spelt):
@@ -169,7 +182,7 @@ class Resources:
             yield base, others
 
     def _downloaded(self, place: str, name: str, file: str) -> Iterator[tuple[Path, str]]:
-        """Places of a model in the online library, or of one of its files: as in Gazebo's cache, or only by name."""
+        """Yield possible places of an online model or of one of its files: as in Gazebo's cache, or only by name."""
         server, *_, owner = place.split("/")
         for folder in self._folders:
             for kept in (name, f"{server}/{owner}/models/{name}"):
@@ -179,7 +192,7 @@ class Resources:
                     yield from ((model, str(version) + file) for version in versions(model))
 
     def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
-        """The suffixes of a path from another machine or folder, each with at least a folder and a file name."""
+        """Yield the suffixes of a path, each with at least a folder and a file name, in all folders of models."""
         parts = [part for part in Path(path).parts if part != "/"]
         for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)

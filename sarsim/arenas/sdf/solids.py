@@ -39,10 +39,10 @@ class Solid:
         kind: MuJoCo's name for the type of geom; ``mesh`` for a piece of a mesh.
         size: MuJoCo's sizes, m.
         T_world: pose in the world.
-        corners: points whose convex hull contains the solid, in its own frame, m.
-        piece: piece of a mesh; None for other types.
+        corners: (N, 3) m, points in the solid's own frame whose convex hull contains the solid.
+        piece: piece of a mesh; None for other types of geom.
         colour: colour of the solid; None if the file gives none.
-        tile: tile of a heightmap; the lowest point of its height field is at z = 0 of the solid's frame.
+        tile: tile of a heightmap, whose lowest point is at z = 0 of the solid's frame; None for other types of geom.
     """
 
     kind: str
@@ -61,7 +61,7 @@ class Solid:
 
 
 class SolidReader:
-    """Converts shapes to solids; each mesh is cut into pieces once."""
+    """Converts shapes to solids; each mesh is cut into pieces only once."""
 
     def __init__(self, meshes: Meshes):
         """``meshes``: meshes of the world."""
@@ -69,7 +69,7 @@ class SolidReader:
         self._pieces: dict[object, list[MeshPiece]] = {}
 
     def solids(self, shape: SdfShape) -> Iterator[Solid]:
-        """The solids of a shape; InputError if a number is invalid, or a file is missing or broken."""
+        """Yield the solids of a shape; InputError if a number is invalid, or a file is missing or broken."""
         for form in shape.geometry:
             if form.tag in _PRIMITIVES:
                 yield _PRIMITIVES[form.tag](form, shape)
@@ -121,7 +121,7 @@ class SolidReader:
 
 
 def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bool) -> Iterator[MeshSurface]:
-    """Scale surfaces along the axes; if ``centred``, first move the centre of their bounding box to 0."""
+    """Scale surfaces along the axes; if ``centred``, first move the centre of their joint bounding box to 0."""
     every = np.concatenate([s.vertices for s in surfaces])
     middle = (every.min(axis=0) + every.max(axis=0)) / 2 if centred else np.zeros(3)
     order = 1 if np.prod(scale) > 0 else -1  # a mirror image turns triangles inside out
@@ -143,7 +143,7 @@ def _box(form: "Element", shape: SdfShape) -> Solid:
 
 
 def _round(kind: str, form: "Element", shape: SdfShape) -> Solid:
-    """A cylinder or a capsule; the length of a capsule is that of its cylindrical part."""
+    """A cylinder or a capsule; the length of a capsule does not include its round ends."""
     sizes = _positive(form, {"radius": (1.0,), "length": (1.0,)}, shape.where) * (1.0, 0.5)
     radius, half = np.maximum(sizes, THINNEST)
     reach = half + radius * (kind == "capsule")

@@ -1,4 +1,4 @@
-"""The ``<state>`` of a world: the poses of its models and links when Gazebo saved it."""
+"""The ``<state>`` of a world: the poses of models and links when Gazebo saved the world."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ class State:
 
     Attributes:
         element: element that contains the states of the links and nested models; None if there is none.
-        prefix: prefix of their names in ``element``, because before version 7, Gazebo writes the states of all nested
-            models into the outermost model's state.
+        prefix: prefix of the names of links and nested models in ``element``; versions of Gazebo before 7 write the
+            states of all nested models into the outermost model's state.
         pose: element that contains the model's own pose; None if there is none.
     """
 
@@ -28,7 +28,7 @@ class State:
         return self._named("link", name)
 
     def of_model(self, name: str) -> "State":
-        """The state of a model that is nested in this one."""
+        """The state of a model nested in this model or world."""
         own = self._named("model", name)
         return State(self.element, f"{self.prefix}{name}::") if own is None else State(own, "", own)
 
@@ -39,12 +39,12 @@ class State:
 
 
 def world_state(world: "Element") -> State:
-    """The state of a world, which is the first one in its file, as in Gazebo."""
+    """The state of a world: as in Gazebo, the first ``<state>``."""
     return State(world.find("state"))
 
 
 def children_of(world: "Element") -> "Iterator[Element]":
-    """The children of a world, with those that its state inserts, and without the models that its state deletes."""
+    """Yield the children of a world and the elements that its state inserts, except models that its state deletes."""
     state = world.find("state")
     deleted = set() if state is None else {(e.text or "").strip() for e in state.iterfind("deletions/name")}
     inserted = [] if state is None else list(state.iterfind("insertions/*"))

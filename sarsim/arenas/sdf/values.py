@@ -1,4 +1,4 @@
-"""Numbers and poses in an SDF file."""
+"""Reads the numbers and poses in SDF files."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
-"""Formats of a rotation, with their numbers of values."""
+"""Formats of a rotation, each with its number of values."""
 
 
 def numbers(text: str | None, count: int, where: str) -> Values:
@@ -37,10 +37,10 @@ def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where
 
 
 def pose_of(owner: "Element", where: str) -> Pose:
-    """The ``<pose>`` of an element, relative to the frame that it names; the identity if there is no ``<pose>``.
+    """The ``<pose>`` of an element, relative to the frame named there; the identity if there is no ``<pose>``.
 
-    The values are x y z in m, followed by a quaternion x y z w, or by roll, pitch and yaw about the fixed axes, in
-    rad or, if so marked, in degrees: R = Rz(yaw) Ry(pitch) Rx(roll)
+    The values are x y z in m, followed by a quaternion x y z w or by roll, pitch and yaw. These angles are rotations
+    about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll), in rad or, if so marked, in degrees
     (http://sdformat.org/tutorials?tut=specify_pose).
     """
     pose, where = owner.find("pose"), f"{where}, <pose>"
@@ -64,7 +64,7 @@ class Reference(NamedTuple):
 
     Attributes:
         relative_to: name of the frame.
-        otherwise: name of the frame to use if ``relative_to`` does not exist; empty if it must exist.
+        otherwise: name of the frame to use if ``relative_to`` does not exist; empty if ``relative_to`` must exist.
     """
 
     relative_to: str
@@ -74,7 +74,8 @@ class Reference(NamedTuple):
 def reference_of(owner: "Element", default: str) -> Reference:
     """The frame in which the pose of an element is given.
 
-    Before SDF 1.7, the attribute ``frame`` names this frame. Gazebo ignored it, so an unknown name is not an error.
+    Before SDF 1.7, the attribute ``frame`` names this frame. Gazebo ignores the attribute, so an unknown name is not
+    an error.
     """
     pose = owner.find("pose")
     now, before = ("", "") if pose is None else (pose.get("relative_to", ""), pose.get("frame", ""))

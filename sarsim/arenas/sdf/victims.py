@@ -70,7 +70,11 @@ def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
 
 
 def _pose(victim: SdfModel) -> WorldPose:
-    """Position and heading of a victim; a mesh with y up that is turned about x to stand up keeps its heading."""
+    """Position and heading of a victim.
+
+    The heading is the direction of the model's x axis. A rotation about x, which puts a mesh with y up upright,
+    therefore does not change the heading.
+    """
     T = victim.T_world
     x, y, z = T[:3, 3].tolist()
     return WorldPose(_called(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))

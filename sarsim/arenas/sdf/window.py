@@ -40,7 +40,7 @@ class Window:
 
 
 def window_of(boxes: NDArray[np.float64], area: float) -> Window:
-    """The window of a world, centred as far as possible on the point of an object that is nearest to the origin.
+    """The window of a world, centred as closely as possible on the objects' nearest point to the origin.
 
     ``boxes``: (N, 2, 2) m, lowest and highest x, y of each object; ``area``: maximum area of the arena, m².
     """
@@ -58,7 +58,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
 
 
 def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
-    """Limit solids to a window: cut them at its edges, but keep each tile of ground whose centre is inside."""
+    """Yield the parts of solids inside a window; a tile of ground whose centre is inside is kept whole."""
     for solid in solids:
         corners = transform_places(solid.T_world, solid.corners)[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -85,7 +85,7 @@ def _cut(solid: Solid, window: Window) -> Iterator[Solid]:
         return
     if solid.piece is None or (len(solid.piece.parts) == 1 and with_volume(vertices) is vertices):
         with suppress(QhullError):  # raised if only a sliver is left
-            vertices, triangles = _hull(vertices)  # a cut convex solid is convex
+            vertices, triangles = _hull(vertices)  # a convex solid remains convex when cut
     for piece in pieces_of(MeshSurface("", vertices, triangles, solid.colour)):
         yield replace(solid, kind="mesh", size=np.zeros(0), corners=piece.vertices, piece=piece)
 

@@ -1,14 +1,14 @@
 """The shapes of an SDF world, each with its pose in the world.
 
-Poses are resolved as in SDF 1.12: ``relative_to`` any frame, link, joint or nested model of the same scope,
-``placement_frame``, ``attached_to``, and ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
-``<state>`` of a world overrides the poses of its models and links; the state's sizes already equal those in the file.
-Everything is static.
+Poses are resolved as in SDF 1.12, including ``placement_frame``, ``attached_to``, the pose and ``merge`` of an
+``<include>``, and ``relative_to`` with any frame, link, joint or nested model of the same scope. As in Gazebo 11, the
+first ``<state>`` of a world overrides the poses of models and links; the sizes in the state already equal the sizes
+in the file. All models are static.
 
-A link has the shapes of its collision elements, in the colours of its visuals; if no collision shape can be read, it
-has the shapes of its visuals. Elements without shapes (physics, joints) are not read. Plugins, sensors, actors, roads
-and lights are left out and counted. Items that are missing or broken, or were thrown out of the world, are left out
-and named in a warning; Gazebo, too, shows the rest of such a world.
+A link has the shapes of its collision elements, in the colours of its visuals. If no collision shape can be read, the
+link has the shapes of its visuals. Physics settings are not read, and joints are read only as frames. Plugins,
+sensors, actors, lights, roads and projectors are left out and counted. Missing and broken items are left out and
+named in a warning; Gazebo also shows the rest of such a world.
 """
 
 from collections import Counter
@@ -43,26 +43,26 @@ ROOTS = ("sdf", "gazebo")
 """Root elements of SDF files."""
 WORLD = "world"
 _OLD = (".//origin[@pose]", ".//box[@size]", ".//cylinder[@radius]", ".//sphere[@radius]", ".//mesh[@filename]")
-"""Elements that only files before SDF 1.3 have."""
+"""Elements that occur only in versions of SDF before 1.3."""
 _SHIPPED = {
     "ground_plane": "<model name='ground_plane'><link name='link'><collision name='collision'><geometry><plane>"
     "<normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link></model>",
     "sun": "<model name='sun'/>",
 }
-"""Models that come with Gazebo and that nearly all worlds include, used if they are not found."""
+"""Models of Gazebo that nearly all worlds include; these replacements are used if the models are not found."""
 
 
 @dataclass(frozen=True, eq=False)
 class SdfModel:
-    """A model, as it is placed in the world.
+    """A model in the world.
 
     Attributes:
-        name: name in the world: that of its ``<include>``, or else the model's own.
-        scoped: unique name: the names of the models that contain it and its own, joined by ``::``.
-        uri: URI from which it is included; empty if it is defined in the file itself.
+        name: name in the world: the name in the ``<include>``, or else the model's own name.
+        scoped: unique name: the names of the models that contain the model and its own name, joined by ``::``.
+        uri: URI from which the model is included; empty if the model is defined in the file itself.
         T_world: pose in the world.
-        missing: whether it could not be included, or has shapes but none of them can be read.
-        is_empty: whether it and all models nested in it have no shapes, although all could be included.
+        missing: whether the model could not be included, or has shapes of which none can be read.
+        is_empty: whether neither the model nor any model nested in it has shapes, although all could be included.
     """
 
     name: str
@@ -83,7 +83,7 @@ def _none(model: SdfModel) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SdfShape:
-    """A collision or visual shape, as it is placed in the world.
+    """A collision or visual shape in the world.
 
     Attributes:
         model: scoped name of its model.
@@ -110,7 +110,7 @@ _OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
 class _Model:
     """A model or a world, with its frames, and its links and nested models by the names of their frames.
 
-    An included model that cannot be read is empty, and ``lost`` is the error.
+    If an included model cannot be read, the model is empty and ``lost`` is the error.
     """
 
     name: str
@@ -129,11 +129,11 @@ class SdfWorld:
 
     Attributes:
         left_out: number of elements of each kind in ``LEFT_OUT``.
-        is_model: whether the file contains only models and no world, and therefore no ground of a world.
+        is_model: whether the file contains only models, and therefore not the ground of a world.
         lost: a message for each broken item.
         missing: the URIs that could not be found, in file order.
         resources: the world's files.
-        meshes: the mesh files among them.
+        meshes: the world's mesh files.
     """
 
     def __init__(self, path: Path):
@@ -159,13 +159,13 @@ class SdfWorld:
         self._state = world_state(self._world.element)
 
     def models(self) -> Iterator[SdfModel]:
-        """All models in file order, including nested ones."""
+        """Yield all models in file order, including nested models."""
         for model, placed, _ in self._placed(self._world, _OUTSIDE, self._state, _none):
             if model is not self._world:
                 yield placed
 
     def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
-        """All shapes in file order, except those of models that ``without`` selects, and of models nested in them."""
+        """Yield all shapes in file order, but skip models that ``without`` selects and all models nested in them."""
         for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
             with self.skipping_errors():
                 if model.lost is not None:
@@ -174,7 +174,7 @@ class SdfWorld:
 
     @contextmanager
     def skipping_errors(self) -> Iterator[None]:
-        """Record an error that a missing or broken item raises in the block, and continue without the item."""
+        """Record an error that a missing or broken item raises in the context, and leave the context."""
         try:
             yield
         except RefusedError:
@@ -199,7 +199,7 @@ class SdfWorld:
         return root
 
     def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
-        """Read a model or a world; ``files``: the chain of including files, down to the one that contains it."""
+        """Read a model or a world; ``files``: chain of including files, down to the file with the element."""
         where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
@@ -211,7 +211,7 @@ class SdfWorld:
         return model
 
     def _add(self, model: _Model, child: "Element", path: Path, root: str, files: tuple[Path, ...]) -> None:
-        """Add a child element of a model or a world, if it is of a kind that is read."""
+        """Add a child element of a model or a world, unless elements of this kind are ignored."""
         place, name = f"{model.where}, <{child.tag}> {name_of(child)}".rstrip(), child.get("name", "")
         if child.tag == "link":
             model.links[_framed(model, child, name, place, root)] = child
@@ -261,7 +261,7 @@ class SdfWorld:
             _nest(model, include, placed, replace(nested, uri=uri))
 
     def _included(self, uri: str, base: Path, where: str, files: tuple[Path, ...]) -> "tuple[Element | None, Path]":
-        """The model for a URI, and the file that contains it; None if that file contains only a light or an actor."""
+        """The model for a URI, or None for a light or an actor, and the path of the file that contains it."""
         path = self.resources.find(uri, base, where) if uri else None
         if path is None:
             shipped = _SHIPPED.get(_last(uri).lower().replace(" ", "_"))
@@ -350,12 +350,12 @@ def _shapes_in(model: _Model) -> "list[Element]":
 
 
 def _is_empty(model: _Model) -> bool:
-    """Whether a model and all models nested in it have no shapes, although all could be included."""
+    """Whether neither a model nor any model nested in it has shapes, although all could be included."""
     return not (_shapes_in(model) or model.lost) and all(_is_empty(nested) for nested in model.nested.values())
 
 
 def _framed(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
-    """Add the frame of a link, joint or frame element, whose pose is relative to ``owner`` by default."""
+    """Add the frame of a link, joint or ``<frame>``, by default relative to ``owner``; return the frame's name."""
     parent = reference_of(child, owner)
     return model.frames.add(name, pose_of(child, where), parent.relative_to, otherwise=parent.otherwise)
 

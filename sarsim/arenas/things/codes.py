@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 TAG_DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 MODULES = 8  # Modules along a side of a tag's black square
 TAG_SIDE = 0.16  # m, side of the black square of a tag on a wall
-MAX_TAGS = 50  # Lower tag numbers are reserved for the tags by which maps are scored
+MAX_TAGS = 50  # Lower tag numbers are reserved for the tags that are used to score maps
 QUIET_ZONE = 4  # Modules of white margin around a code, required by ISO/IEC 18004
 
 
 def qr_modules(text: str) -> NDArray[np.uint8]:
-    """(N, N) uint8, the modules of a QR code without its white margin, 0 or 255."""
+    """(N, N) uint8, 0 or 255, the modules of a QR code without its white margin."""
     image = cv2.QRCodeEncoder.create().encode(text).astype(np.uint8)
     dark = np.argwhere(image == 0)
     (top, left), (bottom, right) = dark.min(axis=0), dark.max(axis=0) + 1

@@ -1,7 +1,7 @@
 """Baby dolls, the victims of rescue arenas, some half under a blanket.
 
-The frame of a doll is that of the arena designer's box, which hangs on a wall at y = 0.59 m and is open towards -y.
-For a viewer, x points to the right and z up; z = 0 is the middle of the box.
+A doll has the same frame as the arena designer's box, which hangs on a wall at y = 0.59 m and is open towards -y. For
+a viewer, x points to the right and z up; z = 0 is the middle of the box.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ BLANKETS = (*TOPS, (0.85, 0.82, 0.75), (0.60, 0.70, 0.85))
 
 
 def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
-    """A doll in random colours that sits, or lies to the left or right."""
+    """A doll in random colours that sits, or lies with the head to the left or right."""
 
     def one_of(colours: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
         return colours[int(rng.integers(len(colours)))]

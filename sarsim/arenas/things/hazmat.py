@@ -1,6 +1,6 @@
-"""Draws hazmat signs like those that teams print: a diamond with colours, a symbol, words and a class number.
+"""Draws hazmat signs as teams print them: a coloured diamond with a symbol, words and a class number.
 
-Colours, symbols and class numbers are those of the placards of 49 CFR 172.500 and the UN model regulations.
+Colours, symbols and class numbers follow the placards of 49 CFR 172.500 and the UN model regulations.
 """
 
 from collections.abc import Callable
@@ -18,23 +18,23 @@ BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
 GREEN, BLUE = (0, 122, 82), (0, 87, 184)
 FINER = 2  # Supersampling factor of drawings
-BEYOND = 1.5  # Ratio of the half width of the coloured areas, from which the diamond is cut, to its half diagonal
-EDGE = 0.92  # Ratio of the diagonal of the inner line to that of the sign
+BEYOND = 1.5  # Ratio of the width of the coloured areas to the diagonal of the diamond that is cut from them
+EDGE = 0.92  # Ratio of the inner line's diagonal to the sign's diagonal
 
 
 @dataclass(frozen=True)
 class SignStyle:
-    """The print style of a sign; the default is that of the plain placard.
+    """The print style of a sign; the default is the plain placard.
 
     Attributes:
         line: whether the sign has the inner line.
-        words: whether it has words below the symbol.
-        number: whether it has its class number.
+        words: whether the sign has words below the symbol.
+        number: whether the sign has its class number.
         bold: thickness added to letters, as a fraction of their height.
         narrow: maximum mean width of letters, as a fraction of their height.
-        size: size of the symbol relative to that on the placard.
-        tint: factors by which ink and paper change red, green and blue.
-        variant: index of the variant that is drawn, 0 to 3, for signs with several variants.
+        size: ratio of the symbol's size to its size on the placard.
+        tint: factors, due to ink and paper, by which red, green and blue are multiplied.
+        variant: index of the variant, 0 to 3, for signs with several variants.
     """
 
     line: bool = True
@@ -107,7 +107,7 @@ _SIGNS = {
 
 
 def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """(size, size, 3) uint8 RGB, the sign of a class as a square; its top left corner is the diamond's top corner."""
+    """(size, size, 3) uint8 RGB, the sign of a class as a square; the diamond's top corner is at the top left."""
     upright = _drawn(name, round(FINER * size * np.sqrt(2)), style or SignStyle())
     # The diamond's top, right, bottom and left corners become the square's corners, clockwise from the top left.
     far, half = len(upright) - 1.0, (len(upright) - 1) / 2
@@ -169,7 +169,7 @@ def _margin(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
 
 def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
     if name == "explosive" and style.variant != 3:
-        # Divisions 1.4 to 1.6 show their number instead of the bomb, and the letter of their compatibility group.
+        # Divisions 1.4 to 1.6 have their number and the letter of their compatibility group instead of the bomb.
         drawing.words(("1.4", "1.4", "1.5")[style.variant], (0, -0.36), (0.9, 0.42), 2 * style.bold, BLACK)
         drawing.words(("E", "S", "D")[style.variant], (0, 0.4), (0.3, 0.18), style.bold, BLACK)
         return
@@ -180,7 +180,7 @@ def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
 
 
 def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
-    """Draw the lines of text in the middle of the sign, each no wider than the diamond allows."""
+    """Draw the lines of text in the middle of the sign; no line is wider than the diamond allows."""
     height = 0.26 if len(sign.words) == 1 else 0.2
     for line, text in enumerate(sign.words):
         y = 0.06 + (line - (len(sign.words) - 1) / 2) * height * 1.2 + (0.1 if sign.bottom == BLACK else 0.0)

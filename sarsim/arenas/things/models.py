@@ -1,7 +1,8 @@
 """Objects to find as MJCF: signs, codes, tags, fire extinguishers and door levers.
 
-The frame of a flat object or a lever has its origin on the wall, x to the right and y up for a viewer, and z towards
-the viewer. The frame of a fire extinguisher has its origin at the centre of its foot, and z up.
+For a viewer, the frame of a flat object or a lever has x to the right, y up and z towards the viewer. The origin is
+at the centre of a flat object's front, and on the wall for a lever. The frame of a fire extinguisher has its origin
+at the centre of the foot, and z up.
 """
 
 from dataclasses import dataclass, field, replace
@@ -74,7 +75,7 @@ class ColouredGeom:
     """A geom in a plain colour.
 
     Attributes:
-        name: name of the geom, appended to that of its body.
+        name: name of the geom, which is appended to the body's name.
         shape: type of the geom, as in MJCF.
         place: (3,) m, position of its centre.
         size: sizes as in MJCF, m.
@@ -103,8 +104,8 @@ class ColouredGeom:
 
 
 def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: float = 0.0) -> ThingModel:
-    """A sign of class ``kind`` and side ``side`` m, standing on its corner, on paper with a margin of ``paper`` m."""
-    turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # the picture's top left corner is on top
+    """A sign of class ``kind`` with sides of ``side`` m, on its corner, on paper with a margin of ``paper`` m."""
+    turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # puts the picture's top left corner on top
     content = sign_png(kind, style=style)
     plate, assets, files = _printed(name, content, side / 2, turned)
     sheet = [_box(f"{name}_paper", (side / 2 + paper,) * 2, PAPER, turned)] if paper else []
@@ -112,7 +113,7 @@ def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: floa
 
 
 def qr_code(name: str, text: str, side: float) -> ThingModel:
-    """A QR code whose black square measures ``side`` m."""
+    """A QR code whose sides measure ``side`` m without the quiet zone."""
     code = qr_picture(text)
     modules = len(code) // 8
     plate, assets, files = _printed(name, _png(code), side / 2 * modules / (modules - 2 * QUIET_ZONE))
@@ -126,7 +127,7 @@ def april_tag(name: str, number: int, side: float) -> ThingModel:
 
 
 def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
-    """A door lever of length ``length`` m on a plate with a keyhole."""
+    """A door lever of ``length`` m on a plate with a keyhole; ``to_left``: whether the lever points to the left."""
     way = -1 if to_left else 1
     parts = [
         ColouredGeom("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
@@ -140,9 +141,9 @@ def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
 
 
 def fire_extinguisher(name: str, radius: float, height: float, paint: int, label: int) -> ThingModel:
-    """A fire extinguisher, a red bottle with label, valve, handle, gauge and hose.
+    """A fire extinguisher: a red bottle with a label, a valve, a handle, a gauge and a hose.
 
-    ``radius`` and ``height`` are in m; ``paint`` and ``label`` are the indices of the colours of bottle and label.
+    ``radius`` and ``height`` are in m; ``paint`` and ``label`` are indices of the bottle's and the label's colours.
     """
     red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
     parts = [

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
-LETTER = 160  # pixels, font size of a text before it is scaled to its place
+LETTER = 160  # pixels, font size of a text before the text is scaled
 
 FLAME = (
     (-0.22, 0.75), (-0.5, 0.6), (-0.68, 0.32), (-0.69, 0.04), (-0.57, -0.2), (-0.58, -0.44), (-0.44, -0.24),
@@ -78,7 +78,7 @@ class Drawing:
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
     def words(self, text: str, centre: ArrayLike, size: tuple[float, float], bold: float, colour: Colour) -> None:
-        """Write a text as high as ``size`` (width, height) and at most as wide.
+        """Write a text with the height, and at most the width, in ``size`` (width, height).
 
         ``bold``: ratio of the stroke's width to the height of the letters.
         """

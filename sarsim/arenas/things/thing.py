@@ -1,7 +1,7 @@
 """The objects to find in a model: bodies with a kind, a text and a state.
 
-The MJCF gives these in ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, with
-URL-encoded values. A victim without such an element is alive.
+The MJCF gives these properties in ``<custom>``, as ``<text name="BODY" data="kind=hazmat_sign;text=poison;state="/>``
+with URL-encoded values. A victim without such an element is alive.
 """
 
 from collections.abc import Iterator, Sequence
@@ -99,7 +99,7 @@ def _others(model: mujoco.MjModel, data: mujoco.MjData, stated: dict[str, tuple[
 
 
 def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Yield the name of a body, and its kind, text and state, from each custom text of this form."""
+    """Yield the name, kind, text and state of each body for which a custom text gives the kind."""
     for n in range(model.ntext):
         start = int(model.text_adr[n])
         raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MAX_TEXT)])

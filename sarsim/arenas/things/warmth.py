@@ -11,9 +11,9 @@ from sarsim.arenas.things.thing import Thing
 AMBIENT = 20.0  # °C
 SKIN_TEMPERATURE = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
 CLOTHES_TEMPERATURE = 28.0
-"""°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, from the heat balance of ISO 7730."""
+"""°C, surface temperature of clothes of 0.5 clo on a person at rest at 20 °C, from the heat balance of ISO 7730."""
 CLOTHES = ("top", "bottom", "shoes", "hair")
-"""Suffixes of the material names of a person's geoms that are thermally insulated."""
+"""Suffixes of the names of a person's thermally insulating materials."""
 
 
 def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Class probabilities of points in three bytes each: the two most probable classes and the first one's fraction."""
+"""Class probabilities of points in three bytes each: the two most probable classes and the fraction of the first."""
 
 from dataclasses import dataclass
 from typing import Self

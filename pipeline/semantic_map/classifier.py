@@ -1,4 +1,4 @@
-"""Point classifiers: their interface, and one that returns the simulator's true labels."""
+"""The interface of point classifiers, and a classifier that returns the simulator's true labels."""
 
 from typing import Protocol
 

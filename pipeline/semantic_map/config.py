@@ -1,4 +1,4 @@
-"""Parameters of the semantic map: how points are classified, and at what resolution classes are kept."""
+"""Parameters of the semantic map: how points are classified, and the resolution at which their classes are stored."""
 
 from dataclasses import dataclass
 from math import radians
@@ -49,7 +49,7 @@ class SemanticMapConfig:
     """All parameters of the semantic map.
 
     Attributes:
-        voxel: edge length of a voxel, m; each voxel contains one point, whatever the number of frames.
+        voxel: edge length of a voxel, m; each voxel contains at most one point, whatever the number of frames.
         rules: parameters of the baseline.
         network: parameters of the network classifier.
     """

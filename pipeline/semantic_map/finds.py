@@ -18,7 +18,7 @@ from pipeline.labels import Label
 def with_finds(
     points: Points, labels: Labels, signs: Sequence[Points], people: Sequence[Points], step: float, skin: float
 ) -> Labels:
-    """Labels of a map's points in which signs and the whole boxes around people are clutter, and people are victims.
+    """Labels of a map's points, changed so that signs and the boxes around people are clutter, and people victims.
 
     If any point is already labelled as a victim, all labels are kept.
 
@@ -64,9 +64,10 @@ def _in_box(points: Points, low: NDArray[np.float32], high: NDArray[np.float32])
 
 
 def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, skin: float) -> Indices:
-    """Indices of wall points in the hull of a person and the clutter around, if these hang and are mostly clutter.
+    """Indices of the wall points in the convex hull of an object: a person and the clutter around the person.
 
-    A box extends beyond the visible part of the person in it by at most the length of this part on each side.
+    Empty unless the object hangs and is mostly clutter. On each side, a box extends beyond the visible part of the
+    person in it by at most the length of this part.
     """
     nothing = np.zeros(0, np.int64)
     if not len(person):
@@ -85,7 +86,7 @@ def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, s
 
 
 def _in_hull(points: Points, own: Points, skin: float) -> Mask:
-    """Which points are in the convex hull of ``own`` or at most ``skin`` m outside each of its faces."""
+    """(N,) whether each point is in the convex hull of ``own`` or at most ``skin`` m outside each of its faces."""
     try:
         faces = ConvexHull(own).equations
     except QhullError:  # the points are coplanar, or too few
@@ -94,7 +95,7 @@ def _in_hull(points: Points, own: Points, skin: float) -> Mask:
 
 
 def _stands(points: Points, own: Points, step: float) -> bool:
-    """Whether most of the points below an object are within ``step`` m of its bottom; True if there are none."""
+    """Whether most points below an object are within ``step`` m of its bottom; True if no points are below it."""
     bottom = own[:, 2].min()
     heights = points[_in_box(points, own[:, :2].min(axis=0), own[:, :2].max(axis=0)), 2]
     below = heights[heights < bottom]

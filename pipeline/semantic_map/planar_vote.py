@@ -21,13 +21,14 @@ from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
 
 ANGLE = radians(6)
-"""Maximum angle between the normals of a surfel and its region, rad; small, as no labels separate planes here."""
+"""Maximum angle between the normals of a surfel and its region, rad; small, because labels do not separate planes."""
 SHIFT, NOISE = 0.02, 0.008
 """A pixel is less than ``SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
 WINDOW = 2
-"""Maximum distance, in rows and columns, of the neighbours that help to decide if a pixel fits several planes."""
+"""Maximum distance, in rows and columns, of the neighbours that help to choose the plane of a pixel that fits
+several."""
 MIN_PROBABILITY = 1e-3
-"""Lower limit of a class's probability; it limits the evidence against a class."""
+"""Lower limit of a class's probability, which limits the evidence against the class."""
 LEAN = radians(15)
 """Maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or deck side to the vertical, rad."""
 MIN_RAMP = radians(4)
@@ -39,9 +40,9 @@ def planar_vote(
 ) -> NDArray[np.float32]:
     """Let the points of every plane vote.
 
-    The probabilities of a point on a plane become the normalised product of its own and the geometric mean over all
-    points of the plane, the latter to the power of ``weight``. Before that, the probabilities of classes that a plane
-    with this tilt cannot have are moved to those that it can have. Points on no plane keep their probabilities.
+    The probabilities of a point on a plane are multiplied by their geometric mean over all points of the plane, which
+    is raised to the power ``weight``, and then normalised. Before this step, the probabilities of classes that are
+    impossible for the plane's tilt are moved to the possible classes. Points on no plane keep their probabilities.
 
     Args:
         frame: the frame.

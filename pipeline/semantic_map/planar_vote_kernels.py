@@ -8,10 +8,10 @@ from pipeline.segments.surfels_kernels import NONE, dot, regions_around
 
 @njit(cache=True)
 def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise, window):
-    """(H, W) int32 plane of every pixel, NONE for pixels on no plane.
+    """(H, W) int32 index of the plane of every pixel, NONE for pixels on no plane.
 
-    If a pixel fits several planes, its neighbours in the image help to decide, because near the line where two planes
-    meet, noise shifts a pixel by more than the distance between the planes.
+    If a pixel fits several planes, its neighbours in the image help to decide. Near the line where two planes meet,
+    noise shifts a pixel by more than the distance between the planes.
 
     Args:
         depth, rays, of_pixel, near, region, planes: as for ``project_pixels``.
@@ -42,9 +42,9 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 
 @njit(cache=True)
 def nearest_plane(depth, rays, z, ray, choices, planes, limit):
-    """Of the ``choices`` of ``planes`` (P, 4) that fit the pixel ``z, ray``, the one with the smallest sum of shifts.
+    """The plane, of the ``choices`` of ``planes`` (P, 4) that fit a pixel ``z, ray``, with the least sum of shifts.
 
-    The sum is over the pixels of a window; the shift of each of them to the plane is limited to ``limit`` m.
+    The sum is over the pixels of a window; the shift of each pixel to the plane is limited to ``limit`` m.
     """
     least, nearest = np.inf, NONE
     for p in choices:
@@ -78,7 +78,7 @@ def possible_logs(probabilities, plane, possible, clutter, floor):
         probabilities: (N, C) float32.
         plane: (N,) int32 plane of every point, or NONE.
         possible: (P, C) bool, the possible classes of every plane.
-        clutter: index of the class clutter, which is not made of planes.
+        clutter: index of the class clutter, which does not consist of planes.
         floor: lower limit of the probabilities.
     """
     logs = np.log(np.maximum(probabilities, np.float32(floor)))

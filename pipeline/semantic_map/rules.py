@@ -22,7 +22,7 @@ class RuleClassifier(PointClassifier):
     """Classifies points by height and normal."""
 
     def __init__(self, *, config: RuleConfig = RuleConfig()) -> None:
-        """``config``: parameters of the rules."""
+        """Classify with the rules' parameters ``config``."""
         self._config = config
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:

@@ -24,7 +24,7 @@ EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    It keeps the most probable class of each point, and :meth:`revise` makes these labels consistent with the other
+    Each point has the label of its most probable class, and :meth:`revise` makes the labels consistent with the other
     maps.
 
     Memory grows with the area of the surfaces seen, not with the number of frames. Voxels are kept in the order in
@@ -61,14 +61,14 @@ class SemanticMap:
     ) -> None:
         """Add the points of a frame.
 
-        A voxel's class evidence is the sum of the probabilities of its points. These are not multiplied, because the
-        errors of neighbouring pixels are correlated, and a product would be overconfident.
+        A voxel's class evidence is the sum of the probabilities of its points. The probabilities are not multiplied,
+        because the errors of neighbouring pixels are correlated, so that a product would be overconfident.
 
         Args:
-            points: points in ``map``; those that are not finite are left out.
+            points: points in ``map``; points that are not finite are left out.
             probabilities: their class probabilities, as float32 or as uint8 in units of 1/255.
             hits: (N,) number of returns averaged in each point; 1 if not given.
-            keyframe: number of the frame, which determines the order of its voxels; by default the next.
+            keyframe: number of the frame, which determines the order of its voxels; by default the next number.
 
         Raises:
             InputError: the shapes of the arrays are wrong.
@@ -97,7 +97,7 @@ class SemanticMap:
         The body must add all frames that touch these columns, in their order. Other columns do not change.
 
         Yields:
-            A function that returns which of other boxes touch these columns.
+            A function that returns whether each of other boxes touches these columns.
         """
         columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
         within, meets = columns.touched(boxes)

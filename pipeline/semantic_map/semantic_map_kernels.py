@@ -18,10 +18,10 @@ def accumulate(
     points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, born, first,
     columns, free, size,
 ):  # fmt: skip
-    """Add points to the voxels that contain them; returns the numbers of blocks, rows and free rows afterwards.
+    """Add points to the voxels that contain them; return the numbers of blocks, rows and free rows afterwards.
 
-    Points are left out if they are not finite, too far from the origin for a key, or outside the chosen columns, or
-    if the sum of their weights is not positive and finite.
+    A point is left out if it is not finite, too far from the origin for a key, or outside the chosen columns, or if
+    the sum of its weights is not positive and finite.
 
     Args:
         points, weights: (N, 3) float32, and (N, C) evidence for every class in the given ``unit``.
@@ -34,7 +34,8 @@ def accumulate(
         rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
         born: (M,) int64, for every voxel the serial number of the first point that hit it.
         first: serial number of points[0].
-        columns: (2,) index of the first column, and (nx, ny) bool mask of the chosen ones; all if the mask is empty.
+        columns: (2,) index of the first column, and (nx, ny) bool mask of the chosen columns; an empty mask chooses
+            all columns.
         free: (F,) int32 rows of removed voxels, which are reused first.
         size: numbers of blocks, rows and free rows so far.
     """
@@ -48,7 +49,7 @@ def accumulate(
         if i == NO_INDEX or not 0 < total < np.inf:
             continue
         key = packed(i >> 2, j >> 2, k >> 2)
-        # Neighbouring points mostly share a block, so most need no search in the table.
+        # Neighbouring points mostly share a block, so most points need no search in the table.
         if key != last_key:
             last_key, block = key, int64(EMPTY)
             if are_all or _is_chosen(i >> 2, j >> 2, columns):
@@ -86,7 +87,7 @@ def _is_chosen(i, j, columns):
 
 @njit(cache=True, nogil=True)
 def forget(block_keys, blocks, born, columns):
-    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, which are marked as GONE.
+    """Empty the ``blocks`` (B, 64) of the chosen columns; mark their voxels as GONE, and return the voxels' rows.
 
     For the arguments, see :func:`accumulate`.
     """
@@ -103,7 +104,7 @@ def forget(block_keys, blocks, born, columns):
 
 @njit(cache=True, nogil=True)
 def spread(classes, share, whole, size):
-    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), ``whole`` minus it for the other."""
+    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), ``whole - share`` for the second."""
     result = np.zeros((len(share), size), np.uint8)
     for n in range(len(share)):
         result[n, classes[n, 0]] = share[n]

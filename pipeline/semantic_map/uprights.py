@@ -22,10 +22,10 @@ from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 REACH = 2
 """Distance up to which points around a cell determine the direction of a wall, cells.
 
-With less, noise would dominate. Within this distance of a corner, the directions of both walls mix.
+With a smaller distance, noise would dominate. Within this distance of a corner, the directions of both walls mix.
 """
 BLUR = 2
-"""Uncertainty of the edge of a ramp's top, cells: one due to noise, one due to the grid."""
+"""Uncertainty of the edge of a ramp's top, cells: one cell due to noise, and one cell due to the grid."""
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 
 
@@ -80,7 +80,7 @@ def with_whole_uprights(points: Points, labels: Labels, robot: RobotModel, voxel
     Args:
         points: points of the map.
         labels: labels of these points.
-        robot: the robot, whose dimensions limit those of walls and sides.
+        robot: the robot, whose dimensions limit the dimensions of walls and sides.
         voxel: edge length of the map's voxels, m.
         cell: edge length of cells that are all filled where a surface has no holes, m.
     """
@@ -144,7 +144,7 @@ def _ends_at(edge: Layer, low: Layer, high: Layer, step: float, headroom: float)
 
 
 def _broad(layer: MaskLayer) -> MaskLayer:
-    """Cells of a layer that belong to a filled square of 3 × 3 cells, in which single ones may be missing."""
+    """Cells of a layer that belong to a filled square of 3 × 3 cells, in which single cells may be missing."""
     return layer & ndimage.binary_opening(ndimage.binary_closing(layer, _square(1)), _square(1))
 
 

@@ -46,7 +46,10 @@ def on_long_runs(direction, length, gap, tolerance):
 
 @njit(cache=True, nogil=True)
 def farthest(direction, i, j, angle, length, gap, tolerance):
-    """Number of cells from (i, j) along ``angle`` to the last of a run; other arguments as :func:`on_long_runs`."""
+    """Number of cells from (i, j) along ``angle``, rad, to the last cell of a run.
+
+    For the other arguments, see :func:`on_long_runs`.
+    """
     last, step = 0, 1
     while step - last <= gap + 1 and last < length:
         k, m = i + round(step * np.cos(angle)), j + round(step * np.sin(angle))

@@ -1,4 +1,4 @@
-"""Cuts clouds into blocks for the networks: columns of points with six channels each, or nine with colours."""
+"""Cut clouds into blocks for the networks: columns of points with six channels each, or nine with colours."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class BlockConfig:
     """How clouds are cut into blocks; a network needs the settings that it was trained with."""
 
     voxel_size: float = 0.03
-    """Edge length of a voxel, m; a cloud is thinned to one point per voxel, so that nearby blocks are not denser."""
+    """Edge length of a voxel, m; a cloud is thinned to one point per voxel, so that its density varies less."""
     size: float = 1.0
     """Edge length of a column in x and y, m."""
     points: int = 4096
@@ -36,10 +36,10 @@ class BlockConfig:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A column of a cloud, or a random part of one that has too many points.
+    """A column of a cloud, or a random part of a column that has too many points.
 
     Attributes:
-        index: indices of its points in the cloud; an index may occur several times.
+        index: indices of the block's points in the cloud; an index may occur several times.
         points: (n, 6 or 9) float32, see :func:`channels`.
     """
 
@@ -62,7 +62,7 @@ def cut(
         camera: position of the camera.
         config: settings of the blocks.
         shift: offset of the grid of columns along x and y, m.
-        min_points: minimum number of points of a block; smaller ones are padded with random repeats of points.
+        min_points: minimum number of points of a block; smaller blocks are padded with random repeats of points.
         rng: generator that draws the repeats and randomly splits columns with too many points.
     """
     columns = np.floor((points[:, :2] - shift) / config.size).astype(np.int64)
@@ -78,9 +78,9 @@ def cut(
 
 
 def channels(points: NDArray[np.float32], centre: Place, camera: Place, config: BlockConfig) -> NDArray[np.float32]:
-    """(n, 6) float32: x and y relative to the centre of the block, z in ``map``, then normalised x, y, z.
+    """(n, 6) float32: x and y relative to the centre of the block, z in ``map``, then normalised x, y and z.
 
-    Colours, if any, are inserted before the normalised coordinates, as in the blocks of S3DIS: (n, 9).
+    With colours, the result is (n, 9), and the colours precede the normalised coordinates, as in the blocks of S3DIS.
 
     S3DIS normalises by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
     the camera's range. Distances keep their proportions, and the network can learn how noise depends on the distance.

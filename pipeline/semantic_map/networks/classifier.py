@@ -22,8 +22,8 @@ from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 
 MAX_FACTOR = 16
-"""Maximum factor between the settings in a file's :class:`BlockConfig` and the defaults; beyond it, a frame could
-take hours or all memory."""
+"""Maximum factor between the settings in a file's :class:`BlockConfig` and the defaults; with a larger factor, a
+frame could take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
@@ -45,7 +45,7 @@ class NetworkClassifier(PointClassifier):
             weights: the file.
             vote: whether the points of a plane vote on their classes; if not, every voxel is classified on its own.
             threads: number of threads; see :func:`for_inference` for the default.
-            network: name of the only accepted network; by default, any is accepted.
+            network: name of the only accepted network; by default, every network is accepted.
             config: parameters of the grids and the vote.
 
         Raises:

@@ -19,7 +19,7 @@ MAX_NEIGHBOURS = 64
 EDGE_FEATURES, GLOBAL = 64, 1024
 """Number of features of a point after each EdgeConv, and of a block."""
 NEAREST_POINTS = 20
-"""Number of neighbours of a point, itself included, unless a file has another k."""
+"""Number of neighbours of a point, itself included, unless a file specifies another k."""
 GRAPH_CHANNELS = 3
 """Number of channels, the last ones (normalised x, y, z), on which the first neighbour graph is built."""
 
@@ -28,7 +28,7 @@ class EdgeConv(nn.Module):
     """EdgeConv: the maximum response of a small network over the edges from a point to its neighbours."""
 
     def __init__(self, channels: int, *widths: int) -> None:
-        """``widths`` are those of the network's layers; an edge has twice as many channels as a point."""
+        """``widths``: numbers of outputs of the layers; an edge has twice as many channels as a point."""
         super().__init__()
         self.layers = nn.Sequential(*(_layer(*pair) for pair in pairwise((2 * channels, *widths))))
 
@@ -38,7 +38,7 @@ class EdgeConv(nn.Module):
 
 
 class Dgcnn(PointNetwork):
-    """The segmentation network: three EdgeConvs, a global feature, and three layers on both for each point.
+    """The segmentation network: three EdgeConvs, a global feature, and three layers that combine them for each point.
 
     Attributes:
         k: number of neighbours of a point, itself included.
@@ -47,7 +47,7 @@ class Dgcnn(PointNetwork):
     NAME = "dgcnn"
 
     def __init__(self, channels: int, classes: int, k: int = NEAREST_POINTS) -> None:
-        """Random weights; a point's first three ``channels`` are x, y, z, the last three normalised x, y, z."""
+        """Start with random weights; the first three channels are x, y, z, and the last three normalised x, y, z."""
         super().__init__(channels, classes)
         self.k = k
         self.edge_conv1 = EdgeConv(channels, EDGE_FEATURES, EDGE_FEATURES)
@@ -67,7 +67,11 @@ class Dgcnn(PointNetwork):
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network that fits published weights, with the metadata's k; ValueError if they are not a DGCNN's."""
+        """A network that fits published weights, with the metadata's k.
+
+        Raises:
+            ValueError: the weights are not a DGCNN's, or k is out of range.
+        """
         k = whole(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MAX_NEIGHBOURS:
             text = metadata["k"]
@@ -119,7 +123,7 @@ class Dgcnn(PointNetwork):
         return self.edge_conv1, self.edge_conv2, self.edge_conv3
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes``, each k or more, to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points, at least k each."""
         x1 = self.edge_conv1(points, nearest(points[:, -GRAPH_CHANNELS:], sizes, self.k))
         x2 = self.edge_conv2(x1, nearest(x1, sizes, self.k))
         x3 = self.edge_conv3(x2, nearest(x2, sizes, self.k))
@@ -132,7 +136,10 @@ class Dgcnn(PointNetwork):
 
 @torch.no_grad()
 def nearest(x: Tensor, sizes: Sequence[int], k: int) -> Tensor:
-    """(P, k) int64: for each of the points x (P, C), the k nearest of its block, itself included, unordered."""
+    """(P, k) int64 indices of the k points of the same block nearest to each point of x (P, C), itself included.
+
+    The indices are not ordered by distance.
+    """
     blocks = zip(x.split(list(sizes)), accumulate(sizes, initial=0), strict=False)
     return torch.cat([_nearest(block, k) + start for block, start in blocks])
 
@@ -151,7 +158,7 @@ def edge_features(x: Tensor, neighbours: Tensor) -> Tensor:
 
 
 def _layer(inputs: int, outputs: int) -> nn.Sequential:
-    """A linear map shared by all points or edges, batch norm, LeakyReLU."""
+    """A linear map shared by all points or edges, batch norm and LeakyReLU."""
     return nn.Sequential(
         nn.Linear(inputs, outputs, bias=False), nn.BatchNorm1d(outputs), nn.LeakyReLU(SLOPE, inplace=True)
     )

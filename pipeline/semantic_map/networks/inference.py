@@ -1,4 +1,4 @@
-"""Prepares trained networks for inference."""
+"""Prepare trained networks for inference."""
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
@@ -38,7 +38,7 @@ class AsWritten:
         self.classes, self.min_points = network.classes, network.min_points
 
     def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, channels) float32 points to (N, classes) float32 logits.
+        """(N, classes) float32 logits of (N, channels) float32 points.
 
         Raises:
             InputError: see :func:`check_block`.
@@ -60,7 +60,8 @@ class AsWritten:
 def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
     """Group successive blocks, so that each group has at least as many points as a single block may have.
 
-    With fewer points at once, threads wait for Python's global interpreter lock; many more do not fit into the cache.
+    With fewer points at once, threads wait for Python's global interpreter lock; many more points do not fit into the
+    cache.
     """
     some: list[NDArray[np.float32]] = []
     for block in blocks:

@@ -30,7 +30,7 @@ def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
 
 
 def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(B, C) features of blocks to (P, C): each point gets the features of its block."""
+    """(P, C) features of points, each of which gets the features of its block from ``of_blocks`` (B, C)."""
     return of_blocks.repeat_interleave(torch.tensor(sizes, device=of_blocks.device), dim=0)
 
 

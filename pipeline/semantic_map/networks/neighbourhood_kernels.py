@@ -9,7 +9,7 @@ CHUNK = 256
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def farthest_points(points, chosen):
-    """Choose points in turn, each the farthest from those already chosen; the first is farthest from the mean.
+    """Choose points in turn, each the farthest from all chosen points; the first is the farthest from the mean.
 
     Args:
         points: (N, 3) float32, m.

@@ -29,7 +29,7 @@ class PointFeatures:
 
 
 def farthest(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
-    """Farthest point sampling of a ``fraction`` of each block: (Q,) int64 indices, and their number per block."""
+    """(Q,) int64 indices of a ``fraction`` of each block by farthest point sampling, and their number per block."""
     counts = [max(1, ceil(size * fraction)) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
@@ -41,10 +41,10 @@ def farthest(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
 
 
 def ball_query(cloud: PointFeatures, centres: PointFeatures, radius: float, k: int) -> Tensor:
-    """Ball query: (Q, k) int64 indices of points of the same block within ``radius``, m, of every centre.
+    """(Q, k) int64 indices of points of the same block within ``radius``, m, of every centre (ball query).
 
-    If there are more than k, the k nearest are taken; if fewer, points are repeated, as in the code of PointNet++'s
-    authors, which does not change a maximum over them. Centres must be points of the cloud.
+    Of more than k points, the k nearest are taken. Fewer points are repeated, as in the code of PointNet++'s authors;
+    repeats do not change a maximum over the points. Centres must be points of the cloud.
     """
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k, radius))
 
@@ -52,7 +52,7 @@ def ball_query(cloud: PointFeatures, centres: PointFeatures, radius: float, k: i
 def nearest(cloud: PointFeatures, centres: PointFeatures, k: int) -> Tensor:
     """(Q, k) int64 indices of the k points of the same block that are nearest to every centre, the nearest first.
 
-    If a block has fewer than k points, they are repeated in the same order.
+    If a block has fewer than k points, its points are repeated in the same order.
     """
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k))
 
@@ -64,7 +64,7 @@ def interpolated(cloud: PointFeatures, places: PointFeatures) -> Tensor:
     """
     near = nearest(cloud, places, 3)
     weight = 1 / ((cloud.positions[near] - places.positions[:, None]).square().sum(dim=-1) + 1e-8)
-    # In a block of two points, the nearer one counts twice.
+    # In a block of two points, the nearer point is used twice.
     weight = weight / weight.sum(dim=1, keepdim=True)
     return (cloud.features[near] * weight[..., None]).sum(dim=1)
 

@@ -18,7 +18,7 @@ class PointNetwork(nn.Module, ABC):
     """A network that classifies each point of several blocks, concatenated as rows of one array without padding.
 
     Attributes:
-        NAME: its name in files and commands.
+        NAME: name of the network in files and commands.
         channels: number of channels of a point: x and y relative to the centre of the block, z (all m), and others.
         classes: number of classes.
         penalty: the term that the network's paper adds to the loss, from the last forward pass.
@@ -34,7 +34,7 @@ class PointNetwork(nn.Module, ABC):
 
     @abstractmethod
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks with ``sizes`` points each, P in total, to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points."""
 
     @property
     def min_points(self) -> int:
@@ -43,7 +43,7 @@ class PointNetwork(nn.Module, ABC):
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size in a file's ``tensors`` or ``metadata``; ValueError if the size is out of range."""
+        """A network with the size of a file's ``tensors`` or ``metadata``; ValueError if the size is out of range."""
         for name, least in (("channels", 4), ("classes", 1)):
             if not least <= whole(metadata.get(name, "")) <= MAX_CHANNELS:
                 found = f"not {metadata[name]!r:.20}" if name in metadata else "but is missing"
@@ -66,7 +66,7 @@ class PointNetwork(nn.Module, ABC):
 
 
 def whole(text: str) -> int:
-    """A whole number from a file's metadata; 0 if the text is not one, or has too many digits."""
+    """A whole number from a file's metadata; 0 if the text is not a whole number, or has too many digits."""
     try:
         return int(text) if text.isdecimal() else 0
     except ValueError:
@@ -85,14 +85,14 @@ class BlockClassifier(Protocol):
     min_points: int
 
     def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, channels) float32 points of a block to (N, classes) float32 logits.
+        """(N, classes) float32 logits of a block's (N, channels) float32 points.
 
         Raises:
             InputError: see :func:`check_block`.
         """
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
-        """The logits of each of several blocks; faster than one call per block."""
+        """The logits of several blocks, computed faster than with one call per block."""
 
 
 def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:

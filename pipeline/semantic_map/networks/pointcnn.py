@@ -1,9 +1,9 @@
 """PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours in a learned order.
 
-Levels, neighbours and dilations are those of the authors' settings for part segmentation on ShapeNet; their settings
-for S3DIS look up one level's neighbours in another. The width is that of their settings for Semantic3D, which is half
-of that for ShapeNet. Here, a level has a fraction of its block's points, whose number varies; the levels of the
-authors have 768, 384 and 128 of 2,048 points.
+Levels, neighbours and dilations are taken from the authors' settings for part segmentation on ShapeNet, because the
+settings for S3DIS look up one level's neighbours in another. The width is taken from the settings for Semantic3D, and
+is half the width for ShapeNet. The authors' levels have 768, 384 and 128 of 2,048 points; here, a level has a
+fraction of its block's points, because their number varies.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,8 @@ number of features divided by LEVEL_FEATURES."""
 DECODER = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
 """For each step: K, D, and the levels from which and to which features are passed."""
 LIFTED = 4
-"""One in this many features is computed from coordinates; also the depth multiplier of the first level."""
+"""Ratio of the number of features to the number of features computed from coordinates; also the depth multiplier of
+the first level."""
 
 
 def dense(inputs: int, outputs: int) -> nn.Sequential:
@@ -36,13 +37,13 @@ class Depthwise(nn.Module):
     """Depthwise convolution over the K neighbours: a separate linear map for each channel."""
 
     def __init__(self, k: int, channels: int, depth: int) -> None:
-        """Each channel yields ``depth`` features."""
+        """``depth``: number of features computed from each channel."""
         super().__init__()
         self.weight = nn.Parameter(torch.empty(channels, k, depth))
         nn.init.normal_(self.weight, std=(1 / k) ** 0.5)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(P, K, C) to (P, C · depth)."""
+        """(P, C · depth) features of points whose neighbours have (P, K, C) features."""
         return torch.einsum("pkc,ckd->pcd", x, self.weight).flatten(start_dim=1)
 
     def of_products(self, matrix: Tensor, *parts: Tensor) -> Tensor:
@@ -67,7 +68,7 @@ class XConv(nn.Module):
         Args:
             k, dilation: number of neighbours, and step with which they are chosen from the nearest points.
             channels: number of features of a neighbour, 0 if it has none.
-            lifted: number of features computed from its coordinates.
+            lifted: number of features computed from a neighbour's coordinates.
             outputs: number of features of the result.
             depth: depth multiplier of the depthwise convolution.
         """
@@ -97,12 +98,12 @@ class XConv(nn.Module):
 
 
 class PointCnn(PointNetwork):
-    """Four X-Convs down to coarser levels, the last one joined with features of the coordinates, and four back up."""
+    """Four X-Convs down to coarser levels, the last joined with features of the coordinates, and four back up."""
 
     NAME = "pointcnn"
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Random weights; the first three channels are x, y, z in m, the others features."""
+        """Start with random weights; the first three channels are x, y, z in m, and the others are features."""
         super().__init__(channels, classes)
         widths = [LEVEL_FEATURES * level[-1] for level in ENCODER]
         lifted = [width // LIFTED for width in widths]
@@ -125,7 +126,7 @@ class PointCnn(PointNetwork):
         self.classifier = nn.Linear(LEVEL_FEATURES, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points."""
         levels = self._levels(PointFeatures(points[:, :3], self.features(points[:, 3:]), sizes))
         x = levels[-1]
         for (_, _, _, to), convolution, fuse in zip(DECODER, self.up, self.fuse, strict=True):

@@ -1,4 +1,4 @@
-"""PointNet for segmentation (Qi et al., CVPR 2017, figure 2): every point on its own, and one global feature."""
+"""PointNet for segmentation (Qi et al., CVPR 2017, figure 2): features of each point alone, and a global feature."""
 
 from collections.abc import Sequence
 from typing import cast
@@ -12,7 +12,7 @@ from pipeline.semantic_map.networks.network import PointNetwork
 PENALTY = 1e-3
 """Weight of the regularisation that keeps the feature transform nearly orthogonal (section 3.3 of the paper)."""
 LOCAL, GLOBAL = 64, 1024
-"""Number of features of a point on its own, and of a block."""
+"""Number of features of a point alone, and of a block."""
 
 
 class TransformNet(nn.Module):
@@ -30,7 +30,7 @@ class TransformNet(nn.Module):
         nn.init.eye_(self.matrix.bias.data.view(size, size))
 
     def forward(self, features: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, C) features to (B, size, size)."""
+        """(B, size, size) matrices, one for the (P, C) features of each block."""
         x = self.block(largest_of_blocks(self.points(features), sizes))
         return self.matrix(x).view(-1, self.size, self.size)
 
@@ -41,7 +41,7 @@ class PointNet(PointNetwork):
     NAME = "pointnet"
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Random weights; the first three channels are x, y, z, to which the first transform is applied."""
+        """Start with random weights; the first transform is applied to the first three channels, x, y and z."""
         super().__init__(channels, classes)
         self.turn = TransformNet(channels, 3)
         self.points1 = mlp(channels, LOCAL, LOCAL)
@@ -53,7 +53,7 @@ class PointNet(PointNetwork):
         self.classifier = nn.Linear(last, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points."""
         turned = _times(points[:, :3], self.turn(points, sizes), sizes)
         local = self.points1(torch.cat((turned, points[:, 3:]), dim=1))
         matrix = self.transform(local, sizes)
@@ -65,7 +65,7 @@ class PointNet(PointNetwork):
 
 
 def _times(features: Tensor, matrices: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(P, C) features, those of each block multiplied by the block's matrix of ``matrices`` (B, C, C)."""
+    """(P, C) features, each multiplied by the matrix of its block from ``matrices`` (B, C, C)."""
     blocks = zip(features.split(list(sizes)), matrices, strict=True)
     return torch.cat([block @ matrix for block, matrix in blocks])
 

@@ -14,7 +14,8 @@ from pipeline.semantic_map.networks.network import PointNetwork
 T = TypeVar("T", int, float)
 ABSTRACTIONS = 4
 SHARE = 0.25
-"""Fraction of a level's points that become ball centres, the next level's points: 4,096, 1,024, 256, 64, 16."""
+"""Fraction of a level's points that become ball centres, which are the next level's points: of 4,096, first 1,024,
+then 256, 64 and 16."""
 RADIUS = 0.1
 """Radius of the first level's balls, m; it doubles from level to level, and so does the number of features."""
 BALL_FEATURES = 32
@@ -32,7 +33,7 @@ class SetAbstraction(nn.Module):
     """A PointNet on the ball around each of a few centres."""
 
     def __init__(self, channels: int, widths: Sequence[int], radius: float) -> None:
-        """``widths`` are the numbers of outputs of its layers; ``radius`` is in m."""
+        """``widths``: numbers of outputs of the layers; ``radius``: radius of the balls, m."""
         super().__init__()
         self.radius = radius
         self.layers = mlp(3 + channels, *widths)
@@ -57,7 +58,7 @@ def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1
 
 
 class FeaturePropagation(nn.Module):
-    """Features of a coarse cloud, interpolated at the points of a finer one and joined with its own features."""
+    """Features of a coarse cloud, interpolated at the points of a fine cloud and joined with the fine features."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
         """``channels``: features of both clouds together; ``widths``: numbers of outputs of the layers."""
@@ -76,7 +77,7 @@ class PointNet2(PointNetwork):
     NAME = "pointnet2"
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Random weights; the first three channels are x, y, z in m."""
+        """Start with random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
         inner = doubled(BALL_FEATURES)[:-1]
         outputs = [2 * width for width in inner]
@@ -84,7 +85,7 @@ class PointNet2(PointNetwork):
         self.down = nn.ModuleList(map(SetAbstraction, (channels, *outputs), widths, doubled(RADIUS)))
         wide, narrow = outputs[2], outputs[1]
         coarse = outputs[-1], wide, wide, narrow
-        fine = *reversed(outputs[:-1]), 0  # as in the published code, the last one uses no features of the points
+        fine = *reversed(outputs[:-1]), 0  # as in the published code, the last level uses no features of the points
         back = (wide, wide), (wide, wide), (wide, narrow), (narrow, narrow, narrow)
         self.up = nn.ModuleList(FeaturePropagation(a + b, w) for a, b, w in zip(coarse, fine, back, strict=True))
         self.head = mlp(narrow, narrow)
@@ -92,7 +93,7 @@ class PointNet2(PointNetwork):
         self.classifier = nn.Linear(narrow, classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points."""
         clouds = [PointFeatures(points[:, :3], points, sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))

@@ -1,8 +1,13 @@
 """PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++, modernised.
 
-Differences from PointNet++: a linear stem lifts the features; offsets are divided by the radius, which gives them the
-scale of features; each level adds its centres' own features (a residual connection); the decoder is symmetric. The
-variant S has no inverted residual blocks.
+Differences from PointNet++:
+
+- A linear stem lifts the features.
+- Offsets are divided by the radius, which gives them the scale of features.
+- Each level adds its centres' own features (a residual connection).
+- The decoder is symmetric.
+
+The variant S has no inverted residual blocks.
 """
 
 from collections.abc import Sequence
@@ -25,7 +30,7 @@ class ResidualSetAbstraction(nn.Module):
     """Two layers on the balls around a few centres, added to the centres' own features."""
 
     def __init__(self, channels: int, outputs: int, radius: float) -> None:
-        """Map ``channels`` to ``outputs`` features of a point; ``radius`` in m."""
+        """Map ``channels`` to ``outputs`` features of a point; ``radius``: radius of the balls, m."""
         super().__init__()
         self.radius = radius
         last = nn.Linear(outputs // 2, outputs, bias=False), nn.BatchNorm1d(outputs)
@@ -45,7 +50,7 @@ class PointNeXt(PointNetwork):
     NAME = "pointnext"
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Random weights; the first three channels are x, y, z in m."""
+        """Start with random weights; the first three channels are x, y, z in m."""
         super().__init__(channels, classes)
         self.stem = nn.Linear(channels, WIDTHS[0])
         self.down = nn.ModuleList(
@@ -60,7 +65,7 @@ class PointNeXt(PointNetwork):
         self.classifier = nn.Linear(WIDTHS[0], classes)
 
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks of ``sizes`` to (P, classes) logits."""
+        """(P, classes) logits of (P, channels) float32 points, in blocks of ``sizes`` points."""
         clouds = [PointFeatures(points[:, :3], self.stem(points), sizes)]
         for down in self.down:
             clouds.append(down(clouds[-1]))

@@ -1,4 +1,4 @@
-"""Random training blocks. Each depends only on the seed and its number, so training can resume at any step."""
+"""Random training blocks. Each block depends only on the seed and its number, so training can resume at any step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class BlockSampler:
         self._size, self._seed, self._augmentation = config.batch, config.seed, config.augmentation
 
     def batch(self, number: int) -> Batch:
-        """The batch with this number; every cloud is used once before any is used again."""
+        """The batch with a number; every cloud is used once before any cloud is used again."""
         first = number * self._size
         drawn = [self._block(turn) for turn in range(first, first + self._size)]
         counts = np.concatenate([counts for _, counts in drawn]).astype(np.float32)

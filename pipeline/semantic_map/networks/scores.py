@@ -14,13 +14,13 @@ def confusion_of(counts: NDArray[np.integer], given: NDArray[np.integer]) -> NDA
 
 
 def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(C,) intersection over union of every class; NaN if it neither occurs nor is predicted."""
+    """(C,) intersection over union of every class; NaN for a class that neither occurs nor is predicted."""
     hits = np.diag(confusion)
     union = confusion.sum(axis=0) + confusion.sum(axis=1) - hits
     return np.divide(hits, union, out=np.full(len(hits), np.nan), where=union > 0)
 
 
 def mean_iou(confusion: NDArray[np.int64], classes: Sequence[int]) -> float:
-    """Mean IoU from a confusion matrix (C, C), over those of the given classes that occur; NaN if none does."""
+    """Mean IoU from a confusion matrix (C, C), over the given classes that occur; NaN if none of them occurs."""
     occurring = [c for c in classes if confusion[c].any()]
     return float(iou(confusion)[occurring].mean()) if occurring else float("nan")

@@ -37,7 +37,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
 
 @torch.no_grad()
 def copy_tensors(tensors: Mapping[str, Tensor], wanted: Mapping[str, Tensor], path: Path) -> None:
-    """Copy the tensors of a file, of any precision, into the ``wanted`` ones with the same names and shapes.
+    """Copy the tensors of a file, of any precision, into the ``wanted`` tensors with the same names and shapes.
 
     Raises:
         InputError: names or shapes differ, or a tensor contains invalid numbers; the message names ``path``.

@@ -37,7 +37,7 @@ class Threads:
         return self._pool.map(torch.inference_mode()(action), items)
 
     def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
-        """Call ``action`` for every slice of rows, each in the next free thread; to be called inside ``run``."""
+        """Call ``action`` for every slice of rows, each in the next free thread; must be called inside ``run``."""
         left = iter(tiles)
 
         @torch.inference_mode()
@@ -57,7 +57,7 @@ class Threads:
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Let PyTorch compute in ``count`` threads inside the context; with 1 it starts no threads of its own."""
+    """Let PyTorch compute in ``count`` threads inside the context; with 1, PyTorch starts no threads of its own."""
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

@@ -42,17 +42,18 @@ SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 RISE = 0.05
 """Fraction of the training during which the learning rate rises."""
 SAVE_EVERY = 50
-"""Number of steps between checkpoints, in addition to those at validations; a killed process loses at most these."""
+"""Number of steps between checkpoints, in addition to those at validations; a killed process loses at most this many
+steps."""
 
 
 @dataclass(frozen=True)
 class TrainingWorker:
-    """This process among those that train together.
+    """This process, which may train together with other processes.
 
     Attributes:
-        rank: number of this process; process 0 leads: it validates and writes.
+        rank: number of this process; process 0 validates and writes.
         count: number of processes.
-        device: device that it computes on.
+        device: device on which this process computes.
     """
 
     rank: int
@@ -74,7 +75,7 @@ class TrainingWorker:
 
     @property
     def leads(self) -> bool:
-        """Whether this process is the one that validates and writes."""
+        """Whether this process validates and writes."""
         return self.rank == 0
 
     def broadcast(self, value: float) -> float:
@@ -117,8 +118,8 @@ class Training:
         """Prepare the network, or resume from ``out``'s checkpoint if there is one.
 
         Args:
-            known: clouds to learn from.
-            validation: clouds for the scores.
+            known: clouds for training.
+            validation: clouds for validation, from which the scores are computed.
             config: settings.
             initial: the initial network, with the clouds' channels and :data:`CLASSES`, or the name of a network,
                 which then starts with random weights.
@@ -157,7 +158,7 @@ class Training:
         self.spent = 0.0
         self.rows: list[list[float]] = []
         self._losses: list[float] = []
-        # A checkpoint must be of the same settings, number of processes and data.
+        # A checkpoint must come from a run with the same settings, number of processes and data.
         points = [sum(len(cloud.points) for cloud in clouds) for clouds in (known, validation)]
         data = f"{network.NAME} {channels} {points} {self._blocks}"
         self._settings = f"{json.dumps(asdict(config))} {worker.count} {data}"
@@ -178,7 +179,10 @@ class Training:
         return self.rows[-1][2] if self.rows else float("nan")
 
     def run(self, report: Callable[["Training"], object] = lambda training: None) -> None:
-        """Train to the end. ``report`` is called after every step; if it raises, a checkpoint is written first."""
+        """Train to the end; ``report``: called after every step.
+
+        If ``report`` raises an exception, a checkpoint is written before the exception propagates.
+        """
         if self.progress >= 1 and self.worker.leads and not self.out.exists():
             self._write_weights()
         # The wrapper averages the gradients over all processes.
@@ -224,7 +228,7 @@ class Training:
         return float(loss.detach())
 
     def _validate(self) -> None:
-        """Validate, and write the current weights whatever the score, as a small validation set selects badly."""
+        """Validate, and write the current weights whatever the score; a small validation set selects badly."""
         confusion = confusion_matrix(self.network, self._validation, self._blocks, self.config.seed)
         scores = [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
         self.rows.append([self.step, float(np.mean(self._losses)), *scores])

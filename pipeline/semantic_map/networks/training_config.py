@@ -15,8 +15,8 @@ class BlockAugmentation:
         jitter: standard deviation of the noise of every coordinate and of the height of the cloud, m, and of its roll
             and pitch about the camera, rad.
         dark: fraction of the clouds that are black; the others' colours are multiplied by a random factor up to 1.
-        thinnest: minimum fraction of a block's points that is kept; the fraction is drawn uniformly between this and
-            1.
+        thinnest: minimum fraction of a block's points that is kept; the fraction is drawn uniformly between this
+            minimum and 1.
     """
 
     rare: float = 0.5
@@ -36,8 +36,8 @@ class TrainingConfig:
         seed: seed of the initial weights, batches and augmentation; results with several seeds show how much depends
             on chance.
         minutes: limit of processor time in minutes, excluding validation. Training ends after this time or after
-            --steps, whichever comes first, and the learning rate falls accordingly. Use it to compare networks whose
-            steps differ in duration. By default, there is no limit.
+            --steps, whichever comes first, and the learning rate falls accordingly. Use this limit to compare
+            networks whose steps differ in duration. By default, there is no limit.
         validate_every: number of steps between validations; weights are written only after a validation.
         augmentation: how blocks are cut and changed.
     """

@@ -23,7 +23,7 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
 
     Args:
         path: the file.
-        network: name of the only accepted network; by default, any is accepted.
+        network: name of the only accepted network; by default, every network is accepted.
 
     Raises:
         InputError: the file cannot be read, is not safetensors, or holds another network or non-finite numbers.

@@ -1,1 +1,1 @@
-"""DGCNN's forward pass hand-written for CPUs."""
+"""A hand-written forward pass of DGCNN for CPUs."""

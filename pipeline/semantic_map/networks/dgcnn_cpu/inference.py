@@ -23,7 +23,7 @@ SLOPE32 = np.float32(SLOPE)
 Features = NDArray[np.float32]
 Neighbours = NDArray[np.int32]
 Responses = Callable[[slice, Neighbours, Features], None]
-"""Fills in the (R, C) features of the points in a slice from their (R, k) neighbours."""
+"""Function that fills in the (R, C) features of the points in a slice, given their (R, k) neighbours."""
 
 
 class FastDgcnn:
@@ -55,10 +55,10 @@ class FastDgcnn:
         self._classifier = network.classifier.weight.detach()
 
     def __call__(self, points: Features) -> Features:
-        """(N, channels) float32 points to (N, classes) float32 logits.
+        """(N, classes) float32 logits of (N, channels) float32 points.
 
         Raises:
-            InputError: the number of channels is wrong, there are fewer than k points, or they are not finite.
+            InputError: the number of channels is wrong, there are fewer than k points, or the points are not finite.
         """
         check_block(self._network, points)
         return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
@@ -114,7 +114,7 @@ class FastDgcnn:
         return responses
 
     def _segment(self, local: Tensor) -> Tensor:
-        """(N, 192) features of the three EdgeConvs to (N, classes) logits."""
+        """(N, classes) logits from the (N, 192) features of the three EdgeConvs."""
         weight, bias = self._embedding
         largest, rows_of_tiles = list[Tensor](), tiles(len(local))
         self._threads.over(rows_of_tiles, lambda rows: largest.append(linear(local[rows], weight).amax(dim=0)))
@@ -134,7 +134,7 @@ class FastDgcnn:
 
 
 def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
-    """A function that finds, by brute force, the (R, k) of the (N, C) points nearest to R of them."""
+    """A function that finds, by brute force, (R, k) indices of the points of x (N, C) nearest to R of them."""
     # Summed in the same order as in dgcnn.nearest, because rounding in another order may give other neighbours.
     half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
 
@@ -153,7 +153,10 @@ def tiles(count: int) -> list[slice]:
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
-    """``x Wᵀ + b`` with oneDNN, on AMD twice as fast for float32 as MKL, which torch.nn.functional.linear uses."""
+    """``x Wᵀ + b``, computed with oneDNN.
+
+    On AMD, oneDNN is twice as fast for float32 as MKL, which torch.nn.functional.linear uses.
+    """
     return torch.ops.mkldnn._linear_pointwise(x, weight, bias, "none", [], "")
 
 

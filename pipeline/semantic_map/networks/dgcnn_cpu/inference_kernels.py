@@ -11,10 +11,10 @@ GROUPS = 256
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def select_nearest(product, half_square, neighbours):
-    """Find the k points j nearest to i: those with the largest closeness ``x_i · x_j − |x_j|² / 2``.
+    """Find the k points j nearest to each point i, which have the largest closeness ``x_i · x_j − |x_j|² / 2``.
 
-    Of equally close points, the one with the lower index is taken. A branch that the processor cannot predict costs
-    as much as a row of comparisons, so the code has almost none.
+    Of equally close points, the point with the lower index is taken. A branch that the processor cannot predict costs
+    as much as a row of comparisons, so the code has almost no branches.
 
     Args:
         product: (R, N) float32 ``x_i · x_j`` of R points with all N.
@@ -139,7 +139,7 @@ def sum_edges(of_neighbour, of_point, neighbours, slope, edges):
 
 @njit(cache=True, nogil=True, boundscheck=False, fastmath={"contract"})
 def largest_edge(edges, scale, shift, slope, features):
-    """Compute LeakyReLU(scale · max over the neighbours + shift): monotonic functions may follow the maximum.
+    """Compute LeakyReLU(scale · max over the neighbours + shift); monotonic functions may follow the maximum.
 
     Args:
         edges: (R k, C) float32.

@@ -1,1 +1,1 @@
-"""The commands of a checkout; some of these scripts only call commands that are modules of sarsim."""
+"""The commands of a checkout; some scripts only call commands that are modules of sarsim."""

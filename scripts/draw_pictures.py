@@ -1,4 +1,4 @@
-"""Draw the pictures of the README and the documentation: ``draw_pictures.py [PICTURE ...]``."""
+"""Draw the pictures for the README and the documentation: ``draw_pictures.py [PICTURE ...]``."""
 
 import sys
 from importlib import import_module
@@ -26,7 +26,7 @@ OF_A_FOLDER = {
     "semantic_map": RUN,
     "metric_map": RUN,
     "topological_map": RUN,
-    "thumbnails": RUN,  # Last, because they are cut out of the others
+    "thumbnails": RUN,  # Last, because thumbnails are cut out of the other pictures
     "mission": MISSION,
     "real_frames": PHOTOS,
     "explored": RESULTS,
@@ -38,7 +38,7 @@ ORIGINS = {
     RESULTS: "make results PAGE=exploration FOLDER=... leaves it there",
     PHOTOS: "put Open3D's test images of SUN RGB-D, NYU Depth v2 and TUM RGB-D there",
 }
-"""How to get each of these folders."""
+"""Instructions for obtaining each of these folders."""
 OF_THE_CODE = (
     *("arenas", "badges", "camera", "esogu", "labels", "lanes"),
     *("lidar", "lighting", "notebook", "victim_detection"),
@@ -47,10 +47,10 @@ OF_THE_CODE = (
 
 
 def draw_pictures(pictures: Annotated[tuple[str, ...], tyro.conf.Positional] = ()) -> None:
-    """Redraw pictures of the README and the documentation.
+    """Redraw pictures for the README and the documentation.
 
     Args:
-        pictures: names of modules in scripts/pictures. By default all that show the run measured by make results.
+        pictures: names of modules in scripts/pictures. By default all pictures of the run measured by make results.
     """
     known = (*OF_A_FOLDER, *OF_THE_CODE)
     if unknown := set(pictures) - set(known):

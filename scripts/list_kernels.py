@@ -1,4 +1,4 @@
-"""Write sarsim/kernels.json, the functions that numba compiles for the default episode: ``list_kernels.py``."""
+"""Write sarsim/kernels.json, a list of functions that numba compiles for the default episode: ``list_kernels.py``."""
 
 import json
 import os
@@ -16,7 +16,7 @@ except ModuleNotFoundError as error:
 
 
 def list_kernels() -> None:
-    """Run the default episode with an empty cache, and list the functions that numba compiles in kernels.json."""
+    """Run the default episode with an empty cache, and write the list of the compiled functions to kernels.json."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads this when it is imported
         lines = [json.dumps(one) for one in compiled(Path(folder, "episode"))]
@@ -43,7 +43,7 @@ def compiled(out: Path) -> list[tuple[str, list[Any]]]:
 
 
 def described(argument: Any) -> Any:
-    """A type as :data:`sarsim.compilation.Argument`."""
+    """The type of an argument, in the form of :data:`sarsim.compilation.Argument`."""
     from numba import types
 
     if isinstance(argument, types.Array):

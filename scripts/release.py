@@ -1,4 +1,7 @@
-"""Check that a tag can be released, and print its notes; needs no installed package: ``release.py v0.1.0``."""
+"""Check that a tag can be released, and print the release notes: ``release.py v0.1.0``.
+
+The script needs no installed package.
+"""
 
 import re
 import tomllib
@@ -8,10 +11,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 DATE = r"\d{4}-\d\d-\d\d"
 RESULTS = "<!-- results: written by make results -->"
-"""Marks the beginning of README's results."""
+"""Text that marks the beginning of README's results."""
 NOT_MEASURED = "not measured yet"
 MEASURED = re.compile(rf"\bon {DATE} at commit ([0-9a-f]{{7,40}}\+?)(?=[ .])")
-"""Matches the commit at which a part of README's results was measured."""
+"""Pattern of the commit at which a part of README's results was measured."""
 
 
 def main() -> None:

@@ -269,7 +269,7 @@ def markdown(title: str, about: str, command: str, *parts: str) -> str:
 
 
 def origin(record: Record) -> str:
-    """When, with what code and on what machine the figures were measured."""
+    """The start of a sentence about a measurement: date, commit, version and machine; the command follows."""
     machine = record["machine"]
     on = f"{machine['cores']} cores of {machine['processor']} ({machine['instructions']})"
     return f"Measured on {record['date']} at commit {record['commit']} (version {record['version']}) on {on} by"
@@ -291,11 +291,11 @@ def tables_of(page: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
 
 
 def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapping[str, str] = {}) -> str:
-    """A table of the rows that have a figure, as Markdown; empty if there are none.
+    """A table of the rows that have a figure, as Markdown; empty if no row has a figure.
 
-    The format ``cell``, filled in with the values of row and column, is the name of a figure, or of one of the words.
-    Instead of ``rows``, a table may have ``by``, for one row per figure whose name has this ending, the lowest figure
-    first.
+    The format ``cell``, filled in with the values of row and column, is the name of a figure or of one of the words.
+    Instead of ``rows``, a table may have ``by``, an ending of names. It then has a row for each figure whose name has
+    this ending, the lowest figure first.
     """
     columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
     shown = {name: figure_text(value) for name, value in figures.items()} | dict(words)
@@ -309,7 +309,10 @@ def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
 
 
 def rows_by(ending: str, figures: Mapping[str, float]) -> list[tuple[str, str]]:
-    """The names of figures with an ending, without the ending, as labels and as rows, the lowest figure first."""
+    """The label and the row of each figure whose name has an ending; both are the name without the ending.
+
+    The lowest figure comes first.
+    """
     names = [name.removesuffix(f".{ending}") for name in figures if name.endswith(f".{ending}")]
     names.sort(key=lambda name: (figures[f"{name}.{ending}"], name))
     return [(name, name) for name in names]
@@ -331,13 +334,13 @@ def readme_row(row: Mapping[str, str], record: Record | None) -> str:
 
 
 def measured_at(records: Iterable[Record | None]) -> str:
-    """When and at which commits the figures were measured, as a sentence; empty if none was."""
+    """A sentence with the dates and commits of the measurements; empty if there are no records."""
     states = dict.fromkeys(f"on {record['date']} at commit {record['commit']}" for record in records if record)
     return f"Measured {' and '.join(states)}." if states else ""
 
 
 def filled(text: str, figures: Mapping[str, float]) -> str:
-    """A text with figures in place of ``{name:format}``; KeyError if one is missing."""
+    """A text with figures in place of ``{name:format}``; KeyError if a figure is missing."""
     return re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), text)
 
 
@@ -365,7 +368,7 @@ def expected(claim: Mapping[str, Any]) -> str:
 
 
 def check_claims() -> None:
-    """Run the commands of all claims, report which claims hold, and end with status 1 unless all do."""
+    """Run the commands of all claims, report which claims hold, and exit with status 1 unless all claims hold."""
     content, failed = pages_config(), 0
     for name, group in groupby(content["claims"], lambda claim: claim["page"]):
         figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
@@ -393,7 +396,7 @@ def duration(page: Mapping[str, Any], record: Record | None) -> str:
 
 
 def seconds(page: Mapping[str, Any], record: Record | None) -> float:
-    """Processor time of a page, s: of its last measurement if that was complete, otherwise as planned."""
+    """Processor time of a page, s, from the last measurement if it was complete, otherwise from the plan."""
     whole = record and shown(record["command"]) == shown(page["command"])
     return float(record["processor_s"] if record and whole else 60 * page["minutes"])
 

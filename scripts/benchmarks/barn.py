@@ -1,6 +1,6 @@
 """BARN's cylinder worlds, crossed using the whole pipeline, with the robot's own camera and localisation.
 
-The rules are those of the challenge's program (github.com/Daffan/the-barn-challenge, run.py): Perille et al.,
+The rules follow the challenge's program (github.com/Daffan/the-barn-challenge, run.py); see Perille et al.,
 "Benchmarking Metric Ground Navigation" (SSRR 2020), and Xiao et al., "Autonomous Ground Navigation in Highly
 Constrained Spaces" (2022).
 """
@@ -112,8 +112,8 @@ class BarnJudge:
 
     Attributes:
         begin: time at which the robot was set down, s.
-        started: time at which the robot had moved far enough for the clock to start, s; None before.
-        ended: how the run ended, ``reached``, ``contact`` or ``time``; None before.
+        started: time at which the robot had moved far enough for the clock to start, s; None before that time.
+        ended: how the run ended, ``reached``, ``contact`` or ``time``; None before the end.
         seconds: time on the clock, s; 0 until the clock starts.
     """
 
@@ -125,7 +125,7 @@ class BarnJudge:
     def see(self, time: float, T_world_base: Pose, contacts: int) -> bool:
         """Judge a true pose at a time, s, and the number of contacts so far; return whether the run may continue.
 
-        For a robot that has not moved, the time limit starts when it is set down.
+        For a robot that has not moved, the time limit counts from the time at which the robot was set down.
         """
         place = T_world_base[:2, 3]
         if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
@@ -169,7 +169,7 @@ def score(seconds: float | None, optimal: float) -> float:
 
 
 def optimal_seconds(cells: NDArray[np.float64]) -> float:
-    """Time in s to drive the reference path from the start over (K, 2) cells to the goal."""
+    """Time, s, to drive the reference path from the start via (K, 2) cells to the goal."""
     path = np.vstack([START[:2], FIRST_CELL + CELL * cells, GOAL])
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / SPEED
 

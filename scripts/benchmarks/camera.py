@@ -24,7 +24,7 @@ POSES = [
     (-2.4, -1.35, 0.0), (-1.2, -1.4, 0.2), (2.3, -1.2, 2.4), (0.0, -0.1, 0.0), (2.2, 1.2, 3.0), (-1.5, 1.3, -0.2),
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
-CAMERA_HEIGHT = 0.75  # m; the height of the robot's mast above the decks
+CAMERA_HEIGHT = 0.75  # m, height of the robot's mast above the decks
 SIZE = 640, 480  # Width and height of the images, pixels
 UNCOUNTED_ROUNDS = 2  # Warm-up rounds, not timed
 
@@ -40,7 +40,7 @@ Times = dict[str, float]  # ms of a complete "frame", and of each of its parts a
 
 
 def measure(settings: CameraSettings) -> Result:
-    """Median times of a frame and its parts, and the speed-up of our renderer over each other contender.
+    """Median times of a frame and its parts, and the speed-up of our renderer over every other contender.
 
     Raises:
         InputError: a number is below 1.

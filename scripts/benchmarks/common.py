@@ -49,9 +49,9 @@ def seconds(action: Callable[..., object], *args: object) -> float:
 
 
 class ThreePasses(Renderer):
-    """``mujoco.Renderer``: draws colour, depth and segmentation in separate passes.
+    """``mujoco.Renderer``, which draws colour, depth and segmentation in separate passes.
 
-    Its images have MuJoCo's default quality except for ``QUALITY``, and stay valid until the next image.
+    Its images have MuJoCo's default quality except for ``QUALITY``, and stay valid until the next image is drawn.
     """
 
     QUALITY: ClassVar[Mapping[str, int]] = {}

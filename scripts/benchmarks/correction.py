@@ -1,7 +1,7 @@
 """Time to correct the maps after loop closures, compared with inserting all frames again, as octree mappers must.
 
-The robot drives to random places until it has enough keyframes, one every 0.3 m or 15°. Then corrections like those
-of loop closures are made, which move all keyframes after a random one, the newest the farthest.
+The robot drives to random places until it has enough keyframes, one every 0.3 m or 15°. Then all keyframes after a
+random one are moved, the newest the farthest, as in a correction after a loop closure.
 """
 
 import resource
@@ -43,7 +43,7 @@ def measure(settings: CorrectionSettings) -> Result:
         # Set up: the maps of a drive, and an octree of the same keyframes.
         mapper, octree = driven(arena, size, seed)
         rng = np.random.default_rng(seed)
-        # Measure corrections like those of loop closures, and compare the maps with maps rebuilt from scratch.
+        # Measure simulated corrections, and compare the maps with maps rebuilt from scratch.
         times = []
         for poses in tracked(
             list(_corrected(mapper.keyframes.poses, rounds, rng)), f"corrections of {size} keyframes"
@@ -94,7 +94,7 @@ class Octree(Sink):
 
 
 def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[Poses]:
-    """(K, 4, 4) poses after each of ``rounds`` random corrections of the same (K, 4, 4) poses."""
+    """Yield (K, 4, 4) poses after each of ``rounds`` random corrections of the same (K, 4, 4) poses."""
     for _ in range(rounds):
         first = rng.integers(len(poses))
         share = np.clip(np.arange(len(poses)) - first, 0, None) / max(len(poses) - 1 - first, 1)

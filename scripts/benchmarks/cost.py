@@ -1,7 +1,7 @@
-"""Processor time of complete episodes, by stage and over all threads, also relative to the simulated world alone.
+"""Processor time of complete episodes, by stage and over all threads, and relative to the simulated world alone.
 
-The world alone replays only the commands of the same drive and the images that the robot requested. A short episode
-runs first, so that imports and the compilation of kernels are not measured.
+For the time of the world alone, the commands and image requests of the same drive are replayed without the robot's
+software. A short episode runs first, so that imports and the compilation of kernels are not measured.
 """
 
 import resource
@@ -70,7 +70,7 @@ STAGES = {
 
 
 def measure(settings: CostSettings) -> Result:
-    """Processor time of an episode in each arena, in total and by stage, and that of its world alone."""
+    """Processor time of an episode in each arena, in total and by stage, and of the episode's world alone."""
     at_least(0, settings, "seed")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
@@ -85,12 +85,12 @@ def measure(settings: CostSettings) -> Result:
 
 def _cost(config: EpisodeConfig) -> dict[str, float]:
     """The figures of an episode."""
-    # The episode, whose commands and image requests are recorded, and whose running code is sampled.
+    # Run the episode, record its commands and image requests, and sample its running code.
     episode = Episode(config)
     drive, steps = Drive(episode.robot), StepTimes(episode)
     with Sampler() as sampler:
         episode.run(show_progress=False)
-    # The same drive in the world alone.
+    # Replay the same drive in the world alone.
     world, total = drive.again(config), sum(sampler.seconds.values())
     by_size = sorted(sampler.seconds.items(), key=lambda item: -item[1])
     return {
@@ -138,7 +138,7 @@ class Drive:
 
 
 class StepTimes:
-    """Wall-clock time of each step, from image to plan, with the number of keyframes after it."""
+    """Wall-clock time of each step, from image to plan, with the number of keyframes after the step."""
 
     def __init__(self, episode: Episode):
         self._times = list[tuple[int, float]]()
@@ -163,10 +163,10 @@ class StepTimes:
 
 
 class Sampler:
-    """Samples the stage of every Python thread of this process, weighted by the processor time it has used.
+    """Samples the stage of every Python thread of this process, weighted by the thread's processor time.
 
     Attributes:
-        seconds: processor time by stage, s; that of library threads that run no Python is ``native``.
+        seconds: processor time by stage, s; the stage of library threads that run no Python is ``native``.
     """
 
     def __init__(self) -> None:

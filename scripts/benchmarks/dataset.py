@@ -1,4 +1,4 @@
-"""The dataset generator compared with one that uses ``mujoco.Renderer``'s three passes, and two workers with one.
+"""The dataset generator compared with a generator that uses ``mujoco.Renderer``, and two workers compared with one.
 
 The generators make the same complete scenes: arena, drive, sensor errors and file. They take turns frame by frame.
 Each generator and each worker has one thread; the times exclude waits for a processor that other programs use, but
@@ -49,7 +49,7 @@ def measure(settings: DatasetSettings) -> Result:
 
 
 def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
-    """Seconds of every frame; the first frame of a scene includes making its arena and drive."""
+    """Seconds of every frame, by contender; the first frame of a scene includes the time for arena and drive."""
     contenders = {name: start_worker(_serve, name, recipe) for name in RENDERERS}
     times: dict[str, list[float]] = {name: [] for name in RENDERERS}
     for frame in tracked(range((1 + scenes) * recipe.frames), "frames"):
@@ -65,7 +65,7 @@ def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
 
 
 def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
-    """(rounds, 2) throughput of two workers over that of one, in undisturbed time and in wall-clock time."""
+    """(rounds, 2) ratio of two workers' throughput to one worker's, in undisturbed time and in wall-clock time."""
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:

@@ -15,24 +15,24 @@ from scripts.benchmarks.settings import ExplorationSettings
 
 NEAREST_FRONTIER = "nearest_frontier"
 GROUND_ONLY = "ground_only"
-"""Our strategy without the victim detector, which the baseline lacks too."""
+"""Our strategy without the victim detector, for comparison with the baseline, which has no detector."""
 COMPARED_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """Parts of the reports of the compared episodes that are summarised."""
 WITHOUT_BASELINE = ("raf", "esogu_52x15")
 """Groups of large arenas, in which the baseline would take hours."""
 RATIO = "seen90_vs_nearest_frontier"
 T99_RATIO = "t99_vs_nearest_frontier"
-PENALTY = 10.0  # Multiple of a run's duration that stands for its time to see 90% if it never did (PAR10)
+PENALTY = 10.0  # Multiple of a run's duration that replaces the time to see 90% if the run never saw 90% (PAR10)
 WORST = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
-    """Run the missing episodes, and summarise all; episodes that are compared run without the victim detector.
+    """Run the missing episodes, and summarise all episodes; compared episodes run without the victim detector.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    # Set up complete episodes, and episodes of both strategies without the detector, in the same arenas and seeds.
+    # Set up complete episodes, and episodes of both strategies without the detector, with the same arenas and seeds.
     own = list(jobs_of(settings.episode, settings))
     groups = list(dict.fromkeys(job.group for job in own))
     compared = [job for job in own if settings.baselines and job.group not in WITHOUT_BASELINE]
@@ -62,7 +62,7 @@ def measure(settings: ExplorationSettings) -> Result:
 
 
 def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, float], dict[str, str]]:
-    """The figures of the worst run in each arena, ``<arena>.<key of report.json>``, and why it ended, in words."""
+    """The figures of the worst run in each arena, ``<arena>.<key of report.json>``, and why the run ended."""
     figures, words = dict[str, float](), dict[str, str]()
     reports_of: dict[str, list[Mapping[str, Any]]] = {}
     for job, result in zip(jobs, results, strict=True):
@@ -81,7 +81,7 @@ def without_people(job: Job, name: str, exploration: str) -> Job:
 
 
 def compared_pairs(found: Mapping[str, Results], group: str) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
-    """Our reports of a group and the baseline's, both without the detector, of the same arenas and seeds."""
+    """Pairs of our report and the baseline's of the same arena and seed in a group, both without the detector."""
     return pairs(*(found.get(f"{strategy}.{group}", ()) for strategy in (GROUND_ONLY, NEAREST_FRONTIER)))
 
 
@@ -116,7 +116,7 @@ def ratios(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, flo
 
 
 def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, float]:
-    """Ratio of our time to see 99% to the baseline's, over all pairs in which both saw 99%.
+    """Ratio of our time to see 99% to the baseline's, over all pairs in which both strategies saw 99%.
 
     Returns:
         The interquartile mean ``value`` with the 95% interval ``low`` to ``high``, and the number of ``pairs``; also

@@ -31,14 +31,14 @@ from scripts.benchmarks.settings import FindsSettings
 
 SURE, LIKELY = 0.5, 0.25  # Minimum confidences of a detected box
 CLEAR, LONG = 0.6, 0.15
-"""Minimum confidence of a reference box, and minimum ratio of its longer side to the photo's, for it to be scored."""
+"""Minimum confidence of a scored reference box, and minimum ratio of its longer side to the photo's longer side."""
 OVERLAP = 0.5  # IoU above which a person is found
 BOARD = re.compile(r"board(\w+)_(\d+)cm")
 ENDINGS = (".jpg", ".jpeg", ".png")
 
 
 def measure(settings: FindsSettings) -> Result:
-    """Fractions found and read, false alarms per episode and position errors by kind; for photos, only ``real.*``.
+    """Fractions found and read, false alarms per episode and position errors by kind, or the figures of photos.
 
     Raises:
         InputError: a network is broken, or a folder cannot be used.
@@ -52,7 +52,7 @@ def measure(settings: FindsSettings) -> Result:
 
 
 def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Figures by kind: fractions ``found`` of the visible and ``read`` of the found, and false alarms per episode."""
+    """Figures by kind, such as the fraction ``found`` of the visible objects and ``read`` of the found objects."""
     figures = {"runs": float(len(results))}
     for kind in (VICTIM, *FIND_KINDS):
         reports = [r["report"]["victims"] if kind == VICTIM else r["report"]["finds"].get(kind) for r in results]

@@ -1,4 +1,4 @@
-"""Kidnap a robot repeatedly, and check whether it notices this and relocalises."""
+"""Kidnap a robot repeatedly, and check whether it notices each kidnapping and relocalises."""
 
 from collections import Counter
 from dataclasses import replace
@@ -62,7 +62,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     mapper.localisation.set_pose(robot.trajectory[-1].T_world_base)
     mapper.add_frame(mapper.localise(frame), labelled=True)
     explorer.pilot.navigator.moved(robot.drive(Velocity()))
-    explorer.pilot.confirm(mapper.localise(robot.sense()))  # the last view before it is carried
+    explorer.pilot.confirm(mapper.localise(robot.sense()))  # the last view before the robot is carried
     return explorer
 
 
@@ -83,7 +83,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 
 def set_down(robot: SimulatedRobot, place: Place, quat: NDArray[np.float64], seconds: float) -> None:
-    """Set the robot down at a position (3,), m, with a quaternion (4,), and let it stand still for ``seconds``."""
+    """Set a robot down at a position (3,), m, with a quaternion (4,), and let it stand still for ``seconds``."""
     robot.robot.set_pose(robot.physics, place, quat)
     robot.physics.velocity()[:] = 0
     mujoco.mj_forward(robot.physics.model.ptr, robot.physics.data.ptr)

@@ -22,7 +22,7 @@ from sarsim.sensors.rendering import Renderer
 
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By suffix of the figures' names
 SPARSE_KEYFRAMES = (2.0, 0.8)
-"""Motion between the frames that are compared, m and rad; it is large so that frames show more than the start."""
+"""Motion between compared frames, m and rad, which is large so that the frames show more than the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +55,9 @@ def drive_through(
     lighting: Lighting = Lighting.normal,
     keyframes: tuple[float, float] = KEYFRAME_SPACING,
 ) -> Iterator[PosedFrame]:
-    """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
+    """Yield frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 
-    ``keyframes``: distance driven, m, and angle turned, rad, between frames.
+    ``frames``: number of frames; ``keyframes``: distance driven, m, and angle turned, rad, between frames.
 
     Raises:
         InputError: the arena cannot be loaded, or the robot cannot drive in it.
@@ -98,7 +98,8 @@ class Tally:
     def scores(self) -> dict[str, dict[str, float]]:
         """IoU by label and ``miou_four``, by kind: over frames' returns, frames' voxels, and the fused map's voxels.
 
-        Near surfaces have many more returns than far ones, but no more voxels, so only the last two are comparable.
+        Near surfaces have many more returns than far surfaces, but no more voxels, so that only the last two kinds
+        are comparable.
         """
         figures = label_figures(self._returns), label_figures(self._voxels), compared(self._truth, self._map)
         return {
@@ -110,7 +111,7 @@ class Tally:
 def scores(
     frames: Iterable[PosedFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
 ) -> Scores:
-    """The scores of every classifier in one arena, for each of the ``changes`` to its probabilities."""
+    """The scores of every classifier in one arena, for each of the ``changes`` to the classifier's probabilities."""
     tallies = {name + change: Tally() for name in classifiers for change in changes}
     for frame in frames:
         for name, classifier in classifiers.items():

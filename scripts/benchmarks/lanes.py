@@ -58,7 +58,7 @@ class LaneTry:
 
 
 def measure(settings: LanesSettings) -> Result:
-    """Traverses, times, fallen posts and resets of each lane, or why the robot's body cannot pass through it."""
+    """Traverses, times, fallen posts and resets of each lane, or why the robot's body does not fit through it."""
     at_least(1, settings, "repetitions")
     at_least(0, settings, "seed")
     lanes = settings.lanes or tuple(LANES)
@@ -94,7 +94,7 @@ class LaneRepetitions:
         self._drive: LaneDrive | None = None
 
     def next_try(self) -> LaneTry:
-        """Try to drive through the lane, starting where the robot is, or where a reset has placed it."""
+        """Try to drive through the lane from the robot's position, which a reset may have changed."""
         towards = 1 if self._number % 2 == 0 else -1
         if self._drive is None:
             self._drive = LaneDrive(self._lane, -towards, self._settings, self._settings.seed + self._number)

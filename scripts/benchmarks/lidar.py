@@ -126,7 +126,10 @@ def rays_alone(robot: SimulatedRobot, scanner: Scanner, sensor: str) -> Callable
 
 
 def image_size(sensor: str) -> tuple[int, int]:
-    """Width and height, pixels, of images ``VIEW`` wide, with a column per column of beams, that cover all rows."""
+    """Width and height, pixels, of images that are ``VIEW`` wide and cover all rows of beams.
+
+    The images have one column per column of beams.
+    """
     model = LidarConfig(sensor).model()
     width = round(model.columns * VIEW / model.field_of_view)
     highest = np.radians(max(abs(angle) for angle in model.elevations))
@@ -154,14 +157,14 @@ def depth_images(robot: SimulatedRobot, renderer: Renderer, scanner: Scanner, vi
 
 
 def agreement(arena: str, seed: int) -> dict[str, float]:
-    """Fractions of the beams of ``64x1024`` with Open3D's label, and with another label although no edge is near."""
+    """Fractions of the beams of ``64x1024`` with Open3D's label, and with another label far from any edge."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     scanner, rays = scanner_of(robot, "64x1024"), directions("64x1024")
     scan, columns = scanner.scan(0.0), LidarConfig("64x1024").model().columns
     is_robot = model.body_rootid[model.geom_bodyid] == model.body_rootid[robot.base_body]
     cast = open3d_caster(model, data, np.flatnonzero(drawn_geoms(model) & ~is_robot))
-    label = np.append(model.geom_user[:, 0], -1)  # the last one belongs to no geom
+    label = np.append(model.geom_user[:, 0], -1)  # the last label belongs to no geom
     nearest = LidarConfig("64x1024").model().range[0]
     origin, world = scan.T_world_lidar[:3, 3], rays @ scan.T_world_lidar[:3, :3].T
     theirs, distance = cast(origin, world)
@@ -235,7 +238,7 @@ def throughput(settings: LidarSettings) -> dict[str, float]:
 
 
 def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
-    """ATE, m, of KISS-ICP on the scans of a drive, read from a dataset; aligned, and computed by its own metric."""
+    """ATE, m, of KISS-ICP on a drive's scans from a dataset, after alignment, by KISS-ICP's own metric."""
     recipe = Recipe(
         seed=settings.seed,
         frames=settings.drive,
@@ -254,7 +257,7 @@ def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
 
 
 def kiss_icp_poses(folder: Path) -> NDArray[np.float64]:
-    """(N, 4, 4) poses by KISS-ICP of the scans in a folder, read by its generic loader, with its default settings."""
+    """(N, 4, 4) poses of the scans in a folder by KISS-ICP, with its generic loader and its default settings."""
     config = KISSConfig(
         data=DataConfig(max_range=INDOORS, min_range=0.0, deskew=False),
         mapping=MappingConfig(voxel_size=INDOORS / 100),

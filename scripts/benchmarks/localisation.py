@@ -1,7 +1,7 @@
 """Localisation along drives, compared with odometry, KISS-ICP and Open3D's RGB-D odometry.
 
-The robot explores using its true pose, so that a drive does not depend on the method measured with it. All methods
-get the same frames, in turn, in a single-threaded process; processor time is measured. The trajectories stay in the
+The robot explores using its true pose, so that a drive does not depend on any of the methods. All methods get the
+same frames, in turn, in a single-threaded process, whose processor time is measured. The trajectories stay in the
 folder ``--runs`` as TUM files, which evo can draw.
 """
 
@@ -88,7 +88,7 @@ def measure(settings: LocalisationSettings) -> Result:
 
 
 def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
-    """Drive through an arena with the named methods; writes ``<job>-<method>.tum`` and ``<job>-true.tum``.
+    """Drive through an arena with the named methods, and write ``<job>-<method>.tum`` and ``<job>-true.tum``.
 
     Raises:
         ArithmeticError: our ATE differs from evo's.
@@ -132,14 +132,14 @@ def drive(config: EpisodeConfig, names: Sequence[str]) -> "Followed":
 
 
 class Followed(Sink):
-    """Gives all methods a frame whenever the robot has moved ``SPACING`` or turned ``TURN`` since the last one.
+    """Gives all methods a frame whenever the robot has moved ``SPACING`` or turned ``TURN`` since the last frame.
 
     Attributes:
         methods: the methods by name.
         times: time of each frame, s.
         true: true pose (4, 4) of each frame.
-        poses: by method, its estimate (4, 4) of each frame's pose, made during the drive.
-        seconds: by method, processor time of each frame with enough returns, s.
+        poses: estimates (4, 4) of the frames' poses made during the drive, by method.
+        seconds: processor times of the frames with enough returns, s, by method.
     """
 
     def __init__(self, robot: SimulatedRobot, names: Sequence[str]):
@@ -159,7 +159,7 @@ class Followed(Sink):
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
-        """Localise a frame, with its wheel odometry, unless this was already done or the robot has moved since.
+        """Localise a frame, with its wheel odometry, unless it was localised before or the robot has moved since.
 
         A robot that plans while rolling may have come to rest after the frame was taken.
         """

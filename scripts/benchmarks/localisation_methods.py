@@ -22,12 +22,15 @@ from sarsim.scoring.trajectory import is_false
 from scripts.benchmarks.localisation_scores import errors_of, moved_along, nees, trajectory_scores, within
 
 STRIDE = 4
-"""Pixel stride of the points given to KISS-ICP; they are still denser than its voxels, each of which keeps one."""
+"""Pixel stride of the points given to KISS-ICP.
+
+The points are still denser than the voxels of KISS-ICP, each of which keeps one point.
+"""
 
 MIN_RETURNS = 0.1
-"""Minimum fraction of pixels with returns. With fewer, as near a wall, baselines get lost."""
+"""Minimum fraction of pixels with returns; with fewer returns, such as near a wall, baselines get lost."""
 STRAYED = 0.1, np.deg2rad(5)
-"""m and rad; a baseline that deviates more from the odometry within a frame is lost, and odometry is used."""
+"""m and rad; a baseline that deviates more from the odometry within a frame is lost, and the odometry is used."""
 
 CORRECTED = 3  # Keyframes between two of our corrections, as between two steps of an episode
 
@@ -173,7 +176,7 @@ class Open3d(Guided):
         self._image: tuple[Frame | None, RgbdImage | None] = None, None
 
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Register the frame to the last one, unless the last one had too few returns."""
+        """Register the frame to the last frame, unless the last frame had too few returns."""
         colour, depth = (o3d.t.geometry.Image(np.ascontiguousarray(image)) for image in (frame.rgb, frame.depth))
         image = RgbdImage(colour, depth)
         (seen, target), self._image = self._image, (frame, image)

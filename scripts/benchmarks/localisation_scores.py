@@ -14,11 +14,13 @@ SECTION = 1.0  # m, distance driven between the two poses of a relative pose err
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
-    """Errors of estimated (N, 4, 4) poses against true ones at the same times.
+    """Errors of estimated (N, 4, 4) poses against true poses at the same times.
 
-    Absolute: ``ate_m``, root mean square of the position error, ``max_m``, its maximum, and ``heading_deg``, root
-    mean square of the yaw error. Relative: ``rpe_m`` and ``rpe_deg``, root mean squares over ``SECTION`` (Sturm et
-    al., IROS 2012). ``drift_percent``: final position error over the distance driven.
+    - ``ate_m``: root mean square of the position error.
+    - ``max_m``: maximum of the position error.
+    - ``heading_deg``: root mean square of the yaw error.
+    - ``rpe_m``, ``rpe_deg``: root mean squares of the relative errors over ``SECTION`` (Sturm et al., IROS 2012).
+    - ``drift_percent``: ratio of the final position error to the distance driven, in percent.
     """
     distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
     yaw, believed = (np.arctan2(T[:, 1, 0], T[:, 0, 0]) for T in (true, estimated))
@@ -49,7 +51,7 @@ def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray
 
 
 def errors_of(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 6) rotation vectors, rad, and translations, m, of true (N, 4, 4) poses relative to estimated ones."""
+    """(N, 6) rotation vectors, rad, and translations, m, of true (N, 4, 4) poses relative to estimated poses."""
     E = np.linalg.inv(estimated) @ true
     return np.hstack([Rotation.from_matrix(E[:, :3, :3]).as_rotvec(), E[:, :3, 3]])
 
@@ -62,7 +64,7 @@ def rms(values: NDArray[np.floating]) -> float:
 def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
     """Normalised estimation error squared of (N, 6) errors with (N, 6, 6) covariances, per dimension.
 
-    It is 1 if the errors match the covariances; a larger value means that the covariances are too small
+    The value is 1 if the errors match the covariances; a larger value means that the covariances are too small
     (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
     """
     return float(each_nees(errors, covariances).mean())

@@ -155,7 +155,7 @@ def _speed(recording: RecordedFrames) -> dict[str, float]:
 
 
 def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -> NDArray[np.float64]:
-    """Seconds of each frame; the first frames are added once untimed, so that numba compiles or loads its kernels."""
+    """Seconds of each frame; the first frames are first added without timing, so that numba's kernels are ready."""
     depth = recording.xtion
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
@@ -229,7 +229,7 @@ def agreement(first: MetricMap, second: MetricMap) -> float:
 
 
 def _bounds(first: MetricMap, second: MetricMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(3,) lowest voxel of the two maps, and (3,) one past their highest."""
+    """(3,) index of the lowest voxel of both maps, and (3,) index one past the highest voxel."""
     corners = np.array([*first.bounds(), *second.bounds()])
     return corners.min(axis=0), corners.max(axis=0)
 

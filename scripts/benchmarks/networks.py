@@ -37,7 +37,10 @@ from scripts.benchmarks.settings import ARENAS, NetworksSettings
 
 TIMED_FRAMES = 5  # Number of timed frames, in nist_6x4
 FIRST_RANDOM = 90_000
-"""Seed of the first random arena; datasets draw their arenas' seeds from a range of two billion."""
+"""Seed of the first random arena.
+
+Datasets draw the seeds of their arenas from a range of two billion, so that they hardly ever contain these arenas.
+"""
 
 
 def measure(settings: NetworksSettings) -> Result:
@@ -92,7 +95,7 @@ def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
 
 
 VOTES: Mapping[str, Change] = {"": voted, ".alone": lambda frame, given: given}
-"""With and without the planar vote, by suffix of the figures' names."""
+"""Changes to probabilities, with and without the planar vote, by suffix of the figures' names."""
 
 
 def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
@@ -117,7 +120,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
         figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
         if name in files:
             _, metadata = load_weights(files[name], name)
-            with suppress(KeyError, TypeError, ValueError):  # Files of other programs do not state it
+            with suppress(KeyError, TypeError, ValueError):  # Files of other programs do not state this time
                 figures[f"{name}.train_s"] = float(json.loads(metadata["training"])["processor_s"])
     return figures
 

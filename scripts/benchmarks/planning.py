@@ -1,7 +1,7 @@
 """Planning time per step on completely mapped floors, stage by stage, for a small floor and a large one.
 
-At one random place after another, a keyframe adds a new box and measures the ground in view with noise. The
-processor time of one thread is measured, so that other load on the machine has no effect.
+In each step, a keyframe at a random place adds a new box and measures the ground in view with noise. The processor
+time of one thread is measured, so that other load on the machine has no effect.
 """
 
 import time
@@ -83,7 +83,7 @@ class _Floor:
         return {stage: times[WARM_UP:] for stage, times in seconds.items()}
 
     def _places(self, count: int) -> Places:
-        """Random places that the robot can reach and turn at."""
+        """Random places that the robot can reach and where it can turn."""
         paths = PosePaths(self._layer.update(self._elevation_map), self._start[:2, 3], yaw_of(self._start))
         cells = np.argwhere(paths.reachable & paths.traversability.turnable)
         return paths.traversability.grid.centre_of(self._rng.choice(cells, count))

@@ -40,7 +40,7 @@ class Job:
     """An episode to run.
 
     Attributes:
-        group: the group of figures that the episode belongs to.
+        group: group of figures to which the episode belongs.
         config: settings of the episode; ``out`` is ignored.
     """
 
@@ -59,7 +59,7 @@ class Job:
         return json.loads(json.dumps(settings, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
-        """The result of an earlier run, or None; InputError if its settings differ or the file is broken."""
+        """The result of an earlier run, or None; InputError if the run's settings differ or the file is broken."""
         file = folder / f"{self.name}.json"
         if not file.exists():
             return None
@@ -131,7 +131,7 @@ def run_jobs(
 def run_all(
     jobs: Sequence[Job], settings: RunsSettings, run: Callable[[Job], dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """The results of jobs as from :func:`run_jobs`, but with an InputError if one of the jobs failed."""
+    """The results of jobs, see :func:`run_jobs`; InputError if a job failed."""
     results = run_jobs(jobs, settings, run)
     if failed := failures(jobs, results):
         raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
@@ -144,7 +144,7 @@ def failures(jobs: Sequence[Job], results: Results) -> list[str]:
 
 
 def write_result(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -> None:
-    """Write the result of a job to its JSON file, unless it is None or the job fails; stderr goes to a log."""
+    """Write a job's result to its JSON file, unless the result is None or the job fails; stderr goes to a log."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
             result = run(job)

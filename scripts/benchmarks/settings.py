@@ -37,10 +37,10 @@ class SubjectSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings(SubjectSettings):
-    """Time per frame, against mujoco.Renderer.
+    """Time per frame, compared with mujoco.Renderer.
 
     Attributes:
-        frames: number of frames; more give more stable figures.
+        frames: number of frames; more frames give more stable figures.
     """
 
     frames: int = 60
@@ -48,7 +48,7 @@ class CameraSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectionSettings(SubjectSettings):
-    """Time to correct all maps after a loop closure, against rebuilding an octree from all frames.
+    """Time to correct all maps after a loop closure, compared with rebuilding an octree from all frames.
 
     Attributes:
         rounds: number of corrections in each arena.
@@ -78,7 +78,7 @@ class CostSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetSettings(SubjectSettings):
-    """Time per scene, against a generator that uses mujoco.Renderer, and with two workers.
+    """Time per frame, compared with a generator that uses mujoco.Renderer, and throughput of two workers.
 
     Attributes:
         scenes: number of scenes that each generator makes.
@@ -95,7 +95,7 @@ class DatasetSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class LidarSettings(SubjectSettings):
-    """Time per scan of the lidar, its labels against Open3D's ray casting, and KISS-ICP on its scans.
+    """Time per scan of the lidar, its labels compared with Open3D's ray casting, and errors of KISS-ICP on its scans.
 
     Attributes:
         arenas: arenas of the scans; times are measured in the first.
@@ -116,7 +116,7 @@ class LidarSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class MetricMapSettings(SubjectSettings):
-    """Time, memory and accuracy of the metric map, against ray traversal and OctoMap.
+    """Time, memory and accuracy of the metric map, compared with ray traversal and OctoMap.
 
     Attributes:
         frames: number of frames per arena.
@@ -226,7 +226,7 @@ class DrivesSettings(RunsSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class LocalisationSettings(DrivesSettings):
-    """Localisation along drives, against odometry, KISS-ICP and Open3D.
+    """Localisation along drives, compared with odometry, KISS-ICP and Open3D.
 
     Attributes:
         kidnappings: number of times that the robot is carried elsewhere in each of nist_6x4 and random:1.
@@ -261,7 +261,7 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorationSettings(EpisodesSettings):
-    """Whole episodes, against the nearest frontier except in large arenas."""
+    """Whole episodes, compared with the nearest-frontier strategy except in large arenas."""
 
     runs: Path = Path("runs/benchmark-exploration")
 
@@ -289,12 +289,12 @@ class FindsSettings(EpisodesSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class VictimsSettings(EpisodesSettings):
-    """Precision and time of the detector, and whole episodes, with and without it.
+    """Precision and time of the detector, and whole episodes with and without the detector.
 
     Attributes:
         scenes: number of random arenas to render; 0 for none.
         frames: number of frames per arena.
-        seed: seed of these arenas; no network was trained on those of the default seed.
+        seed: seed of these arenas; no network was trained on the arenas of the default seed.
         rounds: number of timed frames; 0 skips the timing.
         detector: an .onnx file, .cfg and .weights of any Darknet network, or the shipped .safetensors file.
     """
@@ -395,4 +395,4 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "victims": VictimsSettings,
     "worlds": WorldsSettings,
 }
-"""The settings of each subject; its module in this folder has its name and a function ``measure``."""
+"""The settings of each subject; the module with the subject's name in this folder has a function ``measure``."""

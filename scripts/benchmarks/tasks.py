@@ -18,7 +18,7 @@ from scripts.benchmarks.settings import TasksSettings
 
 
 def measure(settings: TasksSettings) -> Result:
-    """The step rate as a fraction of that of the necessary work alone, and the rate of two processes over one."""
+    """Ratios of the step rate to the rate of the necessary work alone, and of two processes' rate to one's."""
     at_least(1, settings, "steps")
     figures = drive_rates(settings.steps)
     figures["two_processes_vs_one"] = vector_rate(2, settings.steps) / vector_rate(1, settings.steps)

@@ -44,7 +44,7 @@ def measure(settings: VictimsSettings) -> Result:
     detector = VictimDetector.load(*settings.detector)
     precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=MIN_CONFIDENCE))
     figures = speed(detector, settings.rounds, settings.seed) if settings.rounds else {}
-    # Its average precision in frames of unseen arenas, from the same viewpoints in each light.
+    # The detector's average precision in frames of unseen arenas, from the same viewpoints in each light.
     arenas = recipe(settings.seed, settings.frames)
     for light in tracked(Lighting if settings.scenes else (), "frames"):
         seen = [one for n in range(settings.scenes) for one in scene_frames(arenas, n, light, precise)]
@@ -87,7 +87,7 @@ def figures_of(group: str, found: Results, without: Results) -> dict[str, float]
 
 
 def _times(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Ratios of the total time and of the time to see 90%, with over without the detector; medians over arenas."""
+    """Medians, over arenas, of the ratios of times with the detector to times without: in total, and to see 90%."""
     both = pairs(found, without)
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
@@ -148,7 +148,7 @@ def recipe(seed: int, frames: int) -> Recipe:
 
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
-    """The people and detections in each frame of a scene; ``lighting`` changes nothing else in the scene."""
+    """Yield the people and detections in each frame of a scene; ``lighting`` changes nothing else in the scene."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:

@@ -50,7 +50,7 @@ def worlds_in(folder: Path) -> list[Path]:
     """The .world files below a folder, and the models there that none of these worlds includes.
 
     Raises:
-        InputError: there are none.
+        InputError: the folder contains no world.
     """
     worlds = sorted(folder.rglob("*.world"))
     text = "".join(world.read_text(errors="replace") for world in worlds)
@@ -74,7 +74,7 @@ def job_of(settings: WorldsSettings, world: Path) -> Job:
 
 
 def run_job(job: Job) -> dict[str, Any]:
-    """Run a mission."""
+    """Run a mission, and return its report, the time to load the world, s, and the drivable area, m²."""
     begin = perf_counter()
     load_arena(job.config.arena)
     load_s = perf_counter() - begin

@@ -1,1 +1,1 @@
-"""The code that draws the pictures of the README and the documentation, one module per picture or page."""
+"""Code that draws the pictures for the README and the documentation, one module per picture or page."""

@@ -26,15 +26,15 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.pictures.layout import BACKGROUND, DIM, IMAGES, INK, blank
 
 STEP, SHOWN, LAST = 1.5, 130, 3500
-"""Time of the episode between two images, s; display time of each image, and of the last, ms."""
+"""Time of the episode between two images, s; display times of each image and of the last image, ms."""
 OVERVIEW, CUT = (720, 540), (45, 467)
 """Size of the picture from above, and the range of its rows that is shown, pixels."""
 SIDE = 300
-"""Width of the column to the right of that picture, pixels."""
+"""Width of the column to the right of the picture from above, pixels."""
 DARK = 16
 """Maximum value of the sky's colours in the robot's noisy image."""
 SKY = 20.0
-"""Distance from the picture's camera beyond which there is no part of the arena, m."""
+"""Distance from the overview camera beyond which there is no part of the arena, m."""
 BEHIND = 0.03
 """Maximum distance of a painted point behind the surface in the picture, m."""
 PAINT = 0.8
@@ -95,9 +95,9 @@ def read(folder: Path, robot: SimulatedRobot) -> Drive:
 
 
 def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(K,) indices in a track (N, 7), positions and quaternions, at which it passed ``poses`` (K, 4, 4).
+    """(K,) indices in a track (N, 7), positions and quaternions, at which the robot passed ``poses`` (K, 4, 4).
 
-    Minimises the sum of distances over all choices in the order of the drive, by dynamic programming.
+    Dynamic programming finds the indices, in the order of the drive, with the minimum sum of distances.
     """
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
     apart = np.linalg.norm(track[:, :3] - poses[:, None, :3, 3], axis=2)
@@ -114,7 +114,7 @@ def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np
 
 
 def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
-    """One image per ``STEP`` of the drive."""
+    """Yield one image per ``STEP`` of the drive."""
     coverage, done = Coverage(robot), 0
     clouds = [(np.zeros((0, 3), np.float32), np.zeros(0, np.int64))]
     for time in np.arange(drive.times[0], drive.times[-1] + STEP, STEP).clip(max=drive.times[-1]):

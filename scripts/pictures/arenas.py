@@ -1,4 +1,4 @@
-"""Draw the pictures of arenas.md, networks.md and tutorial-arena.md: arenas, views in arenas, and elements."""
+"""Draw the pictures for arenas.md, networks.md and tutorial-arena.md: arenas, views in arenas, and elements."""
 
 from collections.abc import Sequence
 
@@ -20,9 +20,9 @@ from scripts.pictures.layout import IMAGES, INK, beside, blank, on_ground, save,
 DOCS = IMAGES.parent
 SIZE = (800, 600)
 ELEMENT, ACROSS, NAME = (172, 120), 9, 24
-"""Size of an element's picture, pixels; pictures in a row; height of the line with the element's name, pixels."""
+"""Size of an element's picture, pixels; number of pictures in a row; height of the line with the name, pixels."""
 HIDDEN = 3
-"""A geom group that is not drawn."""
+"""Geom group that is not drawn."""
 
 
 def draw() -> None:
@@ -46,7 +46,7 @@ def draw() -> None:
 
 
 def draw_elements() -> None:
-    """Draw each element of the library on ground of its own, with its name."""
+    """Draw each element of the library on its own ground, with its name."""
     model = mujoco.MjModel.from_xml_path(str(asset("arenas", "elements.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -90,7 +90,7 @@ def overview(name: str, random: RandomArenaConfig | None = None) -> Rgb:
 def eye(
     name: str, start: tuple[float, float, float] | None, random: RandomArenaConfig | None = None, fiducials: int = 0
 ) -> Rgb:
-    """(H, W, 3) image of the robot's camera at a start pose."""
+    """(H, W, 3) image from the robot's camera at a start pose."""
     arena = load_arena(name, start, random)
     hang_fiducials(arena, fiducials, seed=0)
     robot = SimulatedRobot(arena, SimulationConfig(), seed=0)

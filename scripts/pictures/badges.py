@@ -1,4 +1,4 @@
-"""Draw README's badges from pyproject.toml and store them as files, so that no network is needed to show them."""
+"""Draw README's badges from pyproject.toml and store them as files, so that they are shown without the internet."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Draw docs/images/camera.jpg: the images of the robot's camera at one pose in the NIST arena."""
+"""Draw docs/images/camera.jpg: the images from the robot's camera at one pose in the NIST arena."""
 
 import numpy as np
 from numpy.typing import NDArray

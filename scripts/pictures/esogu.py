@@ -1,4 +1,4 @@
-"""Draw the pictures of the laboratory floor in arenas.md."""
+"""Draw the pictures of the laboratory floor for arenas.md."""
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.pictures.layout import beside, on_ground, save, scaled, stacked
 
 HIDDEN = 3
-"""A geom group that is not drawn."""
+"""Geom group that is not drawn."""
 PLACES = [
     (-25.0, 0.7, 0.0), (5.0, 1.1, -0.12), (-19.9, -5.8, 2.9), (-1.2, -2.3, -2.3),
     (6.2, -5.3, 0.2), (-10.9, 5.1, -0.25), (12.8, 3.0, 1.7), (-2.2, 2.8, 0.8),
@@ -22,7 +22,7 @@ PLACES = [
 
 
 def draw() -> None:
-    """Draw the floor from above and from the side, and images of the robot's camera on it."""
+    """Draw the floor from above and from the side, and images from the robot's camera on the floor."""
     for camera in ("overview", "top"):
         save(f"esogu-{camera}.jpg", from_above(camera), 82)
     save("esogu-robot.jpg", robots_eye(PLACES, SimulationConfig()), 82)
@@ -44,7 +44,7 @@ def from_above(camera: str, margin: int = 12) -> Rgb:
 
 
 def robots_eye(places: list[tuple[float, float, float]], config: SimulationConfig) -> Rgb:
-    """Images of the robot's camera, with labels below, four positions in a row."""
+    """Images from the robot's camera, with labels below each image, for four positions in a row."""
     robot = SimulatedRobot(load_arena("esogu_52x15"), config, seed=0)
     camera = RgbdCamera(robot.renderer, robot.robot.camera.full_identifier)
     pictures = []

@@ -1,4 +1,4 @@
-"""Draw the picture of the results of exploration: the map of every arena, as in the rescue reports of the runs.
+"""Draw the picture for the results of exploration: the map of every arena, as in the rescue reports of the runs.
 
 This needs Debian's chromium, but no screen.
 """
@@ -15,7 +15,7 @@ from scripts.pictures.layout import BACKGROUND, INK, save
 from scripts.pictures.rescue_report import in_browser
 
 ACROSS, WIDTH, HEIGHT = 5, 300, 250
-"""Maps in a row; width and height of a map with its caption, pixels."""
+"""Number of maps in a row; width and height of a map with its caption, pixels."""
 STYLE = f"""
 body {{ margin: 0; background: rgb{BACKGROUND}; display: grid; grid-template-columns: repeat({ACROSS}, {WIDTH}px); }}
 figure {{ margin: 0; padding: 4px; width: {WIDTH}px; height: {HEIGHT}px; display: flex; flex-direction: column; }}
@@ -26,7 +26,7 @@ figcaption {{ color: rgb{INK}; font-size: 15px; overflow: hidden; white-space: n
 
 
 def draw(results: Path) -> None:
-    """Draw the maps of the newest ``exploration-COMMIT`` in a folder, those with the least explored ground first."""
+    """Draw the maps of the newest ``exploration-COMMIT`` in a folder, in ascending order of the explored fraction."""
     folders = [folder for folder in results.glob("exploration-*") if any(folder.glob("*.html"))]
     if not folders:
         raise InputError(f"{results}: has no runs; run: make results PAGE=exploration")
@@ -46,5 +46,5 @@ def draw(results: Path) -> None:
 
 
 def drawing(page: str) -> str:
-    """The map on a report's page, as SVG."""
+    """The SVG of the map on a report's page."""
     return re.findall(r'<svg [^>]*class="drawing".*?</svg>', page, re.DOTALL)[0]

@@ -1,4 +1,4 @@
-"""Draw labelled frames: semantic-labels.jpg with the default network and the vote, networks.jpg with all networks."""
+"""Draw frames with labels: of the default network in semantic-labels.jpg, and of all networks in networks.jpg."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,6 @@ def draw_labels(name: str, networks: list[NetworkClassifier]) -> None:
 
 
 def draw() -> None:
-    """Draw the default network, without and with the vote, and all networks without it."""
+    """Draw the labels of the default network, without and with the vote, and of all networks without the vote."""
     draw_labels("semantic-labels.jpg", [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)])
     draw_labels("networks.jpg", [NetworkClassifier(WEIGHTS.with_stem(name), vote=False) for name in POINT_NETWORKS])

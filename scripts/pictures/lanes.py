@@ -1,4 +1,4 @@
-"""Draw the pictures of the lanes and the maze in arenas.md."""
+"""Draw the pictures of the lanes and the maze for arenas.md."""
 
 import mujoco
 
@@ -13,7 +13,7 @@ ACROSS = 3
 
 
 def draw() -> None:
-    """Draw all lanes on one sheet, and the maze."""
+    """Draw all lanes on one sheet, and the maze on another."""
     pictures = [
         captioned(drawn(lane, (480, 320), 9.5 if lane == "avoid_holes" else 6.2, 110, -42), lane) for lane in LANES
     ]

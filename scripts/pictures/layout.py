@@ -55,7 +55,7 @@ def captioned(picture: Rgb, text: str, size: int = LETTERS) -> Rgb:
 
 
 def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
-    """The names of labels with their colours in a line."""
+    """The names and colours of labels in one line."""
     line, left = blank(width, 2 * size), size // 2
     for label in labels:
         line[size // 2 : size // 2 + size, left : left + size] = COLOURS[label]
@@ -65,7 +65,7 @@ def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
 
 
 def on_ground(picture: Rgb) -> Rgb:
-    """A rendered picture with the background's colour in place of the black where the renderer drew nothing."""
+    """A rendered picture with the background's colour, instead of black, where the renderer drew nothing."""
     return np.where(picture.any(axis=2, keepdims=True), picture, np.array(BACKGROUND, np.uint8))
 
 

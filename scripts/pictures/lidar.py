@@ -20,7 +20,7 @@ EYE, LOOK = np.array([-1.6, -4.4, 8.0]), np.array([-0.6, 0.9, 0.3])  # m, viewer
 
 
 def panorama(scan: Scan) -> Rgb:
-    """The labels of the beams, one row of beams below the other, with left on the left; black without return."""
+    """The labels of the beams, with one row for each row of beams and left on the left; black without return."""
     rows, columns = len(SENSOR.model().elevations), SENSOR.model().columns
     picture = np.zeros((rows, columns, 3), np.uint8)
     shade = (0.35 + 0.65 * scan.intensity)[:, None]

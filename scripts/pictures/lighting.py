@@ -1,4 +1,4 @@
-"""Draw the pictures of lighting.md."""
+"""Draw the pictures for lighting.md."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ CONDITIONS = {
 }
 
 GRAIN = (slice(60, 380), slice(1480, 1800))
-"""Rows and columns that show the woman in a row of images, which are drawn at full size."""
+"""Rows and columns of the part of each row of images that shows the woman and is drawn at full size."""
 
 
 def draw() -> None:

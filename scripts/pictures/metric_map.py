@@ -1,4 +1,4 @@
-"""Draw the picture of metric-map.md: a run's occupied voxels, in the colours of their classes, as the map grows."""
+"""Draw the picture for metric-map.md: a run's occupied voxels, in the colours of their classes, as the map grows."""
 
 from pathlib import Path
 

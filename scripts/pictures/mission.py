@@ -1,4 +1,4 @@
-"""Draw the picture of missions.md: the files that a mission submitted.
+"""Draw the picture for missions.md: the files that a mission submitted.
 
 The picture shows the 2D map, the 3D map from above in its own colours, and the list of finds.
 """

@@ -27,7 +27,7 @@ SCALE = 5000
 
 
 def read(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
-    """The image in a file; InputError if it cannot be read."""
+    """The image in a file; InputError if the file cannot be read."""
     image = cv2.imread(str(path), flags)
     if image is None:
         raise InputError(f"{path}: must be an image")
@@ -35,7 +35,7 @@ def read(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
 
 
 def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
-    """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, whose depth has its bits rotated."""
+    """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, which stores rotated bits of depth."""
     depth = read(folder / "SUN_depth.png", cv2.IMREAD_UNCHANGED)
     turned = ((depth >> 3) | (depth << 13)).astype(np.uint16)
     return read(folder / "SUN_color.jpg"), turned / 1000, Calibration(570.3, 570.3, 320, 240)

@@ -1,4 +1,4 @@
-"""Draw the pictures of viewer.md: a run's recording in the native viewer.
+"""Draw the pictures for viewer.md: a run's recording in the native viewer.
 
 This needs Debian's xvfb and mesa-vulkan-drivers, but no screen.
 """

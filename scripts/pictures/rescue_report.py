@@ -1,4 +1,4 @@
-"""Draw the picture of rescue-report.md: a run's report as on a desktop screen and, next to it, as on a phone.
+"""Draw the picture for rescue-report.md: a run's report in the window of a desktop and, next to it, of a phone.
 
 This needs Debian's chromium, but no screen.
 """
@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from scripts.pictures.layout import BACKGROUND, save, scaled
 
 HEIGHT, WIDTHS, GAP = 1500, (1180, 420), 24
-"""Size of the two windows, and the gap between and around them, pixels."""
+"""Height and widths of the two windows, and the gap between and around the windows, pixels."""
 FACTOR = 0.66
 WINDOWS = """<body style="margin:{gap}px;display:flex;gap:{gap}px;background:rgb{background}">{frames}</body>"""
 WINDOW = """<iframe src="{page}" width="{width}" height="{height}" scrolling="no" style="border:0"></iframe>"""

@@ -1,4 +1,4 @@
-"""Draw the picture of semantic-map.md: the labelled points of a run's map, and its segments' boxes, from above."""
+"""Draw the picture for semantic-map.md: the labelled points and the segments' boxes of a run's map, from above."""
 
 from itertools import product
 from pathlib import Path
@@ -45,7 +45,7 @@ def draw(folder: Path) -> None:
 
 
 def points_picture(view: View, points: NDArray[np.float32], labels: Labels) -> Rgb:
-    """All labelled points except the ceiling's in the colours of their labels, with the highest points on top."""
+    """All labelled points, except points of the ceiling, in the colours of their labels, the highest on top."""
     picture = blank(*view.size)
     order = np.argsort(points[:, 2])
     order = order[~np.isin(labels[order], (Label.CEILING, Label.UNLABELLED))]
@@ -56,7 +56,7 @@ def points_picture(view: View, points: NDArray[np.float32], labels: Labels) -> R
 
 
 def segments_picture(view: View, segments: Segments) -> Rgb:
-    """The outline of every box, with an arrow along its normal."""
+    """The outline of every segment's box, with an arrow along the segment's normal."""
     picture = blank(*view.size)
     for segment in sorted(segments, key=lambda s: s.box.T_map_box[2, 3]):
         outline, colour = cv2.convexHull(view.pixels(corners(segment.box))), COLOURS[segment.label]

@@ -1,4 +1,4 @@
-"""Draw the picture of topological-map.md: the spanning tree, and the roadmap with a plan on it, of a run's map."""
+"""Draw the picture for topological-map.md: the spanning tree of a run's map, and the roadmap with a planned path."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Draw the picture of victim-detection.md: the detections of the shipped detector in each lighting."""
+"""Draw the picture for victim-detection.md: the detections of the shipped detector in each lighting."""
 
 from collections.abc import Iterator
 from itertools import count
@@ -26,7 +26,7 @@ FACTOR, LETTERS = 0.75, 15
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
 """Seed of the arenas; frames per arena; images per lighting; minimum number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
-"""RGB of boxes in which depth confirms a person, and of other boxes; the pixels of confirmed people are tinted."""
+"""RGB colours of boxes in which depth confirms a person, and of other boxes; confirmed people are tinted."""
 
 
 def draw() -> None:
@@ -37,7 +37,7 @@ def draw() -> None:
 
 
 def frames(light: Lighting) -> Iterator[Frame]:
-    """From each of the first arenas that show people, the frame in which people cover the most pixels."""
+    """Yield, from each of the first arenas that show people, the frame in which people cover the most pixels."""
     arenas, shown = with_lighting(recipe(SEED, FRAMES), light), 0
     for index in count():
         scene, arena = find_scene(arenas, index)
@@ -67,7 +67,7 @@ def picture(frame: Frame, detector: VictimDetector) -> Rgb:
         text = f"{detection.confidence:.2f}" + ("" if isinstance(seen, Observation) else f" {seen.reason}")
         texts.append((FACTOR * x0, FACTOR * y0, text, colour))
     result = scaled(result, FACTOR)
-    for x, y, text, colour in texts:  # On the scaled image, so that letters stay sharp
+    for x, y, text, colour in texts:  # Text is written on the scaled image, so that letters stay sharp
         left = min(round(x), result.shape[1] - width_of(text, LETTERS) - 4)
         write(result, (left, max(round(y) - 5, LETTERS)), text, LETTERS, colour)
     return result

@@ -44,7 +44,7 @@ class TourLocalisation:
 
 
 def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) -> TourLocalisation:
-    """Localise every frame of a tour; after the robot was carried, its localisation is given an approximate pose."""
+    """Localise every frame of a tour; after the robot was carried, the localisation is given an approximate pose."""
     run = TourLocalisation(Slam(closes_loops, config=config))
     slam = run.slam
     rng = np.random.default_rng(0)

@@ -17,14 +17,14 @@ MIN_SEEN = 0.4  # Minimum fraction of a frame's points that were seen in the ear
 DETERMINED = 0.005
 """Minimum eigenvalue, per point, of the information on heading, x and y in the normals of the points seen again.
 
-It is 0 along a corridor and 0.3 in a square room; ``LEVER`` relates the heading to x and y.
+The eigenvalue is 0 along a corridor and 0.3 in a square room; ``LEVER`` relates the heading to x and y.
 """
 LEVER = 2.0  # m, length that converts the heading to a distance
-SPLIT = 3.0  # m, length of path without a revisit that ends a stretch of revisit
+SPLIT = 3.0  # m, length of path without revisiting frames that separates two revisits
 
 
 def revisits(tour: Tour) -> list[Indices]:
-    """The stretches of revisit, each as the indices of its frames."""
+    """The stretches of a tour that revisit places, each as the indices of its frames."""
     way, shown = distances_driven(tour.true), np.zeros(len(tour.times), np.bool_)
     clouds, trees = list[NDArray[np.float64]](), list[cKDTree]()
     for n, frame in enumerate(tour.frames()):

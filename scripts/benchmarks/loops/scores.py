@@ -13,9 +13,9 @@ from scripts.benchmarks.loops.revisits import AGAIN
 from scripts.benchmarks.loops.tours import Tour
 
 FALSE = 0.2, np.deg2rad(5)
-"""m and rad; a constraint that is off by more in a direction that it determines is false."""
+"""m and rad; a constraint with a larger error in a direction that it determines is false."""
 RIGHT = 0.1, np.deg2rad(2)
-"""m and rad; a constraint that is off by less links two passes."""
+"""m and rad; a constraint with a smaller error links two passes."""
 MAX_CLOSURES = 12  # Maximum number of closures of a tour that are counted
 LENGTHS = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
 """Ranges of the path's length, m, by the name of the NEES."""
@@ -25,7 +25,7 @@ PAIRS = 60  # Approximate number of relative poses compared for each of these nu
 
 
 def scores(tour: Tour, run: TourLocalisation, stretches: list[Indices]) -> dict[str, Any]:
-    """The figures of a tour; ``stretches`` are the stretches of revisit from :func:`revisits`."""
+    """The figures of a tour; ``stretches`` are the results of :func:`revisits`."""
     way, true = distances_driven(tour.true), tour.true[run.keyframes]
     graph, path = run.slam.graph, float(way[-1])
     ate = rms(np.linalg.norm(run.poses()[:, :3, 3] - tour.true[:, :3, 3], axis=1))
@@ -70,7 +70,8 @@ def offsets(
 ) -> tuple[Values, Values]:
     """(N,) m and (N,) rad, errors of constraints in the directions that they determine.
 
-    A direction is weighted by the constraint's share of the sum of its own information and that of ``FALSE``.
+    Each direction is weighted by the constraint's information, divided by the sum of this information and the
+    information of an error of ``FALSE``.
     """
     errors = errors_of(relative(true, first, second), T)
     information = whitening.swapaxes(1, 2) @ whitening

@@ -29,7 +29,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
 
-LOOK_AHEAD = 0.4  # m, distance of the point on the path that the robot steers to
+LOOK_AHEAD = 0.4  # m, minimum look-ahead distance for steering
 ARRIVED = 0.25  # m, maximum distance from a waypoint at which it is reached
 TURN_IN_PLACE = np.deg2rad(40)
 """rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
@@ -57,7 +57,7 @@ class Tour:
         odometry: (N, 4, 4) pose by wheels and gyro.
         T_base_camera: (N, 4, 4) pose of the camera on the robot.
         was_carried: (N,) whether the robot was carried between the previous frame and this one.
-        intrinsics: (6,) width, height, focal lengths and centre of the camera, pixels.
+        intrinsics: (6,) width, height, focal lengths and principal point of the camera, pixels.
         grey: (N, 60, 80) uint8 grey images, whose detail suffices to detect whether the view has changed.
         ends: (N,) end of each frame's depth image in ``images``, bytes.
         images: concatenated PNG files of the depth images of all frames.
@@ -80,7 +80,7 @@ class Tour:
             return cls(**content)
 
     def frames(self) -> Iterator[Frame]:
-        """The frames, with enlarged grey images in place of the colour images."""
+        """Yield the frames, with enlarged grey images in place of the colour images."""
         width, height, *rest = self.intrinsics
         intrinsics = Intrinsics(int(width), int(height), *map(float, rest))
         for k, (start, end) in enumerate(zip(np.append(0, self.ends), self.ends, strict=False)):
@@ -311,7 +311,7 @@ class Drive:
         model.geom_friction[:] = friction
 
     def _be_carried(self, paths: Paths) -> None:
-        """Set the robot down at an earlier pose of its tour, from which it can continue."""
+        """Set the robot down at an earlier pose of its tour from which it can continue."""
         earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
         level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.lead_on_from(T[:2, 3])]
         if not level:

@@ -16,7 +16,7 @@ from sarsim.arenas.load import load_arena
 CELL = 0.2  # m, resolution of the floor plans
 WALL = 0.05  # m, half thickness of a wall
 WALL_HEIGHT = 1.8  # m, default height of the walls
-STOREY = 2.0  # m from one floor to the next
+STOREY = 2.0  # m, height from one floor to the next
 WOOD, WHITE, GREY = (0.6, 0.45, 0.3), (0.85, 0.85, 0.82), (0.55, 0.56, 0.58)
 Rectangle = tuple[float, float, float, float]  # x0, y0, x1, y1, m
 
@@ -173,7 +173,7 @@ def storeys(rng: np.random.Generator) -> World:
     dents = [d for d in niches(rng, rooms) if d[2] <= 12.9]
     for level in (0, 1):
         plan = Plan(builder, (-3.0, -3.0), (17.0, 16.0), level * STOREY)
-        # The ramp begins at the south-east corner, and ends at the north-east one.
+        # The ramp begins at the south-east corner and ends at the north-east corner.
         landing = (13.0, -1.0, 15.2, 0.6) if level == 0 else (13.0, 11.4, 15.2, 13.0)
         plan.clear(*rooms, *dents, landing, (13.2, 0.6, 15.2, 11.4))
         plan.add_walls(1.85 if level == 0 else 1.3)
@@ -184,7 +184,7 @@ def storeys(rng: np.random.Generator) -> World:
         [(x, y, z) for x in (13.2, 15.2) for y, z in ((0.6, -0.05), (0.6, 0.0), (11.4, STOREY), (11.4, STOREY - 0.1))]
     )
     builder.add_geom("inclined_ramp", {"type": "mesh", "mesh": builder.add_mesh(corners)}, WOOD)
-    # Node numbers: storey 0, its corner to the ramp, the ramp's ends, storey 1.
+    # Nodes 0 to 3 are on the lower storey, 4 and 5 at the ends of the ramp, and 6 to 9 on the upper storey.
     below, above = np.vstack([own, (14.2, -0.2)]), np.vstack([(14.2, 12.2), own])
     nodes = np.vstack([on_floor(below), on_floor(above, STOREY)])
     paths = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)

@@ -1,6 +1,6 @@
-"""Names for the arrays passed between functions, which define dtype, shape, unit and frame in one place.
+"""Names of array types, which define dtype, shape, unit and frame in one place.
 
-Docstrings add what a name leaves open, such as the frame of points that are not in ``map``.
+Docstrings add details that a name leaves open, such as the frame of points that are not in ``map``.
 """
 
 from typing import TypeAlias
@@ -33,8 +33,8 @@ Boxes: TypeAlias = NDArray[np.float64]
 """(M, 2, 3) float64 lowest and highest corners of axis-aligned boxes; m."""
 
 Covariance: TypeAlias = NDArray[np.float64]
-"""(D, D) float64 covariance of a pose or a position (m²). That of a pose is (6, 6), in its tangent space, with
-rotation (rad) before translation (m)."""
+"""(D, D) float64 covariance of a position (m²) or of a pose. The covariance of a pose is (6, 6), in the tangent space
+of the pose, with rotation (rad) before translation (m)."""
 Information: TypeAlias = NDArray[np.float64]
 """(D, D) float64 inverse of a :data:`Covariance`, in 1/rad² and 1/m²."""
 

@@ -20,11 +20,11 @@ class KeyframesConfig:
     """When corrected keyframe poses are applied to the maps.
 
     Attributes:
-        noticeable: m; a keyframe keeps its pose in the maps while nothing in its view would move farther than this,
+        noticeable: largest displacement in a keyframe's view up to which the keyframe keeps its pose in the maps, m,
             as in RTAB-Map.
-        due: m; while a robot drives, the maps are corrected only once something in a keyframe's view would move
-            farther than this. The default is a fifth of a voxel, because each new estimate of the odometry's scale
-            moves most keyframes slightly.
+        due: largest displacement in any keyframe's view up to which the maps are not corrected during a drive, m. The
+            default is a fifth of a voxel, because each new estimate of the odometry's scale moves most keyframes
+            slightly.
     """
 
     noticeable: float = 0.01
@@ -40,7 +40,7 @@ class ExplorerConfig:
 
     Attributes:
         max_failed_drives: number of failed drives from the same position after which the robot stays there.
-        min_drive_distance: m; a drive that ends farther than this from that position has not failed.
+        min_drive_distance: distance from its start beyond which a drive is not considered failed, m.
     """
 
     max_failed_drives: int = 5

@@ -1,4 +1,4 @@
-"""The exception for invalid input from the user, errors as text, and checks of methods and settings."""
+"""The exception for invalid input from the user, errors as text, and checks of values, packages and settings."""
 
 from collections.abc import Callable
 from importlib.util import find_spec

@@ -141,8 +141,8 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         """The viewpoint to drive to (None if there is none), and the context of the decision.
 
-        If there is none, the search is repeated without room downhill on slopes, at the risk that the robot leans or
-        slides into an obstacle. If no path leads to a goal, not even over unseen ground, the search is repeated
+        Without a viewpoint, the search is repeated without room downhill on slopes, at the risk that the robot leans
+        or slides into an obstacle. If no path leads to a goal, not even over unseen ground, the search is repeated
         without the safety margin.
         """
         viewpoint, context = self._choose(keyframe)
@@ -165,7 +165,7 @@ class Explorer:
         return None if self.is_held else self.mission.choose(context), context
 
     def _way_back(self, context: Context) -> PathPlan | None:
-        """A plan back along the robot's own track if no path leads to where it came from."""
+        """A plan back along the robot's own track, if no path leads to the ground from which the robot came."""
         if self.is_held or self.mission.is_out_of_time or self._ways_back >= self._config.explorer.max_failed_drives:
             return None
         return way_back(self._own_poses(context), context.paths)
@@ -233,8 +233,8 @@ class Explorer:
         elif not reached:
             self._failed_drives += 1
 
-        # Learn where the robot drove, what blocked it and what it touched. If it did not get free from an obstacle,
-        # mapping the obstacle would only trap it.
+        # Learn where the robot drove, which obstacles blocked it and which it touched. If the robot did not get free
+        # from an obstacle, mapping this obstacle would only trap the robot.
         touched = [touched_by(halt, ground) for halt in navigator.halts if halt.touches]
         mapper.add_drive(np.array(navigator.track).reshape(-1, 3), check.obstacles, touched)
         return reached

@@ -1,4 +1,4 @@
-"""Write files completely or not at all, read files of limited size, and try untrusted ones in a separate process."""
+"""Write files completely or not at all, read files of limited size, and open untrusted files in another process."""
 
 import os
 import pickle
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MAX_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
+MAX_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; a growing map takes twice as much
 MAX_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
 STARTING = 60  # s, maximum time that a new Python process takes to start on a busy machine
 GOOD = "good"  # The answer of a separate process that has found no error
@@ -52,13 +52,13 @@ RUN_FILES = ("episode.rrd", "report.json")
 
 
 def check_folder(path: Path, marks: Collection[str] = ()) -> None:
-    """Check that results may go into a folder: it is new or empty, or holds results that can be continued.
+    """Check that results may be written to a folder, which must be new or empty, or hold results to be continued.
 
-    A new folder must lie in a writable one; it is not created yet.
+    A new folder must lie in a writable folder, and is not created by this function.
 
     Args:
         path: the folder.
-        marks: file names; results with one of these files can be continued. By default, none can be continued.
+        marks: file names; results with one of these files can be continued. By default, no results can be continued.
 
     Raises:
         InputError: the folder holds an earlier run or other files, or the path is not a folder.
@@ -84,7 +84,7 @@ def _check_writable(path: Path, folder: Path) -> None:
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
-    """Check and create a folder for results; to be called late, so that earlier errors leave no empty folder.
+    """Check and create a folder for results; call this late, so that earlier errors leave no empty folder.
 
     Raises:
         InputError: the check fails, or the folder is not writable.
@@ -138,7 +138,7 @@ def silenced() -> Iterator[None]:
 
 
 def check_regular(path: Path, max_bytes: float = np.inf) -> None:
-    """Raise InputError if a path is a folder, pipe or device, not a regular file, or exceeds ``max_bytes`` bytes."""
+    """Raise InputError if a path is not a regular file but, for example, a folder, or if it exceeds ``max_bytes``."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -160,7 +160,7 @@ def read_bytes(path: Path, max_bytes: float = np.inf) -> bytes:
 
 
 def read_text(path: Path, max_bytes: float = MAX_TEXT) -> str:
-    """The content of a UTF-8 text file; InputError if it has more than ``max_bytes`` bytes, or is not such a file."""
+    """The content of a UTF-8 text file; InputError if it has more than ``max_bytes`` bytes or is not UTF-8 text."""
     try:
         return read_bytes(path, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -233,13 +233,15 @@ def load_arrays(path: Path, kind: str) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except InputError:
         raise
-    except Exception as error:  # The archive, its compression and NumPy's headers raise many kinds
+    except Exception as error:  # The archive, its compression and NumPy's headers raise many exceptions
         said = " ".join(str(error).split())
         raise InputError(f"{path}: not a readable {kind} ({said}); repeat the run that wrote it") from error
 
 
 def load_results(path: Path, what: str, name: str, form: str, version: int) -> dict[str, NDArray[Any]]:
-    """The arrays in a ``.npz`` file of a run, by name, of any shape and unit, without those that name its format.
+    """The arrays in a ``.npz`` file of a run, by name, of any shape and unit.
+
+    The arrays ``format`` and ``version`` are checked, and not returned.
 
     Args:
         path: the file.
@@ -261,16 +263,16 @@ def load_results(path: Path, what: str, name: str, form: str, version: int) -> d
 def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory: int) -> str:
     """Call a function in a new Python process, so that a library that hangs or crashes does no harm.
 
-    The process is not forked, as a fork would inherit locks that threads of this process hold. Unlike the processes
-    of multiprocessing, it does not import the main module, so this also works from a user's script without a main
-    guard.
+    The process is not forked, because a fork would inherit locks that threads of this process hold. Unlike processes
+    of multiprocessing, the new process does not import the main module. This function therefore also works in a
+    user's script without a main guard.
 
     Args:
-        function: returns its answer as text; it must be importable.
-        args: its arguments, which must be picklable.
+        function: function that returns its answer as text; it must be importable.
+        args: arguments of the function, which must be picklable.
         seconds: limit of processor time, s. The wall time is limited to ten times as much plus ``STARTING``, because
             the process may have to wait.
-        memory: limit of memory in addition to that used by the process before the call, bytes.
+        memory: limit of the additional memory that the process may use during the call, bytes.
 
     Returns:
         The answer; empty if a limit was exceeded or the process crashed.
@@ -291,7 +293,7 @@ def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory:
 
 
 def _answer() -> None:
-    """In the new process: permanently limit its processor time and memory, call the function and print its answer."""
+    """Limit the new process's processor time and memory permanently, call the function, and print its answer."""
     function, args, seconds, memory = pickle.load(sys.stdin.buffer)
     answer = os.dup(1)
     os.dup2(2, 1)  # The output of libraries is not part of the answer

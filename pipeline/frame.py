@@ -67,8 +67,8 @@ class Intrinsics:
             points: (N, 3) m in ``camera_optical``.
 
         Returns:
-            (N, 2) int64 row and column of each point, and (N,) whether it lies in front of the camera and within the
-            image. The pixels of points for which this is False are meaningless.
+            (N, 2) int64 row and column of each point, and (N,) whether the point lies in front of the camera and
+            within the image. The row and column of any other point are meaningless.
         """
         depth = np.maximum(points[:, 2], 1e-6)
         column = np.floor(points[:, 0] / depth * self.fx + self.cx).astype(np.int64)
@@ -88,7 +88,7 @@ def _rays(k: Intrinsics) -> NDArray[np.float32]:
 def _points_of(
     depth: Depth, x: NDArray[np.float32], y: NDArray[np.float32], R: NDArray[np.float32], t: NDArray[np.float32]
 ) -> Points:
-    """Returns of a depth image whose rays have (W,) ``x`` and (H,) ``y``, rotated by ``R``, translated by ``t``."""
+    """Returns of a depth image, rotated by ``R`` and translated by ``t``; its rays have (W,) ``x`` and (H,) ``y``."""
     is_return = (depth > 0) & (depth < np.inf)
     points, n = np.empty((np.count_nonzero(is_return), 3), np.float32), 0
     for v in range(len(y)):
@@ -158,7 +158,7 @@ class Frame:
         """The depth of every ``n``-th pixel of every ``n``-th row, and the intrinsics of that image."""
         k, first = self.intrinsics, n // 2
         depth = self.depth[first::n, first::n]
-        # The first pixel of the new image has the same centre as in the old one.
+        # The first pixel of the new image has the same centre as this pixel in the old image.
         cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
         return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)
 
@@ -166,7 +166,7 @@ class Frame:
 def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
     """(H, W, ...) pixels of an encoded image, read with flags of ``cv2.imread``; InputError if it is not an image.
 
-    Images with more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` according to their header are rejected.
+    An image is rejected if its header declares more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` pixels.
     """
     try:
         with silenced():

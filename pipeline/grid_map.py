@@ -20,7 +20,8 @@ CellWindow = tuple[slice, slice]  # A rectangle of grid cells
 BLOCK = 64
 """Side of the blocks in which maps grow, cells or voxels: 3.2 m with 5 cm cells."""
 BORDER = 20
-"""Margin of the grid around the points, cells, so that their surroundings can be searched: 1 m with 5 cm cells."""
+"""Margin of the grid around the points, cells, so that the points' surroundings can be searched: 1 m with 5 cm
+cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,12 +124,12 @@ class Grid:
         return Grid(self.low + np.array([i[0], j[0]]), self.cell, (i[1] - i[0], j[1] - j[0]))
 
     def box_of(self, part: "Grid") -> CellWindow:
-        """The box that another grid of the same cells covers; it must lie entirely within this grid."""
+        """The box that another grid of the same cells covers; that grid must lie entirely within this grid."""
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
 
     def widened(self, xy: NDArray[np.float64], margin: float) -> "Grid":
-        """The smallest grid that contains this one and everything within ``margin`` m of points (N, 2), m."""
+        """The smallest grid that contains this grid and everything within ``margin`` m of points (N, 2), m."""
         reach = int(np.ceil(margin / self.cell))
         cells = self.low + np.vstack([self.cell_of(xy) - reach, self.cell_of(xy) + reach + 1, [(0, 0)], [self.shape]])
         low, high = cells.min(axis=0), cells.max(axis=0)
@@ -147,7 +148,7 @@ class Layer:
         dtype: type of the values.
         fill: value of an unknown cell.
         per_cell: shape of a cell's value; () is a single number.
-        in_place: whether the owner changes the array itself; it is then neither copied nor tracked.
+        in_place: whether the owner changes the array itself; the array is then neither copied nor tracked.
     """
 
     dtype: DTypeLike
@@ -166,10 +167,10 @@ class Layer:
 
 
 class GridMap:
-    """Named layers on one growing grid; outside it, every cell has its layer's ``fill`` value.
+    """Named layers on one growing grid; outside the grid, every cell has its layer's ``fill`` value.
 
-    A layer is copied before it is written, so arrays that were handed out never change, except those of layers that
-    are changed in place.
+    A layer is copied before a write, so arrays that were handed out never change, except arrays of layers that are
+    changed in place.
 
     Attributes:
         grid: the current grid.
@@ -192,7 +193,7 @@ class GridMap:
         """Grow by whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid.
 
         Raises:
-            InputError: the grid would take too much memory. It is unchanged.
+            InputError: the grid would take too much memory. The grid is unchanged.
         """
         corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)])) + np.array([[-BORDER], [BORDER]])
         if self.grid.holds(corners).all():

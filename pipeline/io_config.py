@@ -1,7 +1,7 @@
 """All parameters for reading recordings and writing results, one field per package.
 
-They are not part of :class:`pipeline.config.PipelineConfig`, because the mapper imports that class, and the packages
-named here import the mapper.
+These parameters are not part of :class:`pipeline.config.PipelineConfig`, because the mapper imports that class, and
+the packages with these parameters import the mapper.
 """
 
 from dataclasses import dataclass

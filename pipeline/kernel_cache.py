@@ -1,7 +1,8 @@
 """numba's cache of compiled kernels, which is emptied when a kernel has changed.
 
-numba compiles a kernel again if its own file has changed, but not if the file of a kernel that it calls has. Only
-kernels cached next to their source are considered, as all are unless ``NUMBA_CACHE_DIR`` is set.
+numba compiles a kernel again if the kernel's own file has changed, but not if only the file of a called kernel has
+changed. Only kernels that are cached next to their source are considered; these are all kernels unless
+``NUMBA_CACHE_DIR`` is set.
 """
 
 import os
@@ -14,7 +15,7 @@ PIPELINE = Path(__file__).parent
 
 
 def drop_outdated(packages: Iterable[Path]) -> None:
-    """Delete the compiled kernels in the folders of packages if any ``*_kernels.py`` is newer than one of them.
+    """Delete the compiled kernels in the folders of packages if any ``*_kernels.py`` is newer than the oldest.
 
     Kernels that another user compiled and that this user cannot delete remain.
     """

@@ -1,7 +1,7 @@
-"""The keyframes: the observations of each, relative to its own pose, and the poses from which all maps are built.
+"""The keyframes: observations relative to the pose of each keyframe, and the poses from which all maps are built.
 
-A map is a fold over the keyframes in order, so it can be rebuilt for any poses. A place on the map, such as that of a
-node, is anchored to a keyframe and evaluated at the keyframe's current pose.
+A map is a fold over the keyframes in order, so it can be rebuilt for any poses. A place on the map, such as the place
+of a node, is anchored to a keyframe and evaluated at the keyframe's current pose.
 """
 
 from collections.abc import Iterable
@@ -43,7 +43,7 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 
 @dataclass(frozen=True, eq=False)
 class KeyframeObservation:
-    """A keyframe's observations, thinned and relative to its own pose, from which every map can be rebuilt.
+    """A keyframe's observations, thinned and relative to the keyframe's pose, from which every map can be rebuilt.
 
     Attributes:
         depth: (h, w) uint16 depth of every n-th pixel along the optical axis, in ``UNIT``; 0 = no return.
@@ -87,7 +87,7 @@ class KeyframeObservation:
 
         Args:
             frame: the frame.
-            points: its returns in ``base_link``.
+            points: the frame's returns in ``base_link``.
             probabilities: class probabilities of the returns; None if the frame is not labelled.
             stride: step between stored depths, pixels.
             voxel: voxel size of the semantic map, m, used to thin a labelled frame.
@@ -179,7 +179,7 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 
 def kept_cloud(points: Points, voxel: float | tuple[float, float, float]) -> tuple[VoxelCloud, NDArray[np.intp]]:
-    """Points in ``base_link`` thinned to voxels of size ``voxel``, m, and the (K,) indices of the storable ones."""
+    """Points in ``base_link`` thinned to voxels of size ``voxel``, m, and (K,) indices of storable points."""
     cloud = VoxelCloud.of(points, voxel)
     return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
 
@@ -213,7 +213,7 @@ class Moves(NamedTuple):
 
     @property
     def are_noticeable(self) -> Mask:
-        """Which keyframes moved noticeably, at their own position or at the end of their view."""
+        """(K,) whether each keyframe moved noticeably, at its own position or at the end of its view."""
         return self.in_view > self.noticeable
 
 
@@ -268,7 +268,7 @@ class Keyframes:
 
     @property
     def start_height(self) -> float:
-        """Height in ``map`` at which the robot was set down, m; 0 if it was not, as with a hand-held camera."""
+        """Height in ``map`` at which the robot was set down, m; 0 without a set-down, as with a hand-held camera."""
         return next(
             (float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, AssumedGround)), 0.0
         )
@@ -283,7 +283,7 @@ class Keyframes:
         """Move the keyframes to their newly estimated poses, except those whose move is not noticeable.
 
         Returns:
-            How far each keyframe moved; 0 for those that stayed.
+            How far each keyframe moved; 0 for keyframes that stayed.
 
         Raises:
             InputError: the argument is not one rigid pose for each keyframe. The keyframes are unchanged.
@@ -319,7 +319,7 @@ class AnchoredPlaces:
 
     @classmethod
     def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "AnchoredPlaces":
-        """Anchor places (N, 2 or 3) in ``map``, m, to a given keyframe, or each to the nearest one.
+        """Anchor places (N, 2 or 3) in ``map``, m, to a given keyframe, or each place to the nearest keyframe.
 
         ``poses``: the poses of all keyframes, at least one. Places without a height get the height of their keyframe.
         """

@@ -8,7 +8,7 @@ from PIL import ImageColor
 
 
 class Label(IntEnum):
-    """Semantic classes, of which 1 to 4 are the thesis's; in the MJCF, ``user`` data of a geom hold its class."""
+    """Semantic classes; classes 1 to 4 are the thesis's. In the MJCF, the ``user`` data of a geom hold its class."""
 
     UNLABELLED = 0
     WALL = 1
@@ -30,7 +30,7 @@ PLAIN_NAMES = {
     Label.VICTIM: "person",
     Label.CLUTTER: "clutter",
 }
-"""The names of the classes in text for people; files use the names of the labels."""
+"""The names of the classes in text for readers; files use the names of the labels."""
 
 THESIS_FOUR = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP)
 PLANAR = (*THESIS_FOUR, Label.CEILING)  # Classes made of planes

@@ -1,4 +1,4 @@
-"""Text in images, in the typeface that comes with Pillow, so that it looks the same on every machine."""
+"""Text in images, in the typeface that comes with Pillow, so that the text looks the same on every machine."""
 
 import re
 import unicodedata
@@ -42,8 +42,8 @@ def write(
     Args:
         image: the image, which is modified in place; text beyond its edges is cut off.
         at: column and row of the anchor.
-        text: the text; each run of line breaks and other white space becomes one space, and characters that the
-            typeface lacks become similar ones, or question marks.
+        text: the text; each run of line breaks and other white space becomes one space. Characters that the typeface
+            lacks are replaced by similar characters or question marks.
         size: nominal height of the letters, pixels.
         colour: RGB.
         anchor: ``ON_LINE`` or ``IN_MIDDLE``.

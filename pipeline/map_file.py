@@ -37,7 +37,7 @@ FORMAT, VERSION = "sarsim keyframes", 8
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]
 """Type and shape. A capital letter stands for a length that all rows share. A small letter, which may only come
-first, stands for a length that differs from row to row but not between the fields of a row."""
+first, stands for a length that differs from row to row; fields of a row with the same letter have the same length."""
 POINTS: Field = ("f4", "n", 3)
 NOTHING = np.zeros(0)
 
@@ -86,7 +86,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "missed": ("i8", "m"),  # Keyframes
         "tried_from": ("i8", "t"),  # Keyframes, and positions relative to them
         "tried": ("f8", "t", 3),
-        "observations": ("i8",),  # How many of the following ``observation`` rows belong to it
+        "observations": ("i8",),  # Number of the following ``observation`` rows that belong to it
     },
     "observation": {
         "keyframe": ("i8",),
@@ -114,7 +114,7 @@ def varies(field: Field) -> bool:
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
-    """Write all maps into a folder, each independently; raise InputError at the end if one could not be written."""
+    """Write all maps into a folder; one failure does not prevent the others, but raises InputError at the end."""
     run_all(
         lambda: save_keyframes(mapper, folder / KEYFRAMES),
         lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
@@ -182,7 +182,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
-    """Only the keyframes of a map, with their evidence about the ground; for errors, see :func:`load_keyframes`."""
+    """The keyframes of a map alone, with their evidence about the ground; for errors, see :func:`load_keyframes`."""
     keyframes = Keyframes(robot, reach=0.0, cell=config.cell, noticeable=0.0)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
@@ -192,7 +192,7 @@ def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = Elev
 def load_elevation_map(
     path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()
 ) -> tuple[ElevationMap, Poses]:
-    """Only the final elevation map for a robot, and the poses of the keyframes in ``map``.
+    """The final elevation map alone, for a robot, and the poses of the keyframes in ``map``.
 
     Raises:
         InputError: see :func:`load_keyframes`.
@@ -246,7 +246,7 @@ def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) 
 
 
 def _check(rows: dict[str, list[Row]]) -> None:
-    """Raise ValueError if a row holds an invalid number."""
+    """Raise ValueError if a row holds an invalid value."""
 
     def every(kind: str, name: str) -> list[Any]:
         return [row[name] for row in rows[kind]]
@@ -285,7 +285,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
         yield {
             **vars(seen),
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
-            "T_map_base": surfaces.poses[k],  # The estimated pose; that in the maps may differ unnoticeably
+            "T_map_base": surfaces.poses[k],  # The estimated pose; the pose in the maps may differ unnoticeably
             "up": surfaces.ups[k],
             "is_labelled": seen.shares is not None,
             **vars(shares),

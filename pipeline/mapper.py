@@ -40,7 +40,7 @@ from pipeline.victims.victim_map import Victims
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A frame that has been added to the maps, as it was taken.
+    """A frame that has been added to the maps, with the results for this frame at that time.
 
     Attributes:
         frame: the frame of the camera.
@@ -105,13 +105,13 @@ class Mapper:
         """Start with empty maps.
 
         Args:
-            robot: decides what is traversable.
+            robot: the robot's size and abilities, which determine the traversable ground.
             classifier: labels the points.
-            detector: detects victims; without it the maps hold none.
+            detector: detects victims; without a detector, the maps contain no victims.
             graph: the graph used for planning: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: seed of RANSAC.
             localisation: estimates the poses of frames; by default odometry corrected by registration (SLAM).
-            readers: read signs, codes and the like; without them people are the only finds.
+            readers: read signs, codes and other finds; without readers, people are the only finds.
             config: all parameters.
         """
         self.observers: list[MapObserver] = []
@@ -174,7 +174,7 @@ class Mapper:
         self.revise_labels()
 
     def is_due(self, T_odom_base: Pose) -> bool:
-        """Whether the robot has moved far enough since the last keyframe for another one."""
+        """Whether the robot has moved far enough since the last keyframe for another keyframe."""
         last = self._T_odom_keyframe
         return last is None or self.policy.is_due(last, T_odom_base)
 
@@ -190,19 +190,19 @@ class Mapper:
     def add_frame(self, localised: LocalisedFrame, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
 
-        An unlabelled frame is added to the metric map and the elevation map only. The people and objects in it are
-        added to the map with the next frame, people as candidates for another look.
+        An unlabelled frame is added to the metric map and the elevation map only. The people and objects in such a
+        frame are added to the map with the next frame, people as candidates for another look.
 
         Args:
             localised: the result of :meth:`localise`.
             labelled: whether to label the keyframe; by default the policy decides.
             set_down: whether the robot has just been set down at this pose. Level ground is then assumed around and
-                ahead of it until that ground is seen or the robot leaves, and classifiers get heights relative to
-                this ground.
+                ahead of the robot until the ground is seen or the robot leaves, and classifiers get heights relative
+                to this ground.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory. The maps do not
-                change.
+            InputError: the pose is so far from the other poses that the maps would take too much memory. The maps do
+                not change.
         """
         frame = localised.frame
         T_map_base = localised.T_map_base
@@ -267,7 +267,7 @@ class Mapper:
     def add_if_new(
         self, localised: LocalisedFrame, labelled: bool | None = None, set_down: bool = False
     ) -> Keyframe | None:
-        """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats an earlier one."""
+        """Make the newest frame a keyframe as :meth:`add_frame` does; None if it repeats an earlier keyframe."""
         if not localised.repeats:
             return self.add_frame(localised, labelled, set_down)
         self._T_odom_keyframe = localised.frame.T_odom_base
@@ -308,7 +308,7 @@ class Mapper:
                 self._put(first + k, DrivenTrack(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
     def apply_corrections(self, waits: bool = False) -> Moves | None:
-        """Let the localisation correct its keyframes, and all maps with them; None if the maps are unchanged.
+        """Correct the keyframes of the localisation, and all maps with them; return None if the maps are unchanged.
 
         People and objects in the last keyframe of a drive are added to the map too. ``waits``: whether to leave the
         maps unchanged until a correction is due.
@@ -329,7 +329,7 @@ class Mapper:
         return moves
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Moves:
-        """Rebuild the maps where keyframes move, as if all had had their new (K, 4, 4) poses from the start.
+        """Rebuild the maps where keyframes move, as if all keyframes had always had their new (K, 4, 4) poses.
 
         Keyframes whose move is not noticeable stay. Everything anchored to a keyframe moves with it. The next
         :meth:`update_topological_map` fits the nodes of the topological map to the ground.
@@ -404,7 +404,7 @@ class Mapper:
         self._put(k, keyframes.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        # This comes first, because it may raise.
+        # This comes first, because it may raise InputError.
         evidence.add_to_elevation_map(self.elevation_map, self.keyframes.poses[keyframe])
         self.keyframes.add_ground(keyframe, evidence)
 
@@ -448,7 +448,8 @@ class Mapper:
 
 
 Check = Callable[[LocalisedFrame], ConfirmedPose | None]
-"""Checks a pose: returns the newest frame, whose pose is then certain, or None if the pose remains in doubt."""
+"""Function that checks a pose. It returns the newest frame, whose pose is then certain, or None if the pose remains
+in doubt."""
 
 
 def sense_and_map(

@@ -68,7 +68,7 @@ class Pilot:
         return keyframe
 
     def confirm(self, localised: LocalisedFrame) -> ConfirmedPose:
-        """The newest frame, once the robot knows where it is, and whether it was carried or set down there.
+        """The newest frame, whose pose is certain, and whether the robot was carried or set down there.
 
         Raises:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
@@ -98,7 +98,7 @@ class Pilot:
         return self.pose_check.confirm(localised, last, self._turn)
 
     def _turn(self, angle: float) -> LocalisedFrame | None:
-        """Turn by an angle, rad, and localise the frame seen then; None if the robot cannot turn."""
+        """Turn by an angle, rad, and localise a frame taken after the turn; None if the robot cannot turn."""
         can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
         return self._note(self._mapper.localise(self.sense())) if can_turn else None
 
@@ -151,7 +151,7 @@ class Pilot:
         return Verdict.FINE
 
     def _look(self, is_done: Callable[[], bool]) -> Verdict:
-        """If a keyframe is due, map a new frame unless it repeats one, and judge whether the robot may drive on."""
+        """If a keyframe is due, map a frame unless it repeats another, and judge whether the robot may drive on."""
         motion, belief = self.navigator.motion, self._mapper.belief
         if motion is None or not self._mapper.is_due(motion.T_odom_base):
             return Verdict.FINE
@@ -186,7 +186,7 @@ class Pilot:
         return localised
 
     def sense(self) -> Frame:
-        """The camera's newest frame; LostError if it fails twice in a row."""
+        """The camera's newest frame; LostError if the camera fails twice in a row."""
         try:
             return self.robot.sense()
         except InputError:

@@ -22,7 +22,7 @@ from pipeline.victims.readers import FindReader
 
 @dataclass(frozen=True)
 class NoSettings:
-    """The settings of a plug-in that has none."""
+    """Empty settings, for a plug-in without settings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ class Plugin:
 
     Attributes:
         Settings: a frozen dataclass of its settings, which a run writes under ``plugins.<name>`` of its config.yaml.
-            Its fields are flags: a positional one follows ``--<name>``, others are ``--<name>-<field>``, and those
-            marked ``tyro.conf.Fixed`` can only be set in a ``--config`` file. A path can only be a flag.
-        needs: names of other plug-ins that this one requires.
-        name: the name under which its settings are stored.
+            Its fields are flags: a positional field follows ``--<name>``, and other fields are ``--<name>-<field>``.
+            Fields marked ``tyro.conf.Fixed`` can only be set in a ``--config`` file, and paths only by a flag.
+        needs: names of other plug-ins that this plug-in requires.
+        name: the name under which the plug-in's settings are stored.
         settings: an instance of ``Settings``.
         command: the settings of the command, such as :class:`sarsim.settings.EpisodeConfig`.
     """
@@ -64,7 +64,7 @@ class Plugin:
     name: str = ""
 
     def __init__(self, settings: Any, command: Any) -> None:
-        """Check the settings before anything else is created; InputError if they are invalid."""
+        """Check the settings before anything else is created; raise InputError if they are invalid."""
         self.settings, self.command = settings, command
 
     def add_to_arena(self, arena: Any) -> None:
@@ -77,7 +77,7 @@ class Plugin:
     def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
         """Return the robot to drive, for example with another sensor. ``mapper``: None if nothing is mapped.
 
-        ``world``: the simulated robot, as in RunContext. Its sensors measure after each of its control periods.
+        ``world``: the simulated robot, as in :class:`RunContext`. Its sensors measure after each control period.
         """
         return robot
 
@@ -105,8 +105,9 @@ class Plugin:
     def scene(self, world: Any, folder: Path, index: int) -> AbstractContextManager[Callable[[Any], object]]:
         """Write the plug-in's own files for scene ``index`` of a dataset, next to the scene's file.
 
-        The context's value is called with the :class:`sarsim.robots.pose.TrajectorySample` of each frame once the
-        robot stands there. When the context is left, the files are complete; after an error, none remain.
+        The context yields a function, which is called with the :class:`sarsim.robots.pose.TrajectorySample` of each
+        frame when the robot stands at its pose. When the context is left, the files are complete; after an error, no
+        files remain.
 
         Args:
             world: the :class:`sarsim.dataset.render.World`.

@@ -36,8 +36,8 @@ class ReportFile(Sink):
     def __init__(self, settings: Any, place: str, seed: int):
         """Report on a run.
 
-        ``settings``: its settings, a dataclass; ``place``: name of the mapped place; ``seed``: seed of all random
-        numbers.
+        ``settings``: dataclass with the settings of the run; ``place``: name of the mapped place; ``seed``: seed of
+        all random numbers.
         """
         self._settings, self._place, self._seed = settings, place, seed
 

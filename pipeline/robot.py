@@ -48,9 +48,9 @@ class Motion:
 class RobotModel:
     """The size and abilities of a robot, from which all clearances in the pipeline are derived.
 
-    The robot provides it, so that the pipeline contains no number that belongs to a particular robot. The camera and
-    its pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies at the centre of the footprint,
-    on the ground.
+    The robot provides this model, so that the pipeline contains no number that belongs to a particular robot. The
+    camera and its pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies at the centre of the
+    footprint, on the ground.
 
     Attributes:
         length, width: size of the footprint, wheels included, m.

@@ -119,7 +119,7 @@ class Run:
 
         Args:
             trajectory: the estimated trajectory.
-            steps: number of steps; after 0 steps, only the reason is reported.
+            steps: number of steps; without any steps, only the reason for this is reported.
             sim_time: duration of the run by the robot's clock, s.
             figures: the run's own figures for report.json.
         """
@@ -221,7 +221,7 @@ class ExplorerRun(Run, ABC):
 
         Args:
             interrupted: called before each step; the run ends if it returns True.
-            on_progress: called before the first step, after each, and before each phase of writing the results.
+            on_progress: called before the first step, after each step, and before each phase of writing the results.
 
         Returns:
             True unless the run was interrupted.
@@ -352,7 +352,7 @@ class ExplorerRun(Run, ABC):
 
     @abstractmethod
     def _time(self) -> float:
-        """The robot's time, s."""
+        """The time on the robot's clock, s."""
 
 
 def _given_up(view: Viewpoint) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 Depth = TypeVar("Depth", float, NDArray[np.floating])
 GRAZING = radians(8.5)  # Beyond an angle of incidence of 82°, the simulated camera gives no return
-PRECISE = 0.02  # m, noise; noisier returns degrade registration, but the map only needs them in the right voxel
-SURE = 3.5  # m, depth up to which any camera's returns are registered, as rooms often show little that is nearer
-MARGIN = 5.0  # Standard deviations at the far end, where the limit cuts off half of the noise
+PRECISE = 0.02  # m, noise above which returns degrade registration; the map only needs returns in the right voxel
+SURE = 3.5  # m, depth up to which any camera's returns are registered, because rooms often have few nearer surfaces
+MARGIN = 5.0  # Width of the unreliable bands in standard deviations at the far end, which cuts off half of the noise
 
 
 class DepthNoise(NamedTuple):

@@ -31,7 +31,7 @@ class Step:
         viewpoints_left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
         explores: whether the task is to explore rather than to reach goals.
         end_reason: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
-            ``time``; None if it continues, or is not the task.
+            ``time``; None if exploration continues or is not the task.
         can_drive: whether the robot can drive away from its position and is not held.
         was_carried: whether the robot has been carried elsewhere since the last step.
     """
@@ -94,7 +94,7 @@ class Sink:
     """Watches a run and receives its result; a subclass overrides the methods that it needs.
 
     Attributes:
-        finishing: what :meth:`finish` does, as text for the progress display.
+        finishing: description of the work of :meth:`finish`, as text for the progress display.
     """
 
     finishing: str = "writing the results"

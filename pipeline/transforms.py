@@ -52,7 +52,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> Pose:
 
 
 def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 4, 4) transforms with the nearest rotations, because rounding scales products of many transforms."""
+    """(..., 4, 4) transforms with the nearest rotations; rounding scales the products of many transforms."""
     result = T.copy()
     u, _, v = np.linalg.svd(T[..., :3, :3])
     result[..., :3, :3] = u @ v

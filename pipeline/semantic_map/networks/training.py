@@ -228,7 +228,10 @@ class Training:
         return float(loss.detach())
 
     def _validate(self) -> None:
-        """Validate, and write the current weights whatever the score; a small validation set selects badly."""
+        """Validate, and write the current weights whatever the score.
+
+        A small validation set is not reliable enough to select the best weights.
+        """
         confusion = confusion_matrix(self.network, self._validation, self._blocks, self.config.seed)
         scores = [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
         self.rows.append([self.step, float(np.mean(self._losses)), *scores])

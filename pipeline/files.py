@@ -126,7 +126,7 @@ def uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Discard what libraries write to stderr in addition to the errors that they raise or return."""
+    """Discard the output of libraries to stderr, which only adds to the errors that the libraries raise or return."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:

@@ -280,7 +280,7 @@ class Keyframes:
         return float(max(heights, default=0.0))
 
     def place(self, T_map_base: Poses) -> Moves:
-        """Move the keyframes to their newly estimated poses, except those whose move is not noticeable.
+        """Move the keyframes to their newly estimated poses, except keyframes whose move is not noticeable.
 
         Returns:
             How far each keyframe moved; 0 for keyframes that stayed.

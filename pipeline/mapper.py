@@ -465,7 +465,7 @@ def sense_and_map(
         mapper: holds all maps.
         sense: returns the newest frame.
         check: checks the pose; it may turn the robot for further frames, and reports whether the robot was set down.
-            Without it, every pose is trusted, and only the first frame shows where the robot was set down.
+            Without a check, every pose is trusted, and only the first frame shows where the robot was set down.
         labelled: whether to label the keyframe; by default the policy decides.
         may_repeat: whether to make a keyframe even if the frame repeats an earlier keyframe.
 

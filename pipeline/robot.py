@@ -64,7 +64,7 @@ class RobotModel:
         turn_rate, ramp_turn_rate: maximum turn rates on level ground and on ramps, rad/s.
         acceleration, turn_acceleration: maximum accelerations of the drive, m/s² and rad/s².
         ramp_slide: maximum displacement in a quarter turn on the steepest ramp, m.
-        slide_per_radian: downhill slide per radian turned, m/rad, to be multiplied by the sine of the tilt.
+        slide_per_radian: downhill slide per radian turned and per unit of the sine of the tilt, m/rad.
         min_turn_rate: minimum rate of a turn in place, rad/s; in slower turns, the tyres stick.
     """
 

@@ -70,7 +70,7 @@ class RunParts:
     Attributes:
         mapper: holds all maps.
         folder: where the run writes its files.
-        place: name of the place to be mapped.
+        place: name of the mapped place.
         recorder: writes the Rerun recording.
         rescue_report: writes the report on the people found.
         sinks: all sinks, in the order in which they receive the result.
@@ -115,7 +115,7 @@ class Run:
     ) -> None:
         """Correct the maps one last time and let every sink write its results, even if another sink fails.
 
-        Ctrl-C is ignored meanwhile, because it may be what ended the run.
+        Ctrl-C is ignored meanwhile, because the user may have ended the run with Ctrl-C.
 
         Args:
             trajectory: the estimated trajectory.

@@ -84,7 +84,7 @@ class Result:
         return self.steps > 0 or "lost" in self.figures
 
     def add(self, figures: Mapping[str, Any]) -> None:
-        """Add figures of stages to the existing ones."""
+        """Add figures of stages to the existing figures."""
         for stage, values in figures.items():
             before = self.figures.get(stage)
             self.figures[stage] = before | values if isinstance(before, dict) else values

@@ -1,1 +1,1 @@
-"""Readers of recordings to be mapped: TUM folders and ROS bags."""
+"""Readers of recordings, which are TUM folders or ROS bags."""

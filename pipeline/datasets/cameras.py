@@ -80,7 +80,7 @@ def stream_of(topic: str) -> str:
 
 
 def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
-    """Names of a RealSense stream's frame and of its device's reference frame, and the stream's pose in the latter.
+    """Names of a RealSense stream's frame and its device's reference frame, and the first frame's pose in the second.
 
     On ``STREAM/tf/REFERENCE``, librealsense records the inverse, the reference's pose in the stream, as a Transform.
     """

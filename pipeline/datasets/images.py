@@ -84,7 +84,7 @@ def metres(pixels: NDArray, units: float = 1.0) -> Depth:
 
 
 def clip_of(depths: Sequence[Depth]) -> float | None:
-    """The depth, m, that a recorder writes for no return, such as the far end of its range; None if there is none.
+    """The depth, m, that a recorder writes for no return, such as the far end of its range; None if not recognised.
 
     This depth is the largest in most images, a whole number of decimetres, frequent, and far from all other depths.
     """

@@ -164,7 +164,7 @@ class Topics:
         return required(depth), colour
 
     def _usable(self, names: list[str], is_usual: Callable[[str], bool] = lambda name: True) -> list[str]:
-        """The topics named by the user, or else the usual ones among the raw topics, or else all raw topics.
+        """The topics named by the user, or else the raw topics that are usual, or else all raw topics.
 
         A topic is raw if it is not a compressed copy of another topic.
         """

@@ -46,7 +46,9 @@ class PosePaths:
     def __init__(
         self, traversability: Traversability, start: ArrayLike, heading: float | None = None, caution: float = 1.0
     ):
-        """Start at positions (2,) or (K, 2), m (further columns are ignored), with a given heading, rad, or any.
+        """Start at one position (2,) or several positions (K, 2), m, with a given heading, rad, or any heading.
+
+        Further columns of the positions are ignored.
 
         Without a heading, a start where the robot cannot stand is moved to the nearest position, at most the robot's
         length away, where it can stand. With a heading, the robot may start with too little clearance; it can then

@@ -162,7 +162,7 @@ def extend(search, terrain, costs, until):
         for move in range(Move.FORWARD, Move.RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
             then = (a * ny + b) * HEADINGS + k
-            # Poses that are already settled, such as the previous one, do not become cheaper.
+            # Poses that are already settled, such as the previous pose, do not become cheaper.
             if not (0 <= a < nx and 0 <= b < ny) or 0 < cost[then] <= now:
                 continue
             step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape)
@@ -262,7 +262,7 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
     while (moves[p + 1 :] <= Move.BACKWARD.value).any():
         drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= Move.BACKWARD.value)
         back = moves[drives[0]] == Move.BACKWARD
-        # Only drives in the same direction are merged; those before the first turn are straight already.
+        # Only drives in the same direction are merged; the drives before the first turn are straight already.
         others = np.flatnonzero(moves[drives] != moves[drives[0]])
         drives = drives[: others[0]] if len(others) else drives
         turns = np.flatnonzero(np.diff(drives) > 1)

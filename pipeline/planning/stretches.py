@@ -108,7 +108,7 @@ class Stretch:
 
     @cached_property
     def curvature(self) -> Values:
-        """(N,) curvatures, 1/m, positive to the left; the last pose has the curvature of the one before it."""
+        """(N,) curvatures, 1/m, positive to the left; the last pose has the curvature of the previous pose."""
         turned = wrap_angle(np.diff(self.poses[:, 2]))
         lengths = np.diff(self.distances_along)
         return np.append(turned, turned[-1]) / np.append(lengths, lengths[-1])

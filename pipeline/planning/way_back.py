@@ -33,8 +33,8 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
         paths: the paths from the robot's position.
 
     Returns:
-        The plan; None if paths lead to at least half of the keyframes, if no drivable ground is near the other
-        keyframes, or if the robot has not driven from there or was carried on the way.
+        The plan; None if paths lead to at least half of the keyframes, or if no drivable ground is near the other
+        keyframes. Also None if the robot has not driven since it left that ground, or was carried on the way.
     """
     if not is_cut_off(poses, paths):
         return None

@@ -4,8 +4,8 @@ A network that sees only one column of points makes scattered errors, especially
 surfaces. However, a plane rarely has two classes, and the line where two planes meet follows more exactly from their
 equations than from the classes of points. Planar regions are therefore found without labels, and every pixel is
 assigned to the plane that the pixel and its neighbours reach with the smallest shift along their rays. The class of a
-point depends on its own probabilities, those of all points on its plane, and the plane's tilt, which distinguishes
-walls, floors and ramps.
+point depends on its own probabilities, the probabilities of all points on its plane, and the plane's tilt, which
+distinguishes walls, floors and ramps.
 """
 
 from math import radians

@@ -30,7 +30,7 @@ def accumulate(
         keys, indices: (2ⁿ,) int64 and int32, the table's keys and the rows of their blocks; at least half stay empty.
         shift: 64 - n.
         block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 rows of its voxels,
-            EMPTY for voxels without points; B exceeds the number of blocks so far by at least N.
+            EMPTY for voxels without points. B exceeds the number of blocks so far by at least N.
         rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
         born: (M,) int64, for every voxel the serial number of the first point that hit it.
         first: serial number of points[0].

@@ -30,7 +30,7 @@ class CodeReader:
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
     def read(self, squares: SquareCandidates) -> list[Reading]:
-        """The codes in an image, decoded ones first.
+        """The codes in an image, decoded codes first.
 
         QR codes are searched for in the image, and in rectified squares whose grey levels change as much as those of
         a code. In the image, decoders cannot read codes that are seen obliquely or whose modules are smaller than

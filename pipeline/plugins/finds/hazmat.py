@@ -1,4 +1,4 @@
-"""Read hazmat signs: squares in the image are rectified and classified, and those that are not signs are rejected."""
+"""Read hazmat signs: squares in an image are rectified and classified, and squares without a sign are rejected."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -35,7 +35,10 @@ class ReadCode:
 
 
 def codes_among(finds: Iterable[Find], T_map_league: Pose) -> list[ReadCode]:
-    """For each text, the most confident QR code among finds; ``T_map_league``: pose of the frame of its position."""
+    """For each text, the most confident QR code among finds.
+
+    ``T_map_league``: pose of the league's frame, in which the codes' positions are given.
+    """
     kept: dict[str, ReadCode] = {}
     for find in sorted(finds, key=lambda find: -find.confidence):
         if find.kind == QR_CODE and find.text not in kept:

@@ -77,7 +77,7 @@ class Results:
 
 
 def results(settings: Results) -> None:
-    """Measure each page without figures for this state of the code, and write all pages and README's table."""
+    """Measure the pages that lack figures for this state of the code, and write all pages and README's table."""
     known = pages_config()["pages"]
     if settings.claims:
         check_claims()
@@ -167,7 +167,7 @@ def kept(figures: Mapping[str, Any]) -> dict[str, float]:
 
 
 def record_of(name: str) -> Record | None:
-    """The record of a page; None if it has not been measured."""
+    """The record of a page; None if the page has not been measured."""
     file = FOLDER / f"{name}.json"
     return json.loads(file.read_text()) if file.exists() else None
 
@@ -353,7 +353,7 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
 
 
 def value_of(claim: Mapping[str, Any], figures: Mapping[str, float], otherwise: str) -> str:
-    """The figure that a claim names, as text: yes or no if the claim is that something is true."""
+    """The figure that a claim names, as text: yes or no for a claim that something is true."""
     if claim["figure"] not in figures:
         return otherwise
     value = figures[claim["figure"]]

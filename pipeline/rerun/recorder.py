@@ -39,7 +39,7 @@ class Recorder(Sink):
     Attributes:
         stream: Rerun's stream, to which other components, such as a simulator, may also log; the stream's timelines
             are ``step`` and ``sim_time``.
-        viewer: viewer that shows the recording as it grows; None if there is none.
+        viewer: viewer that shows the recording as it grows; None without a viewer.
     """
 
     finishing = "writing the recording"

@@ -17,7 +17,7 @@ from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))
-ROOM = 0.15  # Margin of the box drawn around a person, m, so that it is visible from afar
+ROOM = 0.15  # Margin of the box drawn around a person, m, so that the box is visible from afar
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
@@ -75,7 +75,7 @@ def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
 
 
 def _displayed(victims: Tracks) -> list[tuple[str, Track]]:
-    """The victims with their display ids, the confirmed ones first."""
+    """The victims with their display ids, the confirmed victims first."""
     return confirmed_ids(victims) + unconfirmed_ids(victims)
 
 

@@ -1,4 +1,4 @@
-"""Properties of the ground that rescuers need to know: slopes, drops, low ceilings, and areas not seen."""
+"""Properties of the ground that rescuers need to know: slopes, drops, low ceilings, and unseen areas."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -41,7 +41,7 @@ def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[R
         grid: grid of the cells.
         mask: cells that form the places.
         values: (nx, ny) value of every cell.
-        apart: distance below which cells belong to the same place, m; adjacent cells always do.
+        apart: distance below which cells belong to the same place, m; adjacent cells always belong to one place.
     """
     reach = 1 + 2 * round(apart / grid.cell / 2)
     pieces, _ = ndimage.label(ndimage.maximum_filter(mask, reach), np.ones((3, 3)))
@@ -212,7 +212,7 @@ def find_unseen(
     unknown = np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
-    # A partly seen wall has gaps; ground is expected to extend only through wide ones.
+    # A partly seen wall has gaps; ground is expected to extend only through wide gaps.
     ahead = ndimage.binary_dilation(reachable, iterations=round(config.ahead / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)

@@ -121,7 +121,7 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]:
-    """Yield the position, units, and the heading, rad, of each arrow up a slope, the farthest from edges first."""
+    """Yield the position, units, and the heading, rad, of each arrow up a slope, the innermost arrows first."""
     grid = situation.traversability.grid
     hazards = situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]

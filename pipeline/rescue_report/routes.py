@@ -1,4 +1,4 @@
-"""The robot's paths from the entrance to people, with the drops next to each path and directions."""
+"""The robot's paths from the entrance to people, with directions and with the drops next to each path."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -196,7 +196,7 @@ class Router:
 
 
 def described_parts(path: Places) -> list[tuple[Places, Places]]:
-    """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is.
+    """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is shorter.
 
     A shorter part is joined to the next one or, at the end of the path, to the last one. Parts without a bend between
     them are joined as well.

@@ -35,7 +35,7 @@ def degrees(angle: float) -> str:
 
 
 def percent(fraction: float) -> str:
-    """A fraction in whole percent; 100% only if it is 1."""
+    """A fraction in whole percent; 100% only for a fraction of 1."""
     whole = f"{fraction:.0%}"
     return "99%" if fraction < 1 and whole == "100%" else whole
 

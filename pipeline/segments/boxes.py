@@ -106,9 +106,9 @@ def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
 
 
 def _min_area_axis(hull: Hull, slack: float) -> Direction:
-    """The horizontal axis of the smallest rectangle around a hull, or the map's x axis if it is nearly as good.
+    """The horizontal axis of the smallest rectangle around a hull, or the map's x axis if its rectangle is similar.
 
-    The map's x axis is chosen if its rectangle, with sides shorter by ``slack`` m, is no larger than the smallest.
+    The x axis is chosen if its rectangle, with sides shorter by ``slack`` m, is as small as the smallest rectangle.
     """
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)

@@ -13,8 +13,8 @@ class SegmentsConfig:
     Attributes:
         angle: maximum angle between the normal of a surfel and the mean normal of its region, rad.
         cell: edge length of the cells in which a segment was seen, m.
-        flatness: maximum distance between a segment's plane and the corners of another segment's box for both to lie
-            in one plane, m. Half the thickness of the box is subtracted from the distance.
+        flatness: maximum distance between a segment's plane and the corners of another segment's box for both
+            segments to lie in one plane, m. Half the thickness of the box is subtracted from the distance.
         checkpoint_interval: number of members between saved states. When a keyframe moves, members are merged again
             from the last state saved before the keyframe's first member.
     """

@@ -70,8 +70,8 @@ def clip(a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float = 0.0
     """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        The t in [0, 1] at which x = a + (b - a) t enters each box, and the t at which it leaves the box; the former
-        is greater if the line misses the box.
+        The t in [0, 1] at which x = a + (b - a) t enters each box, and the t at which x leaves the box. The former is
+        greater if the line misses the box.
     """
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin

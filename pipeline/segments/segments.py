@@ -155,7 +155,7 @@ class Segments:
         return iter(self._segments)
 
     def __getitem__(self, id: int) -> Segment:
-        """The segment with this id; KeyError if it never existed or was merged into an older one."""
+        """The segment with this id; KeyError if the segment never existed or was merged into an older segment."""
         return {segment.id: segment for segment in self}[id]
 
     def of(self, *labels: Label) -> list[Segment]:

@@ -116,7 +116,7 @@ class NodeCover:
 
     @property
     def wanted(self) -> MaskLayer:
-        """Missing cells, except those marked as not worth a node since the ground around them last changed."""
+        """Missing cells, except cells marked as not worth a node since the ground around them last changed."""
         return self.missing & ~self._layers["left"]
 
     def leave_rest(self) -> None:

@@ -86,7 +86,7 @@ def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapCon
 
 
 def _middles(segment: Segment) -> Places:
-    """(N, 3) m, the centre of a deck, or the centres of its halves if it is longer than ``LARGE_RAMP``."""
+    """(N, 3) m, the centre of a deck, or the centres of the halves of a deck longer than ``LARGE_RAMP``."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
     if extent[long] <= LARGE_RAMP:
@@ -117,7 +117,7 @@ class Placement:
         self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the thesis's positions from which at least ``place_gain`` m² of new ground is seen."""
+        """Add nodes at the thesis's positions that show at least ``place_gain`` m² of ground that no node sees."""
         least = self._config.place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
@@ -222,7 +222,7 @@ class Placement:
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
         """(K, 2) m, positions of nodes that can replace two nodes.
 
-        The thesis's positions come first; positions of either kind are sorted by the number of cells that are seen.
+        The thesis's positions come first; within both groups, positions that see the most cells come first.
         """
         sight = self._config.sight
         spare = self._config.max_uncovered_cells

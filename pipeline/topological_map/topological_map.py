@@ -136,8 +136,8 @@ class TopologicalMap:
 def collision_free_tree(free: nx.Graph) -> nx.Graph:
     """The minimum spanning trees of the edges that meet no obstacle, one tree for each connected group of nodes.
 
-    The thesis computes the tree of the complete graph, adds a huge number to the weights of the tree's edges that
-    meet a wall, and repeats both steps until no edge of the tree meets a wall. The result is the same tree. Because
+    The thesis computes the tree of the complete graph and adds a huge number to the weights of the tree's edges that
+    meet a wall. Both steps are repeated until no edge of the tree meets a wall. The result is the same tree. Because
     all edges are tested anyway, one pass over the free edges is enough.
 
     Args:
@@ -149,8 +149,9 @@ def collision_free_tree(free: nx.Graph) -> nx.Graph:
 def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
     """The tree with other drives, so that no path costs more than ``max_detour`` times the minimum over all drives.
 
-    A greedy spanner (Althöfer et al. 1993) that starts with the tree: drives are considered in order of their weight,
-    and a drive is added if the cheapest path so far between its ends costs more than ``max_detour`` times its weight.
+    This is a greedy spanner (Althöfer et al. 1993) that starts with the tree. Drives are considered in order of their
+    weight. A drive is added if the cheapest path so far between its ends costs more than ``max_detour`` times its
+    weight.
 
     Args:
         tree: graph of all nodes and some of the drives.

@@ -26,7 +26,7 @@ SAME_SIDE = radians(40)
 SIGMAS = 3.0
 """Maximum difference in depth between an object and its return, in standard deviations of the object's position."""
 GAP = 0.3
-"""Minimum difference in depth between an object and others in front of or behind it, m."""
+"""Minimum difference in depth between an object and other objects in front of or behind it, m."""
 POSE_SIGMA = 0.03
 """Standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas."""
 KEPT_VOXEL = 0.025
@@ -90,9 +90,9 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
     def is_worth_a_look(self, track: Track) -> bool:
         """Whether an object has no depth or is unread, and was missed less often than seen.
 
-        An object with a checksum is unread if no text was decoded, another flat object if it always looked too small.
-        The robot does not drive anywhere to see a shape again: in arenas without finds, such drives made exploration
-        take a quarter more time.
+        An object with a checksum is unread if no text was decoded. A flat object without a checksum is unread if it
+        always looked too small. The robot does not drive anywhere to see a shape again, because in arenas without
+        finds, such drives made exploration take a quarter more time.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable

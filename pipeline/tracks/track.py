@@ -36,7 +36,7 @@ class Observation:
         camera: position of the camera.
         points: the object's own returns, thinned.
         photo: photo of the object; empty if another observation of the object shows more.
-        time: time of the frame, s; NaN if it is from an earlier run.
+        time: time of the frame, s; NaN for a frame of an earlier run.
         has_depth: whether the object's distance was measured.
     """
 

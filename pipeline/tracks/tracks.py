@@ -18,7 +18,7 @@ class Tracks:
     """The objects of some kinds, confirmed or not.
 
     Attributes:
-        all: all tracks, in the order in which they were first seen, including those with little evidence.
+        all: all tracks, in the order in which they were first seen, including tracks with little evidence.
     """
 
     def __init__(self, join: Join) -> None:
@@ -43,7 +43,7 @@ class Tracks:
         self._merge()
 
     def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose, keyframe: int) -> None:
-        """Add a keyframe's observations, count misses of tracks that it should show, and drop those missed too often.
+        """Add a keyframe's observations, count misses of tracks, and drop tracks that were missed too often.
 
         Args:
             new: one track per observation.

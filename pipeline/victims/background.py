@@ -22,7 +22,7 @@ The sample nearest to the first point in the image is chosen, because planes are
 MIN_SHARE = 0.02
 """Minimum fraction of all samples that must lie on a plane."""
 BEYOND = 0.25
-"""Minimum ratio of a plane's samples outside the box to those inside for it to be background."""
+"""Minimum ratio of a plane's samples outside the box to its samples inside for the plane to be background."""
 TOLERANCE = 0.012
 """Maximum distance of a point from its plane, in addition to the sensor's noise, m."""
 SIGMAS = 2.0

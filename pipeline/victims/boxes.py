@@ -43,7 +43,7 @@ def best_boxes(
         scores: (N,) confidences.
         min_confidence: minimum confidence, greater than 0.
         overlap: intersection over union with a better box above which a box is dropped.
-        max_boxes: maximum number of boxes that are compared, the best ones.
+        max_boxes: maximum number of boxes that are compared; the best boxes are chosen.
     """
     good = (scores >= min_confidence) & (_areas(boxes) > 0)
     boxes = boxes[good]

@@ -1,7 +1,7 @@
 """Darknet networks from any source, which OpenCV reads, runs and decodes.
 
 OpenCV reads missing weights as zeros, ignores settings that it does not know, and may crash on numbers out of range.
-Therefore the settings are checked first, and OpenCV is given Darknet's defaults where its own differ.
+Therefore the settings are checked first, and OpenCV is given Darknet's defaults where OpenCV's own defaults differ.
 """
 
 import re
@@ -181,7 +181,7 @@ def read_sections(path: Path) -> list[Section]:
 
 
 def _class_count(cfg: Path, sections: Sequence[Section]) -> int:
-    """The number of the network's classes; InputError if it is not a network that finds boxes in colour images."""
+    """The number of the network's classes; InputError if the network does not find boxes in colour images."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
     if not counts:
         raise InputError(f"{cfg}: not a YOLO network: it has no [yolo] or [region] section")

@@ -16,7 +16,7 @@ from pipeline.victims.opencv_network import OpenCvNetwork, checked_network, kind
 GRIDS = (8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32)
 """Pixels per cell of the grids that detectors of the YOLO family have."""
 ANCHORS = 3
-"""Number of boxes per cell of YOLOv5; v8 and later have one."""
+"""Number of boxes per cell of YOLOv5; YOLOv8 and later versions have one box per cell."""
 EXPORT = "yolo export model=FILE.pt format=onnx opset=17 dynamic=False nms=False end2end=False"
 """The command of Ultralytics that exports a network in a form that OpenCV reads."""
 REMEDY = f"; export it without end-to-end detection and without NMS: {EXPORT}"

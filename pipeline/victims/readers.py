@@ -17,7 +17,7 @@ from pipeline.victims.config import HeatConfig
 from pipeline.victims.detection import Detection, Detector, check_detections
 
 MIN_OUTLINE = 4
-"""Minimum number of pixels on the outline of a warm region; fewer may be a lamp or a hot pixel."""
+"""Minimum number of pixels on the outline of a warm region; a smaller region may be a lamp or a hot pixel."""
 
 
 class FindReader(Protocol):
@@ -36,7 +36,7 @@ class FindReader(Protocol):
 
 
 class SeveralReaders:
-    """Combines several readers; if several find the same object, the reading of the first one is kept."""
+    """Combines several readers; if several readers find the same object, the reading of the first reader is kept."""
 
     def __init__(self, readers: Sequence[FindReader]):
         """``readers``: in the order in which they read."""
@@ -57,7 +57,7 @@ class SeveralReaders:
 
 
 def not_among(readings: Sequence[Reading], read: Sequence[Reading]) -> list[Reading]:
-    """The readings of objects other than those already ``read``."""
+    """The readings of objects that have no reading in ``read``."""
     return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in read)]
 
 

@@ -46,7 +46,7 @@ class Convolution:
         self._activation: tuple[str, list[float]] = ("none", [])
         bias = tensors.get("conv.bias")
         if bias is None:
-            # This uses double precision, because a variance close to 0 gives factors that float32 rounds badly.
+            # Double precision is used, because a variance close to 0 gives factors that float32 rounds badly.
             variance = tensors["norm.running_var"].double()
             scale = tensors["norm.weight"].double() / (variance + BATCH_NORM_EPSILON).sqrt()
             bias = (tensors["norm.bias"].double() - scale * tensors["norm.running_mean"].double()).float()
@@ -117,7 +117,7 @@ class Yolo(ABC):
 
 
 class YoloSmall(Yolo):
-    """YOLOv3-small, with grids of 32, 16 and 8 pixels per cell and three anchors per grid, fitted to its training."""
+    """YOLOv3-small, with grids of 32, 16 and 8 pixels per cell; the three anchors per grid fit the training data."""
 
     LAYERS: ClassVar = {
         26: (3, 16, 3, 2), 27: (16, 32, 3, 2),

@@ -49,8 +49,8 @@ class AveragePrecision:
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], min_overlap: float) -> NDArray[np.intp]:
     """Match detections with true boxes.
 
-    Each detection is matched with the true box of greatest overlap that no better detection has taken. If there is no
-    such box, the detection may be matched with an ignored box; several detections may share an ignored box.
+    Each detection is matched with the true box with the greatest overlap that no better detection has taken. If there
+    is no such box, the detection may be matched with an ignored box; several detections may share an ignored box.
 
     Args:
         overlap: (N, M) intersection over union of the detections, the best first, with the true boxes.

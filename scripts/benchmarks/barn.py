@@ -35,11 +35,11 @@ from scripts.benchmarks.settings import BarnSettings
 START = (-2.25, 3.0, 90.0)
 """The start pose: x and y in m, heading in degrees."""
 GOAL = (-2.25, 13.0)
-"""x and y of the goal, m; it is 10 m ahead of the start."""
-ARRIVED = 1.0  # m, maximum distance from the goal at which it is reached
+"""x and y of the goal, m, which is 10 m ahead of the start."""
+ARRIVED = 1.0  # m, maximum distance from the goal at which the goal is reached
 MOVED = 0.1  # m, distance from the start at which the clock starts
 LIMIT = 100.0  # s, time limit of a run
-SPEED = 2.0  # m/s, speed on the reference path, which is the Jackal's top speed by its data sheet
+SPEED = 2.0  # m/s, speed on the reference path: the Jackal's top speed according to its data sheet
 BEST, WORST = 2.0, 8.0  # Multiples of the reference time between which the score of a success decreases
 CELL = 0.15  # m, side of a cell of the reference path
 FIRST_CELL = np.array([-4.575, 5.075])  # m, the centre of cell (0, 0)
@@ -198,7 +198,7 @@ def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> 
 
 
 def read_path(file: Path) -> Places:
-    """(K, 2) cells of the reference path in a NumPy file; InputError if the file has none."""
+    """(K, 2) cells of the reference path in a NumPy file; InputError if the file contains no path."""
     try:
         cells = np.array(np.load(file, allow_pickle=False), np.float64)
     except FileNotFoundError as error:

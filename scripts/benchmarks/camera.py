@@ -1,7 +1,7 @@
 """Time per labelled RGB-D frame, compared with three passes of ``mujoco.Renderer``.
 
 Every contender renders in its own process, because two OpenGL contexts in one process interfere with each other.
-The processes take turns frame by frame, so that other load on the machine slows all alike.
+The processes take turns frame by frame, so that other load on the machine slows all contenders alike.
 """
 
 from collections.abc import Callable

@@ -196,7 +196,7 @@ class Sampler:
 
 
 def _processor_time(thread: threading.Thread) -> float:
-    """Processor time, s, that a thread has used so far; 0 if it has just ended."""
+    """Processor time, s, that a thread has used so far; 0 if the thread has just ended."""
     try:
         # Linux's CPU clock of a thread id; pthread_getcpuclockid may crash if the thread has ended.
         return time.clock_gettime((~required(thread.native_id) << 3) | 6)
@@ -205,7 +205,7 @@ def _processor_time(thread: threading.Thread) -> float:
 
 
 def stage_of(frame: FrameType | None) -> str:
-    """The stage that a thread is in, from its innermost stack frame with a listed path."""
+    """The stage of a thread, according to its innermost stack frame with a listed path."""
     while frame is not None:
         path = Path(frame.f_code.co_filename)
         if path.is_relative_to(CODE):

@@ -142,7 +142,7 @@ def t99_ratio(found: Mapping[str, Results], groups: Sequence[str]) -> dict[str, 
 def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | None:
     """Ratio of our time to see 90% of the drivable area to the baseline's, in the same arena with the same seed.
 
-    If we never saw 90%, ten times our duration is used; if the baseline never did, the ratio is None.
+    If our run never saw 90%, ten times its duration is used; if the baseline never saw 90%, the ratio is None.
     """
     t_theirs = theirs["exploration"].get("t90_s")
     if t_theirs is None:

@@ -1,7 +1,7 @@
 """Finds: the fraction of each kind that the robot finds and reads in complete episodes, or that it finds in photos.
 
-A folder of photos has ``arena/`` (boards named ``board<number>_<distance>cm``, nobody in them), ``people/``,
-``rooms/`` (nobody in them) and ``truth.json``.
+A folder of photos has ``truth.json`` and the folders ``arena/``, with boards named ``board<number>_<distance>cm``,
+``people/`` and ``rooms/``. Only the photos in ``people/`` show people.
 """
 
 import json

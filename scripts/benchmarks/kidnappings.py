@@ -26,7 +26,7 @@ ROOM = 0.4  # m, radius of free ground needed around the position where the robo
 CARRIED = 0.5  # m, minimum distance by which the robot is carried
 STANDS = 10.0  # s, time for which the robot stands still after being set down, while its roll and pitch settle
 GOOD, WRONG = 0.05, 0.3
-"""Position errors, m: below the first, the pose is found; from the second on, it is wrong."""
+"""Position errors, m: a pose with an error below the first is found, a pose with at least the second is wrong."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
 
 
@@ -34,7 +34,7 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     """The number of kidnappings with each of ``OUTCOMES``.
 
     An episode explores first, unless its map exists. Then a robot in this map is carried to a random mapped position
-    ``times`` times. After a wrong or doubtful pose, or an unnoticed kidnapping, it restarts at its true pose.
+    ``times`` times. After a wrong or doubtful pose, or an unnoticed kidnapping, the robot restarts at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run(show_progress=False)

@@ -40,7 +40,7 @@ class LaneTry:
     """One try to drive through a lane.
 
     Attributes:
-        towards: +1 or -1, the sign of x of the end zone to drive into.
+        towards: sign of the x coordinate of the end zone into which the robot drives, +1 or −1.
         ended: ``reached`` the goal, ``given_up``, ``held``, ``lost``, ``tipped`` or ``time``.
         seconds: time until the robot had crossed the lane, s; None without a traverse.
         posts: number of posts that fell.
@@ -147,7 +147,7 @@ class LaneDrive(Sink):
         return LaneTry(towards, ended, judge.seconds, len(fell))
 
     def _drive_to(self, towards: int) -> str:
-        """Drive to the middle of an end zone as a goal in the map, exploring while the map shows no path to it."""
+        """Drive to the middle of an end zone, a goal in the map; explore while the map shows no path to the goal."""
         goals = Goals([np.array([towards * self._lane.goal, 0.0])])
         self._explorer.mission.goals = goals
         explore(self._explorer)

@@ -1,4 +1,4 @@
-"""The lidar: time per scan, scans per minute, labels against Open3D's ray casting, and KISS-ICP on the scans.
+"""The lidar: time per scan, scans per minute, labels compared with Open3D's, and KISS-ICP on the scans.
 
 All times exclude waits for a processor that other programs use. Full scans, ray casts alone and depth images of the
 same view are timed in turn.
@@ -39,7 +39,7 @@ from scripts.benchmarks.settings import LidarSettings
 
 DEFAULT, DATASET_SENSOR = "vlp-16", "16x900"
 SENSORS = (DATASET_SENSOR, "64x1024", *PRESETS)
-IMAGE = (64, 48)  # Width and height, pixels, of the datasets' camera images; small because only scans matter
+IMAGE = (64, 48)  # Width and height, pixels, of the datasets' camera images; small, because only scans are used
 VIEW = 90.0  # degrees, the horizontal field of view of each depth image
 INDOORS = 20.0  # m, the maximum range passed to KISS-ICP, whose default voxel size is a hundredth of the range
 EDGE = 1e-3  # m; a beam this close to an edge may hit either surface

@@ -49,7 +49,7 @@ AGREEMENT = 1e-6  # m, maximum difference between our ATE and evo's, which is co
 
 
 def measure(settings: LocalisationSettings) -> Result:
-    """Run the missing drives, and summarise all of them.
+    """Run the missing drives, and summarise all drives.
 
     Raises:
         InputError: there is nothing to drive, a package is missing, or a folder cannot be used.

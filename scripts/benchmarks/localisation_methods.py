@@ -70,7 +70,7 @@ class Ours(Method):
         self._keyframe_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Localise; make a keyframe if one is due; correct the poses every ``CORRECTED`` keyframes."""
+        """Localise a frame, make it a keyframe if one is due, and correct the poses every ``CORRECTED`` keyframes."""
         timed = self._mapper.stopwatch.seconds["localisation"]
         before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
         localised = self._mapper.localise(frame)

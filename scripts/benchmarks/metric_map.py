@@ -83,7 +83,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
 
 
 class _Album(Sink):
-    """Takes frames at a constant period, which doubles whenever there are twice as many as wanted."""
+    """Takes frames at a constant period, which doubles whenever there are twice as many frames as wanted."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
         self._robot, self._wanted = robot, wanted
@@ -155,7 +155,7 @@ def _speed(recording: RecordedFrames) -> dict[str, float]:
 
 
 def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -> NDArray[np.float64]:
-    """Seconds of each frame; the first frames are first added without timing, so that numba's kernels are ready."""
+    """Seconds of each frame; some frames are added beforehand without timing, so that numba's kernels are ready."""
     depth = recording.xtion
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()

@@ -83,7 +83,7 @@ class DatasetSettings(SubjectSettings):
     Attributes:
         scenes: number of scenes that each generator makes.
         frames: number of frames per scene.
-        rounds: number of rounds in which one worker and then two make a scene each.
+        rounds: number of rounds; in each round, first one worker and then two workers make a scene each.
         seed: seed of the arenas.
     """
 
@@ -98,7 +98,7 @@ class LidarSettings(SubjectSettings):
     """Time per scan of the lidar, its labels compared with Open3D's ray casting, and errors of KISS-ICP on its scans.
 
     Attributes:
-        arenas: arenas of the scans; times are measured in the first.
+        arenas: arenas of the scans; times are measured in the first arena.
         rounds: number of timed scans per sensor.
         scenes: number of scenes that two workers make together.
         frames: number of scans per scene.

@@ -1,6 +1,6 @@
 """Step rates of ``Drive-v0``, in processor time, so that other load on the machine has no effect.
 
-Two processes are timed by wall clock.
+The rates of one and of two processes are compared in wall-clock time.
 """
 
 import time
@@ -18,7 +18,7 @@ from scripts.benchmarks.settings import TasksSettings
 
 
 def measure(settings: TasksSettings) -> Result:
-    """Ratios of the step rate to the rate of the necessary work alone, and of two processes' rate to one's."""
+    """The step rate relative to the necessary work alone, and the rate of two processes relative to one process."""
     at_least(1, settings, "steps")
     figures = drive_rates(settings.steps)
     figures["two_processes_vs_one"] = vector_rate(2, settings.steps) / vector_rate(1, settings.steps)
@@ -26,7 +26,7 @@ def measure(settings: TasksSettings) -> Result:
 
 
 def drive_rates(steps: int) -> dict[str, float]:
-    """Ratio of Drive's rate to that of MuJoCo's steps alone or, with depth, of MuJoCo's steps and a ray cast."""
+    """Ratios of Drive's rate to the rate of MuJoCo's steps alone or, with depth, of MuJoCo's steps and a ray cast."""
     shares = dict[str, float]()
     for name, size in {"drive.over_mujoco": None, "drive.depth84_over_floor": (84, 84)}.items():
         env = Drive(depth=size, seconds=steps)

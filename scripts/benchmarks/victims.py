@@ -74,7 +74,7 @@ def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[s
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Figures of one group: victims, fraction found, position error, and times relative to episodes ``without``."""
+    """Figures of one group: victims, fraction found, position error, and times relative to runs without detector."""
     scored = [result for result in found if result and "report" in result]
     figures = {f"{group}.runs": float(len(scored))}
     victims = group_figures([{"victims": result["report"]["victims"]} for result in scored])

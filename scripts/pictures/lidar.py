@@ -1,4 +1,4 @@
-"""Draw docs/images/lidar.jpg: a scan of the lidar in the NIST arena, as its beams see it and from above."""
+"""Draw docs/images/lidar.jpg: a scan of the lidar in the NIST arena, from the lidar's position and from above."""
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ def panorama(scan: Scan) -> Rgb:
 
 
 def from_above(scan: Scan) -> Rgb:
-    """The points in the colours of their labels, seen from above the arena; nearer points hide farther ones."""
+    """The points in the colours of their labels, seen from above the arena; nearer points hide farther points."""
     z = (LOOK - EYE) / np.linalg.norm(LOOK - EYE)
     x = np.cross(z, (0, 0, 1)) / np.linalg.norm(np.cross(z, (0, 0, 1)))
     T_world_eye = np.eye(4)

@@ -1,4 +1,4 @@
-"""Draw the picture for rescue-report.md: a run's report in the window of a desktop and, next to it, of a phone.
+"""Draw the picture for rescue-report.md: a run's report on a desktop screen and, next to it, on a phone screen.
 
 This needs Debian's chromium, but no screen.
 """

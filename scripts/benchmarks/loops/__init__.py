@@ -47,7 +47,7 @@ class TourJob:
 
 
 def measure(settings: LoopsSettings) -> Result:
-    """Record the missing tours, replay those without a result, and summarise all of them.
+    """Record the missing tours, replay the tours without a result, and summarise all tours.
 
     Raises:
         InputError: there is nothing to drive, an arena cannot be loaded, or the folder cannot be used.

@@ -30,7 +30,7 @@ from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
 
 LOOK_AHEAD = 0.4  # m, minimum look-ahead distance for steering
-ARRIVED = 0.25  # m, maximum distance from a waypoint at which it is reached
+ARRIVED = 0.25  # m, maximum distance from a waypoint at which the waypoint is reached
 TURN_IN_PLACE = np.deg2rad(40)
 """rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
 SLIPS, SLIP_TIME, SLIPPERY = 3, 1.0, 0.002
@@ -56,7 +56,7 @@ class Tour:
         true: (N, 4, 4) true pose of ``base_link`` at each frame.
         odometry: (N, 4, 4) pose by wheels and gyro.
         T_base_camera: (N, 4, 4) pose of the camera on the robot.
-        was_carried: (N,) whether the robot was carried between the previous frame and this one.
+        was_carried: (N,) whether the robot was carried between the previous frame and this frame.
         intrinsics: (6,) width, height, focal lengths and principal point of the camera, pixels.
         grey: (N, 60, 80) uint8 grey images, whose detail suffices to detect whether the view has changed.
         ends: (N,) end of each frame's depth image in ``images``, bytes.
@@ -118,7 +118,7 @@ class Paths(ABC):
 
     @abstractmethod
     def next(self) -> Places | None:
-        """(N, 2) m, positions on the path from the robot's true pose to the next waypoint; None if there is none."""
+        """(N, 2) m, positions on the path from the robot's true pose to the next waypoint; None if none is left."""
 
     @abstractmethod
     def moved(self) -> None:
@@ -292,7 +292,7 @@ class Drive:
         return True
 
     def _send(self, command: Velocity, seconds: float = 0.0) -> None:
-        """Follow a command for ``seconds``, but at least one control period, and take the frames that are due."""
+        """Follow a command for ``seconds``, but for at least one control period, and take the frames that are due."""
         for _ in range(max(1, round(seconds / self.robot.control_period))):
             before = self.place.copy()
             self.robot.drive(command)

@@ -3,6 +3,9 @@
 import numpy as np
 from numba import njit
 
+ROW_STEP = 2
+"""Spacing of the rows that are searched for gaps, rows."""
+
 
 @njit(cache=True)
 def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, row_step, dropouts):

@@ -6,12 +6,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.depth_dropouts_kernels import ROW_STEP
 from pipeline.geometry.cells_kernels import cell_at
 
 MAX_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 NO_COLUMN = -1
 """Row of a cell without returns, which has no column."""
+COMPLETE = 0.9
+"""Fraction of a cell's pixels whose returns show that no panel 1 cm thick stands in it, which would hide a fifth."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
@@ -145,25 +148,37 @@ def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts
 
 
 @njit(cache=True)
-def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, origin, cell):
-    """Mark the cells in which a keyframe has dropouts, and clear cells that it shows from another direction.
+def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, origin, cell, columns, bins):
+    """Mark the cells in which a keyframe has dropouts, and clear cells whose ground it shows.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
-    none. ``dropouts`` and ``returns`` (nx, ny) are the numbers of dropouts and returns in ``cells`` (K, 2) of a
-    keyframe taken from ``camera`` (3,), m. At least ``fewest`` dropouts mark a cell; at least ``fewest`` returns
-    without any dropout clear it. A panel without returns is seen within ``grazing``, rad, of its plane; from a
-    direction that differs by more than twice this angle, it would give returns.
+    none, and ``extent`` (nx, ny) the cell's size in that keyframe's image, scaled to be independent of the distance.
+    ``dropouts`` and ``returns`` (nx, ny) are the numbers of pixels without and with returns in ``cells`` (K, 2) of a
+    keyframe taken from ``camera`` (3,), m; dropouts are searched for in every ``ROW_STEP``-th row only. At least
+    ``columns.fewest`` dropouts mark a cell.
+
+    At least as many returns without any dropout clear it if the keyframe was taken from another direction, or if
+    there are as many of them as the cell has pixels. A panel without returns is seen within ``grazing``, rad, of its
+    plane; from a direction that differs by more than twice this angle, it would give returns. From any direction, it
+    hides some ground.
     """
     for i, j in cells:
-        if dropouts[i, j] < fewest and returns[i, j] < fewest:
+        if dropouts[i, j] < columns.fewest and returns[i, j] < columns.fewest:
             continue
         dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
         distance = np.sqrt(dx * dx + dy * dy) + 1e-9
         dx, dy = dx / distance, dy / distance
-        if dropouts[i, j] >= fewest:
+        # The image of level ground shrinks with the cube of its distance, and grows with the camera's height.
+        height = max(camera[2] - column_height(bins, i, j, columns), cell)
+        pixels = ROW_STEP * dropouts[i, j] + returns[i, j]
+        size = pixels * (distance * distance + height * height) ** 1.5 / height
+        if dropouts[i, j] >= columns.fewest:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
-        elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing):
-            direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
+            extent[i, j] = size
+        elif dropouts[i, j] == 0:
+            is_elsewhere = abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing)
+            if is_elsewhere or size >= COMPLETE * extent[i, j]:
+                direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True, nogil=True)

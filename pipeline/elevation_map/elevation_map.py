@@ -42,6 +42,7 @@ _EVIDENCE = {
     "assumed": Layer(np.float32, np.nan, in_place=True),
     "touched": Layer(np.float32, np.nan, in_place=True),
     "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+    "dropout_extent": Layer(np.float32, in_place=True),
     "been": Layer(np.uint16, in_place=True),
     "swept": Layer(np.bool_, in_place=True),
 }
@@ -196,8 +197,8 @@ class ElevationMap:
         dropped = kernels.count_dropouts(dropouts, _counts(dropouts, dropout_hits), *cell, *judged, missing)
         cells = np.concatenate([shown, dropped])
         if camera is not None:
-            direction, fewest = layers["dropout_direction"], self.config.fewest
-            kernels.renew_dropout(direction, missing, returns, cells, camera, XTION.grazing, fewest, *cell)
+            marks = layers["dropout_direction"], layers["dropout_extent"]
+            kernels.renew_dropout(*marks, missing, returns, cells, camera, XTION.grazing, *cell, *judged[1:])
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))
 

@@ -10,7 +10,7 @@ from scipy import ndimage
 from pipeline.arrays import Box, Depth, Indices, Points, Pose
 from pipeline.elevation_map import overhangs_kernels
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.elevation_map.depth_dropouts_kernels import dropout_depth
+from pipeline.elevation_map.depth_dropouts_kernels import ROW_STEP, dropout_depth
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame, Intrinsics
 from pipeline.geometry.moving_kernels import moved
@@ -22,8 +22,6 @@ FEWEST_OF_GAP = 3
 """Minimum extent of a gap in the depth image, in pixels along a row and in searched rows; smaller ones are noise."""
 WIDEST_GAP = 60
 """Maximum width of a gap, pixels; in wider gaps, the ground stays unknown."""
-ROW_STEP = 2
-"""Spacing of the rows that are searched for gaps, rows."""
 NEARER = 0.05
 """Minimum difference in depth between a surface and the space that it hides, m, because the surface itself is in the
 map."""

@@ -163,6 +163,14 @@ def test_a_dropout_is_cleared_by_a_keyframe_from_another_side(camera, is_cleared
     assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_cleared
 
 
+@pytest.mark.parametrize(("distance", "is_cleared"), [(2.0, True), (1.0, False)])
+def test_a_dropout_is_cleared_from_any_side_by_as_many_returns_as_its_cell_has_pixels(distance, is_cleared):
+    """From nearer by, a cell has more pixels, so the same number of returns does not fill it."""
+    elevation_map, ground = seen_along_a_panel(), ground_points(flat, (-1, 1), (-1, 1))
+    elevation_map.update(ground, np.full(len(ground), 3, np.uint8), camera=np.array([-distance, 0.0, 0.6]))
+    assert np.isfinite(elevation_map.grid.at(elevation_map.elevation, [0.0, 0.005], np.nan)) == is_cleared
+
+
 def test_a_single_cell_with_a_dropout_is_not_bridged():
     elevation_map, cell = (
         ElevationMap(PIONEER),

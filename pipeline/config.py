@@ -20,18 +20,18 @@ class KeyframesConfig:
     """When corrected keyframe poses are applied to the maps.
 
     Attributes:
-        noticeable: largest displacement in a keyframe's view up to which the keyframe keeps its pose in the maps, m,
+        min_displacement: displacement in a keyframe's view, m, above which the keyframe gets a new pose in the maps,
             as in RTAB-Map.
-        due: largest displacement in any keyframe's view up to which the maps are not corrected during a drive, m. The
-            default is a fifth of a voxel, because each new estimate of the odometry's scale moves most keyframes
-            slightly.
+        correction_threshold: displacement in any keyframe's view, m, above which the maps are corrected during a
+            drive. The default is a fifth of a voxel, because each new estimate of the odometry's scale moves most
+            keyframes slightly.
     """
 
-    noticeable: float = 0.01
-    due: float = 0.02
+    min_displacement: float = 0.01
+    correction_threshold: float = 0.02
 
     def __post_init__(self) -> None:
-        require_at_least(0, "keyframes", self, "noticeable", "due")
+        require_at_least(0, "keyframes", self, "min_displacement", "correction_threshold")
 
 
 @dataclass(frozen=True)

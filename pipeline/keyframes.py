@@ -100,7 +100,7 @@ class KeyframeObservation:
         T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
         dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, turning_radius(robot))
         missing, missing_near = kept_cloud(dropouts, half)
-        reach = config.cell, RAY_HEIGHT, config.fewest
+        reach = config.cell, RAY_HEIGHT, config.min_returns
         rays = lowest_rays(cloud.points[near], cloud.hits[near], camera, *reach)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
@@ -191,20 +191,20 @@ class Moves(NamedTuple):
         distances: distance that each keyframe moved, m.
         turns: angle by which each keyframe turned, rad.
         reach: range of the keyframes' view, m.
-        noticeable: see :class:`pipeline.config.KeyframesConfig`.
+        min_displacement: see :class:`pipeline.config.KeyframesConfig`.
     """
 
     distances: Values
     turns: Values
     reach: float
-    noticeable: float
+    min_displacement: float
 
     @classmethod
-    def between(cls, before: Poses, after: Poses, reach: float, noticeable: float) -> "Moves":
+    def between(cls, before: Poses, after: Poses, reach: float, min_displacement: float) -> "Moves":
         """The moves between two sets of poses of keyframes with a range of view of ``reach`` m."""
         turned = before[:, :3, :3].swapaxes(1, 2) @ after[:, :3, :3]
         ways, turns = np.linalg.norm((after - before)[:, :3, 3], axis=1), Rotation.from_matrix(turned).magnitude()
-        return cls(ways, turns, reach, noticeable)
+        return cls(ways, turns, reach, min_displacement)
 
     @property
     def in_view(self) -> Values:
@@ -214,7 +214,7 @@ class Moves(NamedTuple):
     @property
     def are_noticeable(self) -> Mask:
         """(K,) whether each keyframe moved noticeably, at its own position or at the end of its view."""
-        return self.in_view > self.noticeable
+        return self.in_view > self.min_displacement
 
 
 class Keyframes:
@@ -228,20 +228,20 @@ class Keyframes:
         loaded: number of keyframes from an earlier episode.
     """
 
-    def __init__(self, robot: RobotModel, reach: float, cell: float, noticeable: float) -> None:
+    def __init__(self, robot: RobotModel, reach: float, cell: float, min_displacement: float) -> None:
         """Start without keyframes.
 
         Args:
             robot: the robot that takes the keyframes.
             reach: depth up to which a view marks space as free, m.
             cell: cell size of the elevation map, m.
-            noticeable: threshold in m; see :class:`pipeline.config.KeyframesConfig`.
+            min_displacement: threshold in m; see :class:`pipeline.config.KeyframesConfig`.
         """
         self.seen: list[KeyframeObservation] = []
         self.ground: list[tuple[int, GroundEvidence]] = []
         self.poses = np.zeros((0, 4, 4))
         self.loaded = 0
-        self._reach, self._margin, self._noticeable = reach, robot.half_width + cell, noticeable
+        self._reach, self._margin, self._min_displacement = reach, robot.half_width + cell, min_displacement
         self._boxes = np.zeros((0, 2, 3))
 
     def __len__(self) -> int:
@@ -302,7 +302,7 @@ class Keyframes:
             )
         if not are_poses(poses):
             raise InputError(f"the corrected pose of each of the {len(self)} keyframes must be {POSE}")
-        return Moves.between(self.poses, poses, self._reach, self._noticeable)
+        return Moves.between(self.poses, poses, self._reach, self._min_displacement)
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,7 +183,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
     """The keyframes of a map alone, with their evidence about the ground; for errors, see :func:`load_keyframes`."""
-    keyframes = Keyframes(robot, reach=0.0, cell=config.cell, noticeable=0.0)
+    keyframes = Keyframes(robot, reach=0.0, cell=config.cell, min_displacement=0.0)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
     return keyframes

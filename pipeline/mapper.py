@@ -129,7 +129,7 @@ class Mapper:
         self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
         self.stopwatch = Stopwatch()
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
-        self.keyframes = Keyframes(robot, reach, cell, config.keyframes.noticeable)
+        self.keyframes = Keyframes(robot, reach, cell, config.keyframes.min_displacement)
         self.knows_camera = True
         self._set_down: NDArray[np.float64] | None = None
         self._start_height = 0.0
@@ -319,7 +319,7 @@ class Mapper:
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
         poses = self.localisation.poses
-        if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.due:
+        if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.correction_threshold:
             return None
         moves = self.correct(poses)
         if not moves.are_noticeable.any():

@@ -53,7 +53,7 @@ class Pilot:
         self.was_carried = False
         self._mapper = mapper
         self._sinks = sinks
-        self._carried_way = localisation.pose_check.carried_way
+        self._min_carried_distance = localisation.pose_check.min_carried_distance
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # Where the last drive ended; None if the robot was carried
 
@@ -82,7 +82,7 @@ class Pilot:
         left, self._T_odom_left = self._T_odom_left, localised.frame.T_odom_base
         if was_carried is None:
             moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
-            was_carried = bool(moved > self._carried_way)
+            was_carried = bool(moved > self._min_carried_distance)
         self.was_carried = was_carried
         return ConfirmedPose(localised, was_carried)
 

@@ -124,8 +124,8 @@ class RescueEnvironment(dm_env.Environment):
 
 
 def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
-    if robot.freedom:
-        arena.attach(robot).add("joint", type="free", **robot.freedom)
+    if robot.free_joint:
+        arena.attach(robot).add("joint", type="free", **robot.free_joint)
     else:
         arena.add_free_entity(robot)
 

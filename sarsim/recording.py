@@ -49,7 +49,7 @@ class EpisodeRecorder(Recorder):
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
         has_joint = self._is_robot & (self._model.body_jntnum > 0) & (self._model.body_parentid > 0)
         self._jointed = [(body, self._entity(body)) for body in np.flatnonzero(has_joint).tolist()]
-        self._true_track = DrawnTrajectory(config.grain)
+        self._true_track = DrawnTrajectory(config.point_spacing)
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
         layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))

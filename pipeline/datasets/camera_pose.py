@@ -28,7 +28,7 @@ LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
 MIN_LEVEL = 0.25  # Minimum number of points in the floor's layer, as a fraction of the number in the largest layer
 
 
-class Mounted(NamedTuple):
+class CameraPoseEstimate(NamedTuple):
     """An estimated pose of a camera above the floor.
 
     Attributes:
@@ -49,7 +49,7 @@ class _Surfaces(NamedTuple):
 
 def find_pose_above_floor(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
-) -> Mounted | None:
+) -> CameraPoseEstimate | None:
     """The pose of the first frame's camera above the floor; None if no frame shows the vertical.
 
     The support of a direction is the number of points on surfaces that are level or upright if the direction is the
@@ -72,9 +72,9 @@ def find_pose_above_floor(
     second = np.where(apart, support, 0)
     T = T_level_camera(up, _floor(seen, up))
     if second.max(initial=0) < DISAGREE * support.max():
-        return Mounted(T, None)
+        return CameraPoseEstimate(T, None)
     other = _refined(seen.normals, ups[second.argmax()])
-    return Mounted(T, T_level_camera(other, _floor(seen, other)))
+    return CameraPoseEstimate(T, T_level_camera(other, _floor(seen, other)))
 
 
 def _seen(

@@ -31,16 +31,16 @@ class CameraMount(NamedTuple):
     note: str
 
 
-def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
+def tf_topics(kinds: Mapping[str, str], robot_topics: Sequence[str]) -> list[str]:
     """The topics of a robot's transforms, recognised by their type, because their names may have a namespace.
 
     Args:
         kinds: the types of all topics, by name.
-        beside: other topics of the robot. If several namespaces have transforms, only the namespaces that contain
-            these topics are used.
+        robot_topics: other topics of the robot. If several namespaces have transforms, only the namespaces that
+            contain these topics are used.
     """
     spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
-    own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
+    own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in robot_topics)}
     others = set(spaces.values()) - {""}
     used = (own or (others if len(others) == 1 else set())) | {""}
     return [name for name, space in spaces.items() if space in used]

@@ -61,30 +61,30 @@ def read_ros_bag(
     """
     with _opened(path) as reader:
         chosen = Topics(path, reader, topics)
-        beside = _NonImageData(reader, chosen)
+        non_image_data = _NonImageData(reader, chosen)
         span = reader.duration / NANO
-    depth, colour = beside.sources(chosen)
-    camera = RgbdCamera(path, depth, colour, beside.frame_tree, calibration)
-    mount = beside.frame_tree.mount(camera.frame)
+    depth, colour = non_image_data.sources(chosen)
+    camera = RgbdCamera(path, depth, colour, non_image_data.frame_tree, calibration)
+    mount = non_image_data.frame_tree.mount(camera.frame)
     recording = Recording(
         path, lambda: _frames(recording, chosen, camera, mount.T_base_camera, span, config.buffered)
     )
-    odometry = [(time, T @ mount.T_driven_base) for time, T in beside.odometry(camera.frame)]
-    recording.odometry = beside.trajectory("odometry", odometry)
-    recording.truth = beside.trajectory("true poses", beside.true_poses)
-    recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
-    recording.steps = beside.steps
+    odometry = [(time, T @ mount.T_driven_base) for time, T in non_image_data.odometry(camera.frame)]
+    recording.odometry = non_image_data.trajectory("odometry", odometry)
+    recording.truth = non_image_data.trajectory("true poses", non_image_data.true_poses)
+    recording.keyframes = {time: time in non_image_data.labelled for time in non_image_data.keyframes} or None
+    recording.steps = non_image_data.steps
     recording.has_camera_pose = mount.T_base_camera is not None
-    recording.up = beside.up(camera.frame, config.at_rest)
+    recording.up = non_image_data.up(camera.frame, config.at_rest)
     if camera.frame == CAMERA:
         recording.sensor = XTION  # sarsim's own camera has a frame of this name
     else:
         frames = [source.frame for source in (depth, colour) if source is not None]
-        recording.take_sensor([*beside.devices, chosen.depth, *frames, path.resolve().name])
-    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
+        recording.take_sensor([*non_image_data.devices, chosen.depth, *frames, path.resolve().name])
+    for line in filter(None, (*chosen.notes, *non_image_data.notes, camera.note, mount.note)):
         recording.note(line)
-    if recording.odometry is None and beside.frame_tree.moves:
-        found = f"neither nav_msgs/Odometry nor transforms from odom, only {beside.frame_tree}"
+    if recording.odometry is None and non_image_data.frame_tree.moves:
+        found = f"neither nav_msgs/Odometry nor transforms from odom, only {non_image_data.frame_tree}"
         recording.note(f"no odometry: the bag contains {found}")
     return recording
 

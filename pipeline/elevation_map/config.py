@@ -77,7 +77,7 @@ class ElevationConfig:
             relative to ``map``, because estimated heights drift over long drives, and slopes lead far up or down.
         bin: height of the bins of a column, m. The returns in a bin are averaged; one bin is centred on z = 0.
         levels: number of bins of a column.
-        fewest: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.
+        min_returns: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.
         start_ahead: length of the strip in front of the robot that it assumes to be level at the start, m.
         traversability: settings for where the robot may drive.
     """
@@ -86,13 +86,13 @@ class ElevationConfig:
     lowest: float = -1.575
     bin: float = 0.05
     levels: int = 73
-    fewest: int = 3
+    min_returns: int = 3
     start_ahead: float = 1.4
     traversability: TraversabilityConfig = TraversabilityConfig()
 
     def __post_init__(self) -> None:
         require_positive("elevation_map", self, "cell", "bin", "start_ahead")
-        require_at_least(1, "elevation_map", self, "fewest")
+        require_at_least(1, "elevation_map", self, "min_returns")
         if not self.lowest < 0 < self.lowest + self.levels * self.bin:
             span = f"lowest = {self.lowest}, levels = {self.levels}, bin = {self.bin}"
             raise InputError(f"elevation_map: {span}: the column must begin below 0 and end above it")

@@ -24,13 +24,13 @@ class Columns(NamedTuple):
     Attributes:
         bin: height of each bin, m.
         headroom: free height above the ground, m.
-        fewest: see :class:`pipeline.elevation_map.config.ElevationConfig`.
+        min_returns: see :class:`pipeline.elevation_map.config.ElevationConfig`.
         noise: fraction of a bin's returns that may stray into an adjacent bin.
     """
 
     bin: float
     headroom: float
-    fewest: int
+    min_returns: int
     noise: float
 
 
@@ -111,7 +111,7 @@ def column_height(bins, i, j, columns):
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
         beside = max(hits[k - 1] if k > 0 else 0, hits[k + 1] if k + 1 < len(hits) else 0)
-        if hits[k] < columns.fewest or hits[k] < columns.noise * beside:
+        if hits[k] < columns.min_returns or hits[k] < columns.noise * beside:
             continue
         if not np.isnan(top) and height[k] - top >= columns.headroom:
             break
@@ -155,7 +155,7 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
     none, and ``extent`` (nx, ny) the cell's size in that keyframe's image, scaled to be independent of the distance.
     ``dropouts`` and ``returns`` (nx, ny) are the numbers of pixels without and with returns in ``cells`` (K, 2) of a
     keyframe taken from ``camera`` (3,), m; dropouts are searched for in every ``ROW_STEP``-th row only. At least
-    ``columns.fewest`` dropouts mark a cell.
+    ``columns.min_returns`` dropouts mark a cell.
 
     At least as many returns without any dropout clear it if the keyframe was taken from another direction, or if
     there are as many of them as the cell has pixels. A panel without returns is seen within ``grazing``, rad, of its
@@ -163,7 +163,7 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
     hides some ground.
     """
     for i, j in cells:
-        if dropouts[i, j] < columns.fewest and returns[i, j] < columns.fewest:
+        if dropouts[i, j] < columns.min_returns and returns[i, j] < columns.min_returns:
             continue
         dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
         distance = np.sqrt(dx * dx + dy * dy) + 1e-9
@@ -172,7 +172,7 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
         height = max(camera[2] - column_height(bins, i, j, columns), cell)
         pixels = ROW_STEP * dropouts[i, j] + returns[i, j]
         size = pixels * (distance * distance + height * height) ** 1.5 / height
-        if dropouts[i, j] >= columns.fewest:
+        if dropouts[i, j] >= columns.min_returns:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
             extent[i, j] = size
         elif dropouts[i, j] == 0:
@@ -182,11 +182,11 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
 
 
 @njit(cache=True, nogil=True)
-def lowest_rays(points, counts, camera, cell, ray_height, fewest):
+def lowest_rays(points, counts, camera, cell, ray_height, min_returns):
     """(R, 3) float32 m, lowest point in each cell of a fine grid on rays from ``camera`` (3,) to ``points`` (N, 3).
 
     The grid is so fine that each cell of ``cell`` m contains the centre of at least one fine cell. Fine cells in
-    which the keyframe has ``fewest`` returns or more are left out; ``counts`` (N,) is the number of returns per
+    which the keyframe has ``min_returns`` returns or more are left out; ``counts`` (N,) is the number of returns per
     point. Because of noise, each ray is followed back only from a cell before its return, up to ``ray_height`` m
     above the return.
     """
@@ -209,7 +209,7 @@ def lowest_rays(points, counts, camera, cell, ray_height, fewest):
     rays, size = np.empty((lowest.size, 3), np.float32), 0
     for i in range(shape[0]):
         for j in range(shape[1]):
-            if lowest[i, j] < np.inf and returns[i, j] < fewest:
+            if lowest[i, j] < np.inf and returns[i, j] < min_returns:
                 rays[size, 0], rays[size, 1] = x0 + (i + 0.5) * step, y0 + (j + 0.5) * step
                 rays[size, 2] = lowest[i, j]
                 size += 1

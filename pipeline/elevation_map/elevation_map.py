@@ -62,7 +62,7 @@ class ElevationMap:
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self._columns = kernels.Columns(config.bin, robot.headroom, config.fewest, NOISE)
+        self._columns = kernels.Columns(config.bin, robot.headroom, config.min_returns, NOISE)
         self.layers = GridMap(config.cell, _DERIVED | _EVIDENCE | _ROWS | _SCRATCH)
         self._lowest = np.zeros(0)
         self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))

@@ -21,8 +21,8 @@ class VisibilityConfig:
             because this ground may block a path, m.
         nist_slope: slope of a NIST ramp, m per m; ground missed by a keyframe is assumed to fall at least this
             steeply.
-        blocked: probability with which a wall must have stopped a ray in unknown ground for the ray to be followed no
-            further.
+        max_blocked_probability: maximum probability that a wall has stopped a ray in unknown ground for the ray to be
+            followed further.
         min_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
             walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
@@ -35,7 +35,7 @@ class VisibilityConfig:
     max_undershoot: float = 0.3
     max_overshoot: float = 0.2
     nist_slope: float = float(2 * np.tan(RAMP_TILT))
-    blocked: float = 0.4
+    max_blocked_probability: float = 0.4
     min_unknown: float = 1.0
     level_run: float = 1.0
     new_view: float = 0.3
@@ -95,13 +95,13 @@ class ExplorationConfig:
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal is considered reached, m.
         max_drives_without_progress: number of drives without progress towards a goal after which it is given up.
-        widest_bar: maximum width of unseen ground that is looked at because it may block a path, m.
+        max_unseen_gap: maximum width of unseen ground that is looked at because it may block a path, m.
         looks: number of looks at a cell that may block the path to seen ground after which the cell is treated as
             blocked.
         progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
             a bend.
-        shown: minimum fraction of the expected ground that must be seen, even if only during the drive, for a
-            viewpoint to be done.
+        min_shown_fraction: minimum fraction of the expected ground that must be seen, even if only during the drive,
+            for a viewpoint to be done.
         visibility: settings for the ground that a view is expected to show.
         unseen_ways: settings for paths to goals through unseen ground.
     """
@@ -114,16 +114,16 @@ class ExplorationConfig:
     horizon: float = 1.5
     arrived: float = 0.15
     max_drives_without_progress: int = 5
-    widest_bar: float = 0.5
+    max_unseen_gap: float = 0.5
     looks: int = 3
     progress: float = 1.5
-    shown: float = 0.8
+    min_shown_fraction: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
     unseen_ways: UnseenWaysConfig = UnseenWaysConfig()
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
-        require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "widest_bar")
+        require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "max_unseen_gap")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "max_drives_without_progress", "looks")

@@ -59,7 +59,7 @@ class Deadline:
         end: float,
         finds: Callable[[], Iterable[PlacedFind]],
         home: bool = False,
-        beside: float | None = None,
+        max_victim_distance: float | None = None,
         *,
         config: ExplorationConfig = ExplorationConfig(),
     ):
@@ -69,7 +69,8 @@ class Deadline:
             begin, end: times of the robot at which the clock starts and stops, s.
             finds: returns the finds so far.
             home: whether the robot must be back at its start at ``end``.
-            beside: maximum distance to living victims at ``end``, if any were found, m; None for no limit.
+            max_victim_distance: maximum distance to living victims at ``end``, if any were found, m; None for no
+                limit.
             config: settings of exploration.
         """
         self.end = end
@@ -77,7 +78,7 @@ class Deadline:
         self.has_called = False
         self.begin, self._finds, self._wants_home = begin, finds, home
         # The robot may stop ``arrived`` m short of a position, because the position is then considered reached.
-        self._near = None if beside is None else beside - config.arrived
+        self._near = None if max_victim_distance is None else max_victim_distance - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
         # All drives: planned and actual time, s. The last drive: its start and planned time. Longest delay so far.

@@ -12,7 +12,7 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.errors import required
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
-from pipeline.exploration.unseen_ways import PathView, UnseenWays
+from pipeline.exploration.unseen_ways import PathView, UnseenGroundSearch
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, order_goals, unreachable_reason
 from pipeline.planning.pose_paths import PosePaths
@@ -248,7 +248,7 @@ class Goals(Strategy):
         self._context: Context | None = None
         self._since: Context | None = None  # context at the start of the drive to the next goal
         self._goal: Place | None = None
-        self._unseen: UnseenWays | None = None
+        self._unseen: UnseenGroundSearch | None = None
         self._view: PathView | None = None
         # By ``id`` of a goal: cost of the shortest path to it so far, s, and number of drives since without progress.
         self._tries: dict[int, tuple[float, int]] = {}
@@ -265,7 +265,7 @@ class Goals(Strategy):
                 self._end(goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer")
         self._goal = self._view = None
         if any(unreachable_reason(context.paths, self._place(goal, context.paths)) for goal in self.remaining):
-            self._unseen = self._unseen or UnseenWays(context.traversability.robot, self._config)
+            self._unseen = self._unseen or UnseenGroundSearch(context.traversability.robot, self._config)
             self._unseen.observe(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:

@@ -121,7 +121,7 @@ class NextBestView(Strategy):
         terrain = self.remaining.terrain
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
-        self._is_for_ground = viewpoint.gain <= area * (1 + self.config.shown)
+        self._is_for_ground = viewpoint.gain <= area * (1 + self.config.min_shown_fraction)
         if viewpoint.opens:
             self._looks.update((float(x), float(y)) for x, y in self._promised[0].round(2))
         if self.takes_rewards and context.rewards is not None:
@@ -133,7 +133,7 @@ class NextBestView(Strategy):
         places, area = self._promised
         cell = elevation_map.grid.cell
         seen = np.isfinite(elevation_map.grid.at(elevation_map.measured, places, outside=np.nan)).sum() * cell**2
-        return self._is_for_ground and bool(seen >= self.config.shown * area)
+        return self._is_for_ground and bool(seen >= self.config.min_shown_fraction * area)
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) scores of viewpoints, the highest of which is chosen; at most 0 for those that show nothing.
@@ -175,7 +175,7 @@ class NextBestView(Strategy):
         traversability = context.traversability
         # Pieces of seen ground to which no path leads, and the cells that may block the paths to them.
         pieces, areas = _pieces(context)
-        half = self.config.widest_bar / 2
+        half = self.config.max_unseen_gap / 2
         bars = terrain.target & cells_touching(context, context.paths.reachable, half)
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # treated as blocked
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
@@ -204,7 +204,7 @@ class NextBestView(Strategy):
         farther = visibility.without_nearest(remaining.camera, self.config.visibility.max_overshoot)
         for camera in (farther, remaining.camera):
             if view := self._best(
-                replace(remaining, camera=camera), context, min_gain=0.0, min_fraction=self.config.shown
+                replace(remaining, camera=camera), context, min_gain=0.0, min_fraction=self.config.min_shown_fraction
             ):
                 return view
         return None
@@ -213,7 +213,7 @@ class NextBestView(Strategy):
         """The pieces of seen ground to which no path leads, the largest first, as viewpoints that are given up."""
         traversability = context.traversability
         pieces, areas = _pieces(context)
-        half = self.config.widest_bar / 2
+        half = self.config.max_unseen_gap / 2
         near = cells_touching(context, context.paths.reachable, half)
         is_known = np.isfinite(traversability.elevation)
         steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)

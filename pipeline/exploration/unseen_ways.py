@@ -87,7 +87,7 @@ class Gap(NamedTuple):
     seconds: float
 
 
-class UnseenWays:
+class UnseenGroundSearch:
     """Finds views of the unseen ground that the cheapest path to a goal meets first if all unseen ground is free.
 
     Ground that several views failed to show is treated as blocked.
@@ -188,7 +188,7 @@ class UnseenWays:
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the last view should show."""
         seen = np.isfinite(elevation_map.grid.at(elevation_map.elevation, self._promised, outside=np.nan))
-        return bool(seen.sum() >= self._config.shown * len(seen))
+        return bool(seen.sum() >= self._config.min_shown_fraction * len(seen))
 
     def _shut(self, context: Context) -> NDArray[np.float64]:
         """(N, 2) m, centres of the cells that are still unknown after ``tries`` keyframes or ``drives`` drives."""

@@ -53,9 +53,9 @@ def expected_sight_length(walls: MaskLayer, seen: MaskLayer, cell: float, config
         walls: cells that block the view.
         seen: cells whose ground was seen.
         cell: side of a cell, m.
-        config: settings, of which ``blocked`` and ``min_unknown`` are used.
+        config: settings, of which ``max_blocked_probability`` and ``min_unknown`` are used.
     """
-    depth = -np.log1p(-config.blocked) * mean_free_path(walls, seen, cell)
+    depth = -np.log1p(-config.max_blocked_probability) * mean_free_path(walls, seen, cell)
     return float(rounded(max(config.min_unknown, depth)))
 
 

@@ -171,8 +171,8 @@ class LoopConfig:
             through which the old frame looked.
         see_through_margin: minimum distance, m, from a surface to a return behind it for the frame to have looked
             through the surface.
-        agreeing: minimum number of keyframes that find the same place.
-        apart: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
+        min_agreeing: minimum number of keyframes that find the same place.
+        min_extent: minimum diagonal of the box around the positions of the keyframes that find the same place, m.
         max_candidate_age: number of keyframes after which a candidate is discarded.
         max_disagreeing: maximum number of recent candidates that disagree, per candidate that agrees.
         tolerance: standard deviation allowed between two candidates in addition to their own uncertainty, m.
@@ -189,8 +189,8 @@ class LoopConfig:
     sigma: float = 0.02
     max_seen_through: float = 0.05
     see_through_margin: float = 0.15
-    agreeing: int = 3
-    apart: float = 0.5
+    min_agreeing: int = 3
+    min_extent: float = 0.5
     max_candidate_age: int = 20
     max_disagreeing: float = 0.34
     tolerance: float = 0.03
@@ -203,7 +203,7 @@ class LoopConfig:
         section = "localisation.loops"
         require_positive(section, self, "min_fit", "pinned_deviation", "sigma", "see_through_margin")
         require_positive(section, self, "tolerance", "contradiction")
-        require_at_least(1, section, self, "agreeing", "max_candidate_age")
+        require_at_least(1, section, self, "min_agreeing", "max_candidate_age")
 
 
 @dataclass(frozen=True)
@@ -249,8 +249,8 @@ class PoseCheckConfig:
     """
 
     views_per_turn: int = 8
-    carried_way: float = 0.3
-    carried_turn: float = radians(15)
+    min_carried_distance: float = 0.3
+    min_carried_turn: float = radians(15)
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot would not look around."""

@@ -72,7 +72,7 @@ class LoopCloser:
         # Neighbouring keyframes see the same surfaces, and the same alias may mislead them, so the robot must have
         # moved between them.
         moved = np.ptp([self._graph.poses[c.keyframe][:3, 3] for c in (*agree, candidate)], axis=0)
-        is_enough = 1 + len(agree) >= config.agreeing and np.linalg.norm(moved) >= config.apart
+        is_enough = 1 + len(agree) >= config.min_agreeing and np.linalg.norm(moved) >= config.min_extent
         if is_enough and disagree <= config.max_disagreeing * len(agree):
             self._confirmed = [*agree, candidate]
             self._candidates.clear()

@@ -169,7 +169,8 @@ class PoseCheck:
     def _go_on(self, localised: LocalisedFrame, T_map_base: Pose) -> ConfirmedPose:
         """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
-        is_far = np.linalg.norm(move[:3, 3]) > config.carried_way or abs(yaw_of(move)) > config.carried_turn
+        distance, turn = np.linalg.norm(move[:3, 3]), abs(yaw_of(move))
+        is_far = distance > config.min_carried_distance or turn > config.min_carried_turn
         self._belief.restart()
         if not (self._is_lost or is_far):
             return ConfirmedPose(localised, was_carried=False)

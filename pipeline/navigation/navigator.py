@@ -40,14 +40,14 @@ MIN_SPEED = 0.2
 slower robot."""
 WIDEST_RETURN = 0.5
 """Maximum angle between the robot's heading and its line while it returns to the line, rad."""
-CARRIED_WAY = 0.3
+CARRIED_DISTANCE = 0.3
 """Displacement in one control period, or distance from the start of the plan, above which the robot is considered
 carried, m."""
 TILT_LEAD = 0.1
 """Time ahead for which the tilt is predicted, s; the robot backs out if it would then lean too far."""
 MIN_WAY, MIN_TURN = 0.02, radians(2)
 """Minimum distance by which the robot backs out, m, and minimum angle by which it turns back, rad."""
-ENOUGH = 0.5
+MIN_UNDONE_FRACTION = 0.5
 """Fraction of the intended distance or angle above which the robot is considered to have backed out."""
 
 AVERAGED = 0.5
@@ -89,9 +89,9 @@ class Progress:
     def _restart(self, time: float) -> None:
         # (2,) forward speed and turn rate: expected from the command and the acceleration, and the averages of the
         # expected and of the measured values.
-        self._due: NDArray[np.float64] | None = None
-        self._wanted = np.zeros(2)
-        self._felt = np.zeros(2)
+        self._expected: NDArray[np.float64] | None = None
+        self._mean_expected = np.zeros(2)
+        self._mean_measured = np.zeros(2)
         self._judged_from = time + REACTION
         self._unheld = time
 
@@ -129,16 +129,16 @@ class Progress:
         asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
-        due = speeds if self._due is None else self._due
-        self._due = due + np.clip(asked - due, -limit, limit)
+        before = speeds if self._expected is None else self._expected
+        self._expected = before + np.clip(asked - before, -limit, limit)
         share = min(1.0, dt / AVERAGED)
         # A robot that brakes harder than commanded is not held.
-        wanted = np.minimum(np.abs(self._due), np.abs(asked)) * (self._due * asked > 0)
-        self._wanted += share * (wanted - self._wanted)
-        self._felt += share * (speeds * np.sign(self._due) - self._felt)
-        counts = self._wanted > (MIN_V, MIN_OMEGA)
+        expected = np.minimum(np.abs(self._expected), np.abs(asked)) * (self._expected * asked > 0)
+        self._mean_expected += share * (expected - self._mean_expected)
+        self._mean_measured += share * (speeds * np.sign(self._expected) - self._mean_measured)
+        counts = self._mean_expected > (MIN_V, MIN_OMEGA)
         counts[1] &= asked[0] == 0
-        return bool((counts & (self._felt < config.held_share * self._wanted)).any())
+        return bool((counts & (self._mean_measured < config.held_share * self._mean_expected)).any())
 
 
 class Attitude:
@@ -341,7 +341,7 @@ class Navigator:
     def _is_elsewhere(self, start: Place | None) -> bool:
         """Whether the robot has been carried since its path was planned from ``start`` (2,), m."""
         here = self.T_map_base[:2, 3]
-        return start is not None and bool(np.linalg.norm(here - start) > CARRIED_WAY)
+        return start is not None and bool(np.linalg.norm(here - start) > CARRIED_DISTANCE)
 
     def _joined(self, path: Sequence[Stretch]) -> list[Stretch]:
         """The stretches of a path, preceded by the stretch along which the robot is still rolling."""
@@ -550,7 +550,7 @@ class Navigator:
         before = (self._T_map_odom @ last.T_odom_base)[:3, 3]
         # On a real robot, time passes while a keyframe is mapped.
         missed = max(0.0, self._time - last.time - self._period)
-        most = CARRIED_WAY + missed * self._robot.speed
+        most = CARRIED_DISTANCE + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
@@ -589,7 +589,7 @@ class Navigator:
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
                 break
         send(STOP)
-        return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * ENOUGH)
+        return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * MIN_UNDONE_FRACTION)
 
     @property
     def T_map_base(self) -> Pose:

@@ -117,7 +117,7 @@ class PosePaths:
     @property
     def is_complete(self) -> bool:
         """Whether the search has reached all reachable poses."""
-        return bool(self._search.now[1] == 0)
+        return bool(self._search.progress[1] == 0)
 
     @cached_property
     def without_risk(self) -> "PosePaths":
@@ -127,7 +127,7 @@ class PosePaths:
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) costs of reaching cells with each heading, s; inf where the search has not arrived yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
-        is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
+        is_known = (cost > 0) & ((cost <= self._search.progress[0]) | self.is_complete)
         return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
 
     def seconds_to(self, cells: Cells, until: float = np.inf) -> NDArray[np.float32]:

@@ -121,8 +121,8 @@ class Search(NamedTuple):
             clearance does not decrease.
         first: (B,) int32 first entry of each bucket; -1 for an empty bucket.
         state, after: (4 N + K,) int32 pose of each entry, and next entry in the same bucket.
-        now: (3,) int64: the value of ``cost`` up to which all poses are settled, the number of waiting entries, and
-            the number of all entries so far.
+        progress: (3,) int64: the value of ``cost`` up to which all poses are settled, the number of waiting entries,
+            and the number of all entries so far.
     """
 
     starts: NDArray[np.int64]
@@ -134,7 +134,7 @@ class Search(NamedTuple):
     first: NDArray[np.int32]
     state: NDArray[np.int32]
     after: NDArray[np.int32]
-    now: NDArray[np.int64]
+    progress: NDArray[np.int64]
 
 
 @njit(cache=True)
@@ -146,7 +146,7 @@ def extend(search, terrain, costs, until):
     """
     nx, ny = terrain.required_clearance.shape
     cost, source, level, first = search.cost, search.source, search.level, search.first
-    escape, (now, waiting, used) = int(search.escape / terrain.cell), search.now
+    escape, (now, waiting, used) = int(search.escape / terrain.cell), search.progress
     while waiting > 0 and now <= until:
         entry = first[now % BUCKETS]
         if entry < 0:
@@ -172,7 +172,7 @@ def extend(search, terrain, costs, until):
                 search.state[used], search.after[used] = then, first[new % BUCKETS]
                 first[new % BUCKETS] = used
                 waiting, used = waiting + 1, used + 1
-    search.now[:] = now, waiting, used
+    search.progress[:] = now, waiting, used
 
 
 @njit(cache=True)

@@ -138,7 +138,7 @@ def stretches_of(
     for back, group in groupby(backwards.tolist()):
         places = waypoints[number : (number := number + len(list(group)))]
         end = None if heading is None or number < len(waypoints) else heading + np.pi * back
-        for poses in _Bends(fits, config).round(start + np.array([0, 0, np.pi * back]), places, end):
+        for poses in _Bends(fits, config).with_arcs(start + np.array([0, 0, np.pi * back]), places, end):
             result.append(Stretch(poses, back))
         if result:
             start = np.append(places[-1], result[-1].last_heading)
@@ -153,7 +153,7 @@ class _Bends:
         self._done: list[Places] = []
         self._now: list[Places] = []
 
-    def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
+    def with_arcs(self, start: Place, places: Places, end: float | None) -> list[Places]:
         """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2).
 
         If an arc fits, the last stretch ends in direction ``end``, rad; None for any direction.

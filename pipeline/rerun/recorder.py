@@ -67,7 +67,7 @@ class Recorder(Sink):
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = CorrectedTrajectory(config.grain)
+        self._track = CorrectedTrajectory(config.point_spacing)
         self._T_odom_base = np.eye(4)
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
@@ -133,7 +133,7 @@ class Recorder(Sink):
         shifts = np.maximum(ways, turns * moves.reach)
         shifts[: len(self._shifts)] += self._shifts
         self._shifts = shifts
-        if shifts.max() > self._config.grain:
+        if shifts.max() > self._config.point_spacing:
             self._logged_size.clear()
             self._shifts = np.zeros(0)
         count = np.count_nonzero(moves.are_noticeable)
@@ -151,7 +151,7 @@ class Recorder(Sink):
     def log_routes(self, routes: Sequence[Places]) -> None:
         """Log the paths from the entrance to the victims."""
         self._set_time(self._time)
-        self.stream.log("world/victims/ways", victim_drawings.ways(routes))
+        self.stream.log("world/victims/ways", victim_drawings.paths(routes))
 
     def finish(self, result: Result) -> None:
         """Log the final maps, and write all remaining data to the sinks; InputError if the disk is full."""
@@ -172,7 +172,7 @@ class Recorder(Sink):
 
     def _flush(self) -> None:
         try:
-            self.stream.flush(timeout_sec=self._config.patience)
+            self.stream.flush(timeout_sec=self._config.flush_timeout)
         except RuntimeError as error:
             # A window that was closed in the meantime accepts no more data, but the file is still complete.
             if self.viewer is None:
@@ -258,7 +258,7 @@ class Recorder(Sink):
         if self._has_changed("free", free, GROWTH):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map))
         if self._has_changed("semantic", len(semantic_map), GROWTH):
-            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.grain))
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.point_spacing))
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:

@@ -12,14 +12,14 @@ class DrawnTrajectory:
 
     Attributes:
         distance: length of the trajectory, m.
-        positions: positions along the trajectory; successive positions are at least ``grain`` m apart.
+        positions: positions along the trajectory; successive positions are at least ``spacing`` m apart.
     """
 
-    def __init__(self, grain: float) -> None:
-        """Start without positions; ``grain``: minimum distance between successive positions, m."""
+    def __init__(self, spacing: float) -> None:
+        """Start without positions; ``spacing``: minimum distance between successive positions, m."""
         self.distance = 0.0
         self.positions: list[Place] = []
-        self._grain = grain
+        self._spacing = spacing
         self._last: Place | None = None
 
     def add(self, position: Place) -> bool:
@@ -27,7 +27,7 @@ class DrawnTrajectory:
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
-        if self.positions and np.linalg.norm(position - self.positions[-1]) < self._grain:
+        if self.positions and np.linalg.norm(position - self.positions[-1]) < self._spacing:
             return False
         self.positions.append(self._last)
         return True
@@ -36,9 +36,9 @@ class DrawnTrajectory:
 class CorrectedTrajectory:
     """The trajectory driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
 
-    def __init__(self, grain: float) -> None:
-        """Start without positions; ``grain``: minimum distance between successive positions, m."""
-        self._odometry = DrawnTrajectory(grain)
+    def __init__(self, spacing: float) -> None:
+        """Start without positions; ``spacing``: minimum distance between successive positions, m."""
+        self._odometry = DrawnTrajectory(spacing)
         self._keyframes: list[int] = []
         self._positions: list[Place] = []
 

@@ -63,7 +63,7 @@ def confidence_ellipsoids(victims: Tracks) -> rr.Ellipsoids3D:
     )
 
 
-def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
+def paths(strips: Sequence[Places]) -> rr.LineStrips3D:
     """Paths from the entrance to the victims."""
     return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED, radii=LINE)
 

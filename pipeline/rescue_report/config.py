@@ -12,15 +12,15 @@ class RescueReportConfig:
     Attributes:
         drop: minimum height of a drop, m; a robot that climbs stairs can also climb lower steps. The edge of a drop
             and the ground in front of the edge differ in height by less than this, a kerb and the ground by more.
-        upright: headroom below which a person must stoop, m.
-        ahead: distance beyond the reachable ground within which more ground is expected unless a wall or step is in
-            between, m.
+        upright_headroom: headroom below which a person must stoop, m.
+        expected_extent: distance beyond the reachable ground within which more ground is expected unless a wall or
+            step is in between, m.
         person_area: minimum area that a person takes up, m².
         arrival: maximum horizontal distance, m, between the end of a path and the nearest of a person's points at
             which the robot is next to the person.
-        contradicted: maximum fraction of the keyframes' depth that may contradict a trusted map. The fraction is
-            0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if the drift is
-            16°.
+        max_contradicted_fraction: maximum fraction of the keyframes' depth that may contradict a trusted map. The
+            fraction is 0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if the
+            drift is 16°.
         deviation: maximum standard deviation of a keyframe's position in a trusted map, m. A robot's path is 0.6 m
             wide, so a less certain position may be mistaken for an adjacent one.
         max_listed: maximum number of places of one kind that are numbered on the drawing and listed on the page, the
@@ -28,11 +28,11 @@ class RescueReportConfig:
     """
 
     drop: float = 0.1
-    upright: float = 2.0
-    ahead: float = 1.0
+    upright_headroom: float = 2.0
+    expected_extent: float = 1.0
     person_area: float = 0.2
     arrival: float = 1.0
-    contradicted: float = 0.01
+    max_contradicted_fraction: float = 0.01
     deviation: float = 0.3
     max_listed: int = 10
 

@@ -105,7 +105,7 @@ def find_hazards(
     above = points[:, 2] - grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= robot.headroom
     np.minimum.at(headroom, tuple(grid.cell_of(points[hangs]).T), above[hangs])
-    lowest_first = places(grid, reachable & (headroom < config.upright), -headroom, robot.width)
+    lowest_first = places(grid, reachable & (headroom < config.upright_headroom), -headroom, robot.width)
     return Hazards(
         slope=slope,
         is_steep=is_steep,
@@ -213,7 +213,7 @@ def find_unseen(
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
     # A partly seen wall has gaps; ground is expected to extend only through wide gaps.
-    ahead = ndimage.binary_dilation(reachable, iterations=round(config.ahead / grid.cell), mask=is_clear)
+    ahead = ndimage.binary_dilation(reachable, iterations=round(config.expected_extent / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
     is_reachable = bool(reachable.any())

@@ -50,7 +50,7 @@ def _route_row(route: Route) -> Row:
     return {
         "arrives": route.arrives,
         "in_sight": route.in_sight,
-        "gap": _plain(route.gap),
+        "gap": _plain(route.distance_to_person),
         "length": _plain(route.length),
         "steepest": _plain(route.steepest),
         "points": _plain(route.way),

@@ -54,7 +54,7 @@ class Route:
         way: bends of the path, start and end included.
         trace: the same path with points on the ground between the bends, at most a cell apart.
         drops: drops next to the path, the deepest first, with their depth, m.
-        gap: horizontal distance from the end of the path to the nearest of the person's points, m.
+        distance_to_person: horizontal distance from the end of the path to the nearest of the person's points, m.
         in_sight: whether the robot's map shows no obstacle between the end of the path and the person.
         arrives: whether the path ends next to the person.
         legs: straight parts of the path, for directions.
@@ -64,7 +64,7 @@ class Route:
     way: Places
     trace: Places
     drops: list[ReportedPlace]
-    gap: float
+    distance_to_person: float
     in_sight: bool
     arrives: bool
     legs: list[RouteLeg]
@@ -140,7 +140,7 @@ class Router:
             way=way,
             trace=trace,
             drops=self._drops_beside(trace),
-            gap=float(gaps[end]),
+            distance_to_person=float(gaps[end]),
             in_sight=seeing is not None,
             arrives=seeing is not None and float(gaps[end]) <= self.config.arrival,
             legs=legs,

@@ -118,7 +118,7 @@ class Trust:
     @property
     def is_consistent(self) -> bool:
         """Whether the map agrees with its keyframes."""
-        return self.contradicted <= self.config.contradicted
+        return self.contradicted <= self.config.max_contradicted_fraction
 
     @property
     def is_certain(self) -> bool:

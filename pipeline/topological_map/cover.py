@@ -119,7 +119,7 @@ class NodeCover:
         """Missing cells, except cells marked as not worth a node since the ground around them last changed."""
         return self.missing & ~self._layers["left"]
 
-    def leave_rest(self) -> None:
+    def mark_missing_as_unworthy(self) -> None:
         """Mark the cells that no node sees as not worth a node."""
         self._layers["left"][:] = self.missing
 

@@ -134,7 +134,7 @@ class Placement:
                 break
             xy = visible.places[self._best(visible.places, gains)]
             self._nodes.add(self._label(xy), xy)
-        cover.leave_rest()
+        cover.mark_missing_as_unworthy()
 
     def _best(self, places: Places, gains: Indices) -> int:
         """Index of the position with the greatest gain, or of one with slightly less gain and a link to a node."""

@@ -25,7 +25,7 @@ LARGE_BOX = 0.15
 """Minimum longer side of a box found in the second input, relative to the image's longer side."""
 HINT = 0.02
 """Minimum confidence of a box that is a hint of a person."""
-WITNESS_IOU = 0.3
+CORROBORATION_IOU = 0.3
 """Minimum intersection over union, exclusive, of a suspect's box and a box that corroborates it."""
 VIEW = 128, 128
 """Size of the COCO network's input for a suspect, pixels, multiples of 32."""
@@ -56,8 +56,8 @@ class TwoStages:
         """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``min_confidence``."""
         (boxes, scores), hints = self._suspects(image, min_confidence)
         look = self._look_closer if hints <= self._config.max_hints else self._look_everywhere
-        witnessed, seen = look(image, boxes)
-        return joined([(boxes[witnessed], scores[witnessed]), seen])
+        corroborated, seen = look(image, boxes)
+        return joined([(boxes[corroborated], scores[corroborated]), seen])
 
     def _suspects(self, image: Rgb, min_confidence: float) -> tuple[ScoredBoxes, int]:
         """The suspects that the arena network finds, the most confident first, and the number of hints of people."""
@@ -76,24 +76,24 @@ class TwoStages:
 
     def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
         """(N,) whether each of (N, 4) suspects is corroborated in a square around it, and the squares' boxes."""
-        seen, witnessed = NOTHING, np.zeros(len(suspects), bool)
+        seen, corroborated = NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
-            witnessed[number] = self._are_witnessed(suspect, seen)
-            if not witnessed[number]:
+            corroborated[number] = self._are_corroborated(suspect, seen)
+            if not corroborated[number]:
                 corner, square = surroundings(image, suspect[0])
                 # A suspect nearly fills its square; people this large are found on the coarsest grid.
                 view = moved(self._coco.boxes(square, VIEW, self._config.min_corroboration, heads=1), corner)
                 seen = joined([seen, view])
-                witnessed[number] = self._are_witnessed(suspect, view) or (
-                    _is_wide(suspect[0]) and self._are_witnessed(suspect, moved(self._lying(square), corner))
+                corroborated[number] = self._are_corroborated(suspect, view) or (
+                    _is_wide(suspect[0]) and self._are_corroborated(suspect, moved(self._lying(square), corner))
                 )
-        return witnessed, seen
+        return corroborated, seen
 
     def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
         """(N,) whether each of (N, 4) suspects is corroborated in the whole image, and all boxes in the image."""
         least = self._config.min_corroboration
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
-        return self._are_witnessed(suspects, seen), seen
+        return self._are_corroborated(suspects, seen), seen
 
     def _lying(self, image: Rgb) -> ScoredBoxes:
         """Boxes that the COCO network sees in an image rotated by 90° either way, as few photos show people lying."""
@@ -104,10 +104,10 @@ class TwoStages:
             for boxes, scores in [self._coco.boxes(side, VIEW, self._config.min_corroboration, heads=1)]
         )
 
-    def _are_witnessed(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
+    def _are_corroborated(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
         """(N,) whether each of (N, 4) suspects overlaps a box that was seen."""
         boxes, _ = self._best(seen, self._config.min_corroboration)
-        return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > WITNESS_IOU)
+        return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > CORROBORATION_IOU)
 
     def _best(self, found: ScoredBoxes, min_confidence: float) -> ScoredBoxes:
         """One box per object, the most confident first."""

@@ -30,7 +30,7 @@ TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """MJCF attributes by name, as text or as numbers."""
 FLAT = 1e-9  # m; a height field with a smaller range of heights is considered flat
-DRAWN = ("hazmat_sign", "fire_extinguisher")
+REPLACED_ELEMENTS = ("hazmat_sign", "fire_extinguisher")
 """Elements that are replaced by an object to find; their geoms only extend the arena's bounds."""
 _LIGHTS = (
     # name, direction, diffuse colour, whether the light casts shadows
@@ -103,7 +103,7 @@ class ArenaBuilder:
     def add_element(self, kind: str, position: ArrayLike, yaw_deg: float) -> None:
         """Add a library element with its origin at ``position`` (3,) m, turned left by ``yaw_deg`` degrees.
 
-        Elements in ``DRAWN`` only extend the arena's bounds.
+        Elements in ``REPLACED_ELEMENTS`` only extend the arena's bounds.
 
         A geom that coincides with an earlier one is left out, because two neighbouring tiles may both include the
         wall between them.
@@ -113,7 +113,7 @@ class ArenaBuilder:
         self._corners.append(pose.points(element_library().footprint(kind)))
         victim = [geom for geom in geoms if geom.get("class") == "victim"]
         for geom in geoms:
-            if geom not in victim and kind not in DRAWN:
+            if geom not in victim and kind not in REPLACED_ELEMENTS:
                 self._place(kind, pose.geom(geom))
         if victim:
             self._add_victim(victim, pose)

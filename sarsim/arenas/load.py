@@ -32,7 +32,7 @@ BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
 """The functions that build arenas from files, by the file's extension."""
 LEANING = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
 MAX_NAMED_BODIES = 5  # Maximum number of bodies that a warning names
-DRAWN = 3  # Geoms of groups below this number are drawn
+FIRST_HIDDEN_GROUP = 3  # Geoms of this group and of higher groups are not drawn
 _log = logging.getLogger(__name__)
 
 
@@ -133,7 +133,9 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
             f" and {len(named) - MAX_NAMED_BODIES} more" if len(named) > MAX_NAMED_BODIES else ""
         )
         _log.warning("%s: these bodies can move, but are scored where they are at the start: %s", name, told)
-    if unlabelled := np.count_nonzero((geom_labels(model) == Label.UNLABELLED) & (model.geom_group < DRAWN)):
+    if unlabelled := np.count_nonzero(
+        (geom_labels(model) == Label.UNLABELLED) & (model.geom_group < FIRST_HIDDEN_GROUP)
+    ):
         said = (
             "%s: %d of %d shapes have no label, so that what is seen of them is not scored; set user= of their geoms"
         )

@@ -7,11 +7,11 @@ from sarsim.arenas.random_draws import RandomDraws
 
 DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
 RIDGE = 17  # cm, height of ridges
-FENCED = 0.5  # Probability of a wall on a side with a drop to floor
-HOLED = 0.15  # Probability that an inner wall has holes, if the arena has such walls
-TALL = 0.25  # Probability that any other wall is twice as high
-OTHER = 0.25  # Probability that an inner wall is not a panel, if the arena has such walls
-MAX_WAY = 4  # tiles, maximum length of the open floor ahead by which starts are compared
+FENCE_PROBABILITY = 0.5  # Probability of a wall on a side with a drop to floor
+HOLES_PROBABILITY = 0.15  # Probability that an inner wall has holes, if the arena has such walls
+TALL_WALL_PROBABILITY = 0.25  # Probability that any other wall is twice as high
+OTHER_WALL_PROBABILITY = 0.25  # Probability that an inner wall is not a panel, if the arena has such walls
+MAX_CORRIDOR_LENGTH = 4  # tiles, maximum length of the open floor ahead by which starts are compared
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
@@ -77,11 +77,11 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on sides with a drop: on a fraction ``FENCED`` of the sides next to floor, and on all other sides."""
+    """Put walls on sides with a drop: on all sides, but next to floor only with ``FENCE_PROBABILITY``."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.is_passable(tile, side)
-            if falls and (layout.ground(layout.next(tile, side)) != FLOOR or draws.chance(FENCED)):
+            if falls and (layout.ground(layout.next(tile, side)) != FLOOR or draws.chance(FENCE_PROBABILITY)):
                 layout.walls.add(layout.edge(tile, side))
 
 
@@ -95,9 +95,9 @@ def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
 
 
 def _corridor(layout: Layout, tile: Tile, side: Side) -> list[Tile]:
-    """The row of at most ``MAX_WAY`` open floor tiles that starts at a tile and leads towards a side."""
+    """The row of at most ``MAX_CORRIDOR_LENGTH`` open floor tiles that starts at a tile and leads towards a side."""
     corridor = [tile]
-    while len(corridor) < MAX_WAY and layout.is_passable(corridor[-1], side):
+    while len(corridor) < MAX_CORRIDOR_LENGTH and layout.is_passable(corridor[-1], side):
         after = layout.next(corridor[-1], side)
         if layout.ground(after) != FLOOR:
             break
@@ -136,7 +136,7 @@ def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, othe
         for side in SIDES:
             if layout.has_wall(tile, side) and layout.edge(tile, side) == (tile, side):
                 inner = layout.neighbour(tile, side) is not None
-                if inner and others and draws.chance(OTHER):
+                if inner and others and draws.chance(OTHER_WALL_PROBABILITY):
                     kind = draws.pick(others)
                 else:
                     kind = _draw_wall(draws, holes and inner, tall)
@@ -147,6 +147,6 @@ def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, othe
 def _draw_wall(draws: RandomDraws, holes: bool, tall: bool) -> str:
     if tall:
         return "tall_wall"
-    if holes and draws.chance(HOLED):
+    if holes and draws.chance(HOLES_PROBABILITY):
         return draws.pick(["wall_holes1", "small_wall_triple_holes"])
-    return "tall_wall" if draws.chance(TALL) else "small_wall"
+    return "tall_wall" if draws.chance(TALL_WALL_PROBABILITY) else "small_wall"

@@ -17,8 +17,8 @@ from pipeline.transforms import from_yaw, yaw_of
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
-START_FAR = 3.0  # m, maximum length of the free floor ahead by which starts are compared
-CLEAR = 0.6  # m, maximum clearance by which starts are compared
+MAX_COMPARED_LENGTH = 3.0  # m, maximum length of the free floor ahead by which starts are compared
+MAX_COMPARED_CLEARANCE = 0.6  # m, maximum clearance by which starts are compared
 HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
 LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
 ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
@@ -141,7 +141,7 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
     cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
     ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in HEADINGS], axis=1)
-    room = np.minimum(clearance[tuple(cells.T)], CLEAR)
+    room = np.minimum(clearance[tuple(cells.T)], MAX_COMPARED_CLEARANCE)
     # Rounded so that rounding errors do not break ties.
     score = np.round(ahead + 2 * room[:, None], 3)
     cell, heading = np.unravel_index(score.argmax(), score.shape)
@@ -168,8 +168,11 @@ def _clearance(ground: FreeGround, level: float) -> Layer:
 
 
 def _free_ahead(grid: Grid, clearance: Layer, cells: NDArray[np.int64], heading: float) -> Values:
-    """(N,) m, length of free floor ahead of cells (N, 2) in direction ``heading``, rad, at most ``START_FAR``."""
-    distance = np.arange(1, round(START_FAR / CELL) + 1) * CELL
+    """(N,) m, length of free floor ahead of cells (N, 2) in direction ``heading``, rad.
+
+    The length is at most ``MAX_COMPARED_LENGTH``.
+    """
+    distance = np.arange(1, round(MAX_COMPARED_LENGTH / CELL) + 1) * CELL
     way = grid.centre_of(cells)[:, None] + distance[:, None] * [np.cos(heading), np.sin(heading)]
     free = grid.at(clearance, way) >= HALF_WIDTH
     return CELL * np.logical_and.accumulate(free, axis=1).sum(axis=1)

@@ -110,7 +110,7 @@ class RecordedDrive(MappingRun):
             sim_time = self._poses[-1].time - self._poses[0].time
             self.finish(self._score, len(self.labelled), sim_time, self._figures())
         else:
-            self._leave_nothing()
+            self._remove_unfinished()
 
     def _add(self, replayed: Replayed) -> None:
         frame, keyframe, truth = replayed
@@ -128,7 +128,7 @@ class RecordedDrive(MappingRun):
         if len(keyframe.labels):
             self.show(keyframe)
 
-    def _leave_nothing(self) -> None:
+    def _remove_unfinished(self) -> None:
         """Remove the files that were started, because no frame could be used."""
         self.recorder.close()
         (self.parts.folder / "episode.rrd").unlink()

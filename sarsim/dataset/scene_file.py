@@ -211,14 +211,14 @@ class Scene(ExitStack):
         self.path = path
         self._file = self.enter_context(open_file(path))
         try:
-            with self._telling():
+            with self._reporting_damage():
                 self._read_head()
         except InputError:
             self.close()
             raise
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
+    def _reporting_damage(self) -> Iterator[None]:
         """Turn exceptions caused by a broken file into InputError."""
         try:
             yield
@@ -336,7 +336,7 @@ class Scene(ExitStack):
     @cached_property
     def content(self) -> SceneContent:
         """The scene's content without the frames; InputError if the file is broken."""
-        with self._telling():
+        with self._reporting_damage():
             arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items() if name in self._file}
             arrays.setdefault("geom_object", _objects_by_victims(arrays["geom_victim"]))
             for names in ("geom_name", "victim_id"):

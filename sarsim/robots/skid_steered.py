@@ -24,7 +24,7 @@ PARTS = [
 """Kinds and names of the elements that the MJCF of a robot must have."""
 
 
-FREEDOM = ("damping", "armature", "frictionloss")
+FREE_JOINT_ATTRIBUTES = ("damping", "armature", "frictionloss")
 """Attributes of a free ``<joint>`` that MuJoCo's ``<freejoint>`` lacks."""
 
 
@@ -34,7 +34,7 @@ class SkidSteerRobot(composer.Robot):
     Attributes:
         model: parameters for the pipeline.
         drive: parameters for the firmware.
-        freedom: values of ``FREEDOM`` that the robot's file sets for the free joint, if any.
+        free_joint: values of ``FREE_JOINT_ATTRIBUTES`` that the robot's file sets for the free joint, if any.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
@@ -53,7 +53,7 @@ class SkidSteerRobot(composer.Robot):
             raise InputError(f"--robot {error}") from error
         if missing := [f"{kind} {name!r}" for kind, name in PARTS if self._mjcf_root.find(kind, name) is None]:
             raise InputError(f"--robot {robot}: required elements are missing: {', '.join(missing)}")
-        self.freedom = _alone(self._mjcf_root, self.base)
+        self.free_joint = _alone(self._mjcf_root, self.base)
         self.model, self.drive = robot_model(robot), drive_model(robot)
 
     @property
@@ -127,7 +127,7 @@ class SkidSteerRobot(composer.Robot):
 
 
 def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
-    """Keep only the robot, at the origin, and return the values of ``FREEDOM`` that the file's free joint sets.
+    """Keep only the robot, at the origin, and return the ``FREE_JOINT_ATTRIBUTES`` that the file's free joint sets.
 
     A file made for viewing a robot on its own also has a floor, lights, a free joint and a start pose.
     """
@@ -143,7 +143,7 @@ def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
         return {}
     given = joint.get_attributes()
     joint.remove()
-    return {name: given[name] for name in FREEDOM if name in given}
+    return {name: given[name] for name in FREE_JOINT_ATTRIBUTES if name in given}
 
 
 def per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from sarsim.vetting.model_files import root_of
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-EXACT = 17  # Digits that preserve a float64 exactly
+FLOAT64_DIGITS = 17  # Digits that preserve a float64 exactly
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
 """Elements with a file, each with the array of the compiled model that gives the addresses of the files' paths."""
 _Classes = dict[str, dict[str, dict[str, str]]]
@@ -65,7 +65,7 @@ def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mj
     """Like :func:`resolved`, for MJCF created by other code; an InputError begins with ``name``."""
     files = root.get_assets()
     with _one_line(f"{name}: MuJoCo cannot compile the arena"):
-        spec = mujoco.MjSpec.from_string(root.to_xml_string(precision=EXACT), assets=files)
+        spec = mujoco.MjSpec.from_string(root.to_xml_string(precision=FLOAT64_DIGITS), assets=files)
         return _resolved(spec, files.__getitem__, Path())
 
 
@@ -111,7 +111,7 @@ def _written(spec: mujoco.MjSpec) -> "Element":
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
     library = ctypes.CDLL(str(path))
     before = library._mjPRIVATE__get_xml_precision()
-    library._mjPRIVATE__set_xml_precision(EXACT)
+    library._mjPRIVATE__set_xml_precision(FLOAT64_DIGITS)
     try:
         with TemporaryDirectory() as folder:
             spec.to_file(f"{folder}/model.xml")  # Not to a string: names need not be UTF-8

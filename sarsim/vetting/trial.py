@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.files import GOOD, run_isolated
 from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
-from sarsim.vetting.resolved import EXACT, resolved
+from sarsim.vetting.resolved import FLOAT64_DIGITS, resolved
 
 TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's memory; the largest shipped arena needs 0.1 GB
 SECONDS = 20  # s, maximum processor time
@@ -37,9 +37,12 @@ BOUNDS = {
     "numquads": (1, FACETS[1]),
 }
 """Valid ranges of a model's options and visual settings."""
-SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
+COMPARED_ARRAYS = (
+    ("body_pos", "body_quat", "body_mass", "body_inertia"),
+    ("geom_type", "geom_size", "geom_pos", "geom_user"),
+)
 """Arrays of bodies and of geoms that must not change when a model is written and read again."""
-ALIKE = 1e-6  # m, kg and kg m², maximum difference between the values in ``SAME``
+COMPARISON_TOLERANCE = 1e-6  # m, kg and kg m², maximum difference between the values in ``COMPARED_ARRAYS``
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
 """Arrays with coordinates in m."""
 
@@ -87,7 +90,7 @@ def _tried(path: Path) -> str:
     try:
         model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))
-        again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=EXACT), root.get_assets())
+        again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=FLOAT64_DIGITS), root.get_assets())
         if not are_alike(model, again):
             return "cannot be read as MJCF: PyMJCF and MuJoCo read different bodies or geoms from it"
         return GOOD
@@ -103,11 +106,14 @@ def _tried(path: Path) -> str:
 
 def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     """Whether two models have the same bodies and geoms, in any order, with the same positions and masses."""
-    for names in SAME:
+    for names in COMPARED_ARRAYS:
         rows, others = (np.column_stack([getattr(model, name) for name in names]) for model in (one, other))
         if rows.shape != others.shape:
             return False
-        if len(rows) and max(cKDTree(a).query(b)[0].max() for a, b in ((rows, others), (others, rows))) > ALIKE:
+        if (
+            len(rows)
+            and max(cKDTree(a).query(b)[0].max() for a, b in ((rows, others), (others, rows))) > COMPARISON_TOLERANCE
+        ):
             return False
     return True
 

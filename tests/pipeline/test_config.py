@@ -142,7 +142,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (ObjectConfig, "readable", 0.0),
         (PeopleConfig, "evidence_to_look", -0.1),
         (ReobservationConfig, "max_tries", -1),
-        (RerunConfig, "grain", 0.0),
+        (RerunConfig, "point_spacing", 0.0),
         (RescueReportConfig, "drop", 0),
     ],
 )

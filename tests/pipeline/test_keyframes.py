@@ -107,7 +107,7 @@ def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():
     before = np.tile(np.eye(4), (4, 1, 1))
     less, more = 0.009, 0.011
     after = matrices([(0, 0, 0), (less, 0, 0), (more, 0, 0), (0, 0, more / REACH)])
-    moves = Moves.between(before, after, REACH, noticeable=0.01)
+    moves = Moves.between(before, after, REACH, min_displacement=0.01)
     assert moves.are_noticeable.tolist() == [False, False, True, True]
     np.testing.assert_allclose(moves.distances, [0, less, more, 0])
 

@@ -25,13 +25,13 @@ class WallPieces(NamedTuple):
     Attributes:
         points: (N, 3) m, centres of the pieces.
         normals: normals that point away from the wall.
-        sides: foreshortened width of a typical sign on each piece, as the keyframe would show it, pixels.
+        sign_widths: foreshortened width of a typical sign on each piece, as the keyframe would show it, pixels.
         config: settings of the inspection.
     """
 
     points: NDArray[np.float64]
     normals: Directions
-    sides: Values
+    sign_widths: Values
     config: InspectionConfig
 
     @classmethod
@@ -51,13 +51,13 @@ class WallPieces(NamedTuple):
         is_upright = np.abs(found.normals[:, 2]) < config.upright
         height = found.points[:, 2]
         found = found.where(is_flat & is_upright & (height > 0) & (height < config.highest))
-        return found._replace(sides=found.sides_from(T[None, :3, 3], frame)[:, 0])
+        return found._replace(sign_widths=found.sign_widths_from(T[None, :3, 3], frame)[:, 0])
 
     def where(self, index: Mask | Indices) -> "WallPieces":
         """The pieces that an index selects."""
-        return WallPieces(self.points[index], self.normals[index], self.sides[index], self.config)
+        return WallPieces(self.points[index], self.normals[index], self.sign_widths[index], self.config)
 
-    def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
+    def sign_widths_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
         """(N, M) pixels, foreshortened width of a sign on each piece, seen by cameras at (M, 3) m; 0 from behind."""
         ways = np.asarray(cameras, np.float64) - self.points[:, None]
         distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
@@ -133,7 +133,7 @@ class Inspection(Strategy):
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)
-        is_read = walls.sides >= self._walls.readable
+        is_read = walls.sign_widths >= self._walls.readable
         aimed = AnchoredPlaces.joined(self._aimed).at(context.poses)
         done = np.concatenate([walls.points_in_front[is_read], aimed])[:, :2]
         left = walls.where(~is_read)
@@ -149,17 +149,18 @@ class Inspection(Strategy):
         """
         cameras = places + _height(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
-        return far & (walls.sides_from(cameras, frame) >= self._walls.readable)
+        return far & (walls.sign_widths_from(cameras, frame) >= self._walls.readable)
 
 
 def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> WallPieces:
     """Transform the walls of each keyframe from its ``base_link`` to ``map``."""
     T = np.repeat(poses, [len(walls.points) for walls in shown], axis=0)
-    points, normals, sides = (
-        np.concatenate([getattr(walls, name) for walls in shown]) for name in ("points", "normals", "sides")
+    points, normals, sign_widths = (
+        np.concatenate([getattr(walls, name) for walls in shown]) for name in ("points", "normals", "sign_widths")
     )
     R, t = T[:, :3, :3], T[:, :3, 3]
-    return WallPieces(np.einsum("nij,nj->ni", R, points) + t, np.einsum("nij,nj->ni", R, normals), sides, config)
+    points, normals = np.einsum("nij,nj->ni", R, points) + t, np.einsum("nij,nj->ni", R, normals)
+    return WallPieces(points, normals, sign_widths, config)
 
 
 def _height(frame: Frame) -> Place:

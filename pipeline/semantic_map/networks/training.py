@@ -106,7 +106,7 @@ class Training:
 
     def __init__(
         self,
-        known: Sequence[LabelledCloud],
+        training_clouds: Sequence[LabelledCloud],
         validation: Sequence[LabelledCloud],
         config: TrainingConfig,
         initial: PointNetwork | str,
@@ -118,7 +118,7 @@ class Training:
         """Prepare the network, or resume from ``out``'s checkpoint if there is one.
 
         Args:
-            known: clouds for training.
+            training_clouds: clouds for training.
             validation: clouds for validation, from which the scores are computed.
             config: settings.
             initial: the initial network, with the clouds' channels and :data:`CLASSES`, or the name of a network,
@@ -132,8 +132,8 @@ class Training:
             InputError: there are no labelled points for training or for validation; or the checkpoint cannot be
                 read, or belongs to another training run.
         """
-        known = [cloud for cloud in known if len(cloud.points)]
-        for purpose, clouds in (("training", known), ("validation", validation)):
+        training_clouds = [cloud for cloud in training_clouds if len(cloud.points)]
+        for purpose, clouds in (("training", training_clouds), ("validation", validation)):
             if not any(len(cloud.points) for cloud in clouds):
                 raise InputError(
                     f"the {purpose} scenes contain no labelled points; choose other datasets with --data"
@@ -145,21 +145,21 @@ class Training:
         self._blocks = blocks or BlockConfig()
         self._about = about or {}
         torch.manual_seed(config.seed)
-        channels = 3 + known[0].points.shape[1]
+        channels = 3 + training_clouds[0].points.shape[1]
         network = NETWORKS[initial](channels, len(CLASSES)) if isinstance(initial, str) else initial
         for layer in network.modules():
             if isinstance(layer, nn.Dropout):
                 layer.p = 0.0  # the published 0.5 suits longer training runs
         self.network = network.to(worker.device).train()
-        self._sampler = BlockSampler(known, self._blocks, network.min_points, config)
-        self._weights = class_weights(known).to(worker.device)
+        self._sampler = BlockSampler(training_clouds, self._blocks, network.min_points, config)
+        self._weights = class_weights(training_clouds).to(worker.device)
         self._optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate)
         self.step = 0
         self.spent = 0.0
         self.rows: list[list[float]] = []
         self._losses: list[float] = []
         # A checkpoint must come from a run with the same settings, number of processes and data.
-        points = [sum(len(cloud.points) for cloud in clouds) for clouds in (known, validation)]
+        points = [sum(len(cloud.points) for cloud in clouds) for clouds in (training_clouds, validation)]
         data = f"{network.NAME} {channels} {points} {self._blocks}"
         self._settings = f"{json.dumps(asdict(config))} {worker.count} {data}"
         self._checkpoint = out.with_suffix(".checkpoint")

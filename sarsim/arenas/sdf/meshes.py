@@ -97,7 +97,7 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
     return surfaces
 
 
-class _Beside(trimesh.resolvers.Resolver):
+class _MeshFileResolver(trimesh.resolvers.Resolver):
     """Provides trimesh with the files to which a mesh refers."""
 
     def __init__(self, resources: Resources, path: Path):
@@ -119,9 +119,9 @@ class _Beside(trimesh.resolvers.Resolver):
         """An empty list, because files can only be requested by name."""
         return []
 
-    def namespaced(self, namespace: str) -> "_Beside":
+    def namespaced(self, namespace: str) -> "_MeshFileResolver":
         """A resolver for a subfolder."""
-        return _Beside(self._resources, self._path.parent / namespace / self._path.name)
+        return _MeshFileResolver(self._resources, self._path.parent / namespace / self._path.name)
 
     def write(self, name: str, data: bytes) -> None:
         """Do nothing, because no file may be written."""
@@ -132,8 +132,8 @@ def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materi
     kind, is_plain = path.suffix.lower()[1:], path.suffix.lower() != ".obj"
     objects = () if is_plain else {name.decode("utf-8", "replace").strip() for name in _OBJECT.findall(content)}
     options: dict[str, Any] = {"skip_materials": True} if is_plain else {"split_objects": True}
-    beside = _Beside(resources, path)
-    scene: Any = trimesh.load_scene(BytesIO(content), file_type=kind, resolver=beside, process=False, **options)
+    resolver = _MeshFileResolver(resources, path)
+    scene: Any = trimesh.load_scene(BytesIO(content), file_type=kind, resolver=resolver, process=False, **options)
     for node in scene.graph.nodes_geometry:
         T, name = scene.graph[node]
         mesh, named = scene.geometry[name], [o for o in objects if name == o or name.startswith(f"{o}_")]

@@ -63,12 +63,14 @@ class Thing:
 
 def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
     """The objects to find in a model: first the victims, then the others, both in the order of their bodies."""
-    said = dict(_said(model))
+    stated = dict(_annotations(model))
     victims = [
-        Thing(PREFIX + v.id, VICTIM, *said.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms)
+        Thing(
+            PREFIX + v.id, VICTIM, *stated.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms
+        )
         for v in victims_of(model, data)
     ]
-    return victims + list(_others(model, data, said))
+    return victims + list(_others(model, data, stated))
 
 
 def things_of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
@@ -98,7 +100,7 @@ def _others(model: mujoco.MjModel, data: mujoco.MjData, stated: dict[str, tuple[
             yield Thing(name, kind, text, state, T, box_of_geoms(model, geoms), geoms)
 
 
-def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
+def _annotations(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
     """Yield the name, kind, text and state of each body for which a custom text gives the kind."""
     for n in range(model.ntext):
         start = int(model.text_adr[n])

@@ -22,7 +22,7 @@ def build_lane(lane: str, end: int = -1) -> ArenaBuilder:
     return builder
 
 
-def _look_in(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) -> None:
+def _set_start(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) -> None:
     """Set the start: on an outer floor, ``inwards`` m from its centre and ``y`` m to the left, facing the lane."""
     deck = decks[0] if end < 0 else decks[-1]
     deck.start(-end * inwards, -end * y, 0.0 if end < 0 else pi)
@@ -38,7 +38,7 @@ def _crossing_ramps(builder: ArenaBuilder, end: int) -> None:
         for side in (-1, 1):
             rises = 1 if (n % 2 == 0) == (side > 0) else -1
             decks[1 + n // 2].hull("inclined_ramp", (x, side * half, 0.0), wedge * (rises, 1, 1))
-    _look_in(decks, end)
+    _set_start(decks, end)
 
 
 def _wedge(length: float, width: float, height: float) -> NDArray[np.float64]:
@@ -54,7 +54,7 @@ def _krails(builder: ArenaBuilder, end: int, ridge: bool = False) -> None:
         for row in (0, 1):
             way = 1 if (column + row) % 2 else -1
             deck.hull("wall", (0.0, (row - 0.5) * D.floor, 0.0), _mitred() * (way, 1, 1), TIMBER)
-    _look_in(decks, end, RAILS_START)
+    _set_start(decks, end, RAILS_START)
 
 
 def _mitred() -> NDArray[np.float64]:
@@ -85,7 +85,7 @@ def _stepfield(builder: ArenaBuilder, end: int) -> None:
                     place = (x - D.floor / 2, y - D.width / 2, height / 2)
                     colour = ORANGE if height == D.high else YELLOW
                     deck.box("straight_ramp", place, (D.plateau, D.plateau, height), colour=colour)
-    _look_in(decks, end, STEPS_START)
+    _set_start(decks, end, STEPS_START)
 
 
 def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
@@ -101,7 +101,7 @@ def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
                 x, y = D.floor / 4 * np.sign([cos(a), sin(a)])
                 R = turned(-pi / 2 * quarter + (0.0 if peak else pi))
                 deck.hull("inclined_ramp", (x, y + (row - 0.5) * D.floor, 0.0), wedge @ R.T)
-    _look_in(decks, end, y=D.floor / 2)  # in a valley
+    _set_start(decks, end, y=D.floor / 2)  # in a valley
 
 
 def _hurdles(builder: ArenaBuilder, end: int) -> None:
@@ -118,7 +118,7 @@ def _hurdles(builder: ArenaBuilder, end: int) -> None:
         pose = decks[column].pose(place, turned(pi / 2) @ turned(0.0, pi / 2))
         builder.add_geom("clutter", {**pose, "type": "cylinder", "size": (radius, length / 2)}, PIPE)
     top = [Deck(builder, deck.point(0.0, 0.0, D.pallet), deck.R) for deck in decks]
-    _look_in(top, end)
+    _set_start(top, end)
 
 
 def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
@@ -175,7 +175,7 @@ def _traverse(builder: ArenaBuilder, end: int) -> None:
             middle = outer * (D.floor - D.board) / 2, side * (D.passage + between) / 2, height / 2
             deck.box("wall", middle, (D.board, between, height))
     hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
-    _look_in(decks, end)
+    _set_start(decks, end)
 
 
 def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
@@ -188,7 +188,7 @@ def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
     for y in (jamb / 2, D.width / 2 - jamb / 2):
         across.box("wall", (0.0, y, D.door / 2), (thick, jamb, D.door))
     _leaf(builder, jamb, thick, shut)
-    _look_in(decks, end)
+    _set_start(decks, end)
 
 
 def _leaf(builder: ArenaBuilder, jamb: float, thick: float, shut: bool) -> None:

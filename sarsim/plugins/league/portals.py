@@ -65,11 +65,11 @@ def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     found: list[NDArray[np.int64]] = []
     for cell in cells[np.argsort(-reach[tuple(cells.T)], kind="stable")]:
         is_new = all(np.linalg.norm(cell - other) > reach[tuple(other)] for other in found)
-        found += [cell] if is_new and _ways(thin, cell, float(reach[tuple(cell)])) >= 3 else []
+        found += [cell] if is_new and _branch_count(thin, cell, float(reach[tuple(cell)])) >= 3 else []
     return found
 
 
-def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
+def _branch_count(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
     """Number of branches of a skeleton that extend farther than ``reach`` cells from a cell (2,)."""
     low = np.maximum(cell - int(reach) - 3, 0)
     thin, cell = thin[tuple(map(slice, low, cell + int(reach) + 4))], cell - low

@@ -125,7 +125,7 @@ class Paths(ABC):
         """Take into account that the robot was carried."""
 
     @abstractmethod
-    def lead_on_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Places) -> bool:
         """Whether the robot can continue from a position (2,), m."""
 
 
@@ -157,7 +157,7 @@ class GraphPaths(Paths):
         self._before, self._at = self._at, there
         return np.array([self._drive.place, self._nodes[there, :2]])
 
-    def lead_on_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Places) -> bool:
         """Whether a position (2,), m, is near a node."""
         return bool(np.linalg.norm(self._nodes[:, :2] - place, axis=1).min() < 0.5)
 
@@ -191,7 +191,7 @@ class GroundPaths(Paths):
     def moved(self) -> None:
         """Do nothing, because the next path is planned from the robot's current position."""
 
-    def lead_on_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Places) -> bool:
         """True, because the robot has already driven at this position."""
         return True
 
@@ -313,7 +313,7 @@ class Drive:
     def _be_carried(self, paths: Paths) -> None:
         """Set the robot down at an earlier pose of its tour from which it can continue."""
         earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
-        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.lead_on_from(T[:2, 3])]
+        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.can_continue_from(T[:2, 3])]
         if not level:
             return
         T, quat = level[self.rng.integers(len(level))], np.empty(4)

@@ -100,7 +100,7 @@ def test_the_odometry_is_that_of_the_robot_with_the_camera() -> None:
 
 
 @pytest.mark.parametrize(
-    ("topics", "beside", "expected"),
+    ("topics", "robot_topic", "expected"),
     [
         (["/tf", "/tf_static"], "/camera/depth", ["/tf", "/tf_static"]),
         (["/r1/tf", "/r1/tf_static"], "/r1/camera/depth", ["/r1/tf", "/r1/tf_static"]),
@@ -110,9 +110,11 @@ def test_the_odometry_is_that_of_the_robot_with_the_camera() -> None:
         (["/r1/tf", "/r2/tf"], "/camera/depth", []),
     ],
 )
-def test_transforms_are_those_of_the_robots_namespace(topics: list[str], beside: str, expected: list[str]) -> None:
-    kinds = dict.fromkeys(topics, "tf2_msgs/msg/TFMessage") | {beside: "sensor_msgs/msg/Image"}
-    assert tf_topics(kinds, [beside]) == expected
+def test_transforms_are_those_of_the_robots_namespace(
+    topics: list[str], robot_topic: str, expected: list[str]
+) -> None:
+    kinds = dict.fromkeys(topics, "tf2_msgs/msg/TFMessage") | {robot_topic: "sensor_msgs/msg/Image"}
+    assert tf_topics(kinds, [robot_topic]) == expected
 
 
 TURNS = ("laser", "camera", 1.0), ("kinect", "camera", 7.0)

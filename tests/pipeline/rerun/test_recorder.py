@@ -309,7 +309,7 @@ def test_clouds_are_logged_anew_once_corrections_add_up_to_what_can_be_seen(tmp_
     explorer.watch(recorder)
     explorer.step()
     for _ in range(2):
-        be_elsewhere(explorer, pose(0.6 * RerunConfig().grain))
+        be_elsewhere(explorer, pose(0.6 * RerunConfig().point_spacing))
         explorer.step()
     recorder.close()
     rows = read(tmp_path / "episode.rrd")

@@ -33,8 +33,8 @@ def test_straight_ahead_on_level_ground() -> None:
     way = route(block((1.5, 0, 0.2), (0.4, 0.4, 0.4)), ground_points(flat, *HALL))
     assert way is not None
     # It ends a little before what was seen of the person.
-    assert way.length + way.gap == pytest.approx(2.8, abs=0.01)
-    assert 0 < way.gap <= 0.1
+    assert way.length + way.distance_to_person == pytest.approx(2.8, abs=0.01)
+    assert 0 < way.distance_to_person <= 0.1
     assert way.steepest == pytest.approx(0, abs=1e-4)
     assert way.drops == []
     assert way.arrives
@@ -46,7 +46,7 @@ def test_a_person_who_is_an_obstacle_keeps_the_robot_off() -> None:
     way = route(person, ground_points(flat, *HALL), person)
     assert way is not None
     # 0.3 m from the cells of the obstacle, from the middle of one to that of another.
-    assert 0.25 <= way.gap <= 0.4
+    assert 0.25 <= way.distance_to_person <= 0.4
     assert way.arrives
 
 
@@ -63,7 +63,7 @@ def test_no_person_is_reached_behind_a_wall() -> None:
     wall = wall_points((0.5, -1), (0.5, 1))
     way = route(person, ground_points(flat, *HALL), wall)
     assert way is not None
-    assert way.gap == pytest.approx(1.3 - 0.5 + 0.325, abs=0.06)
+    assert way.distance_to_person == pytest.approx(1.3 - 0.5 + 0.325, abs=0.06)
     assert not way.arrives
 
 
@@ -78,7 +78,7 @@ def test_a_wall_between_counts_however_near_the_person_is() -> None:
     assert along is not None
     assert through.in_sight and through.arrives
     assert not along.in_sight and not along.arrives
-    assert along.gap < 0.7
+    assert along.distance_to_person < 0.7
 
 
 def test_around_a_wall_there_are_bends() -> None:

@@ -46,7 +46,7 @@ def seen_once(
 
 
 def one_keyframe() -> Keyframes:
-    keyframes = Keyframes(PIONEER, reach=3.5, cell=0.05, noticeable=0.01)
+    keyframes = Keyframes(PIONEER, reach=3.5, cell=0.05, min_displacement=0.01)
     keyframes.poses = np.eye(4)[None]
     return keyframes
 

@@ -40,9 +40,9 @@ def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
     assert ahead.points[:, 0] == pytest.approx(1.5, abs=0.01)
     assert ahead.normals @ [-1, 0, 0] == pytest.approx(1, abs=0.02)
     level = ahead.where(np.abs(ahead.points[:, 2] - 0.65) < 0.1)
-    assert level.sides == pytest.approx(CAMERA.fx * 0.2 / 1.4, rel=0.03)
+    assert level.sign_widths == pytest.approx(CAMERA.fx * 0.2 / 1.4, rel=0.03)
     assert (found.points[:, 2] > 0.01).all()  # none is of the floor
-    assert (found.sides_from([(3.0, 0.0, 0.65)], frame) == 0).any()  # from behind the wall
+    assert (found.sign_widths_from([(3.0, 0.0, 0.65)], frame) == 0).any()  # from behind the wall
 
 
 def inspection_with(mapper: Mapper) -> Inspection:

@@ -242,10 +242,10 @@ class PoseCheckConfig:
 
     Attributes:
         views_per_turn: number of views in the full turn that a robot makes when its pose is in doubt.
-        carried_way: distance between the estimated and the found position above which the robot is assumed to have
-            been carried, m.
-        carried_turn: angle between the estimated and the found heading above which the robot is assumed to have been
-            carried, rad.
+        min_carried_distance: distance between the estimated and the found position above which the robot is assumed
+            to have been carried, m.
+        min_carried_turn: angle between the estimated and the found heading above which the robot is assumed to have
+            been carried, rad.
     """
 
     views_per_turn: int = 8

@@ -247,7 +247,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … if it exists.
         victims: list of victims and starts in a published world.
-        victims_state: state of victims whose names do not state whether they are alive.
+        victims_state: state if the names do not give it.
         random: contents of a random arena.
     """
 

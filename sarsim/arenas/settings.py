@@ -42,9 +42,8 @@ class RandomArenaConfig:
             as many tiles have an object on a wall, and some inner walls are thick or made of cloth.
         bulky: fraction of the tiles with elements that block the view: raised floors, steep boards, cupboards.
         victims: number of victims, 0 to 100.
-        difficulty: 0 to 3, by default the seed modulo 4. Level 0 is flat, level 1 adds decks and ridges of ramps,
-            level 2 adds crossing ramps, clutter, holes in walls and half-hidden victims, and level 3 adds continuous
-            ramp fields and step fields.
+        difficulty: 0 is flat; 1 adds decks and ridges of ramps; 2 adds crossing ramps, clutter, holes in walls and
+            half-hidden victims; 3 adds continuous ramp fields and step fields. By default the seed modulo 4.
         ceiling: add a ceiling at a height of 2.4 m and extend all walls up to it.
         furnished: fraction of the tiles with furniture of varied size and colour in rows along walls: lockers,
             shelves, tables, sofas, beds, stairs.

@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 
 def run_episode(config: EpisodeConfig) -> None:
-    """Explore an arena, and write a recording, a report and maps.
-
-    To repeat an episode, pass its config.yaml to --config.
-    """
+    """Explore an arena, and write a recording, a report and maps. To repeat it, pass its config.yaml to --config."""
     if config.resume and config.out:
         raise InputError(f"--resume {config.resume}: cannot be combined with --out, as it writes to its own folder")
     if config.resume and config.map and config.map.resolve() == config.resume.resolve():

@@ -273,7 +273,7 @@ def nearest_heading(heading: float) -> int:
 
 
 def simplify(path: Places, traversability: Traversability) -> Places:
-    """A path (N, 2), m, reduced to few points by straight drives.
+    """A path (N, 2), m, in which straight drives replace points, so that only the bends remain.
 
     Each drive costs at most ``stop`` s more than the part of the path that it replaces.
     """

@@ -85,13 +85,14 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
         """The location of a person, from the voxels and the information of all observations."""
         voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, VOXEL) for seen in placed])
-        information = reduce(self.informed, [seen.information for seen in placed])
+        information = reduce(self.fused_information, [seen.information for seen in placed])
         return self.body(voxels, information, frozenset(seen.keyframe for seen in placed))
 
     def joined(self, one: Track, other: Track) -> "PersonBody":
         """The location of a person, from the voxels and the information of both tracks."""
         a, b = cast(PersonBody, one.where), cast(PersonBody, other.where)
-        voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
+        voxels = PersonVoxels.joined([a.voxels, b.voxels])
+        information = self.fused_information(a.information, b.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
@@ -99,7 +100,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         points = voxels.agreed(AGREED * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
-    def informed(self, one: Information, other: Information) -> Information:
+    def fused_information(self, one: Information, other: Information) -> Information:
         """The sum of two information matrices, limited because errors from one viewpoint are correlated."""
         return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 

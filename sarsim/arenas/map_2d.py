@@ -51,7 +51,7 @@ class Map2D:
     origin: tuple[float, float, float]
 
     def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centre (2,) m in the world and half sizes (2,) m of a rectangle of cells, given as in :attr:`known`."""
+        """Centre (2,) m in ``world`` and half sizes (2,) m of a rectangle of cells, given as in :attr:`known`."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])

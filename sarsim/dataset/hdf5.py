@@ -50,14 +50,14 @@ class NewFile(ExitStack):
     def __init__(self, path: Path):
         """Create the file; OSError if that fails."""
         super().__init__()
-        sink = FileSink(path, "w+")
+        sink = CheckedFile(path, "w+")
         self.file = h5py.File(sink, "w", libver="v110")
         self.check = sink.check
         for last_first in (sink.check, sink.close, self.file.close):
             self.callback(last_first)
 
 
-class FileSink(io.FileIO):
+class CheckedFile(io.FileIO):
     """A file for HDF5 to write to, which remembers the first error.
 
     If the disk is full, HDF5 itself loses data without an error when it flushes its cache.

@@ -64,7 +64,7 @@ def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
 
 
 def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
-    """Open3D's RaycastingScene, m in the world, of an arena's visible surfaces without the robot, if there is one."""
+    """Open3D's RaycastingScene, m in ``world``, of an arena's visible surfaces without the robot, if there is one."""
     import open3d as o3d  # not at the top, because it takes a second
 
     drawn = drawn_geoms(model)

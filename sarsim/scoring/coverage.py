@@ -26,7 +26,7 @@ class Coverage:
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
 
     def see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells whose ground is shown by the returns ``points`` (N, 3), m in the world."""
+        """Mark the cells whose ground is shown by the returns ``points`` (N, 3), m in ``world``."""
         grid = self.surface.grid
         see(points, grid.origin, grid.cell, self.surface.height, SEEN_HEIGHT, self.seen)
 

@@ -42,7 +42,7 @@ class SegmentScore:
             self._of_geom[face.geom].add(surface)
 
     def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
-        """Mark the parts that noise-free returns show: points (N, 3), m in the world, and their geoms' ids (N,)."""
+        """Mark the parts that noise-free returns show: points (N, 3), m in ``world``, and their geoms' ids (N,)."""
         points, geoms = points[::STRIDE], geoms[::STRIDE]
         order = np.argsort(geoms, kind="stable")
         points, geoms = points[order], geoms[order]

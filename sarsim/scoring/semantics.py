@@ -98,7 +98,7 @@ class SurfaceScore:
         self._surface, self._new = np.zeros((0, 3), np.float32), list[NDArray[np.float32]]()
 
     def add(self, points: NDArray[np.float32]) -> None:
-        """Add the noise-free points (N, 3) of a frame, m in the world."""
+        """Add the noise-free points (N, 3) of a frame, m in ``world``."""
         self._new.append(VoxelCloud.of(points, self._voxel).points)
         if sum(map(len, self._new)) > len(self._surface):  # so that each point is thinned again only a few times
             self._merge()

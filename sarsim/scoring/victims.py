@@ -32,7 +32,7 @@ class VictimScore:
     """Records which victims come into view, and compares the confirmed positions with the true ones.
 
     Attributes:
-        positions: (V, 3) true positions, m in the world.
+        positions: (V, 3) true positions, m in ``world``.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):

@@ -21,7 +21,7 @@ class VoxelScore:
         self._marks = np.zeros((0, 0, 0), np.uint8)
 
     def add(self, points: NDArray[np.float32], camera: NDArray[np.float64]) -> None:
-        """Trace the noise-free rays of a frame, from the camera's position (3,) to points (N, 3), m in the world."""
+        """Trace the noise-free rays of a frame, from the camera's position (3,) to points (N, 3), m in ``world``."""
         if not len(points):
             return
         ends, start = points - self._corner, (camera - self._corner) / self._size

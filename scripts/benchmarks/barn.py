@@ -29,7 +29,7 @@ from sarsim.robots.model import robot_model
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.runs import Job, run_all
+from scripts.benchmarks.runs import Job, run_jobs_or_raise
 from scripts.benchmarks.settings import BarnSettings
 
 START = (-2.25, 3.0, 90.0)
@@ -61,7 +61,7 @@ def measure(settings: BarnSettings) -> Result:
     robot_model(settings.robot)
     # Cross each world with every seed.
     jobs = [job for name in worlds for job in jobs_in(settings, name)]
-    runs = [result["run"] for result in run_all(jobs, settings, run_job)]
+    runs = [result["run"] for result in run_jobs_or_raise(jobs, settings, run_job)]
     by_world = {name: runs[n * settings.seeds : (n + 1) * settings.seeds] for n, name in enumerate(worlds)}
     ended = Counter(run["ended"] for run in runs)
     notes = ["how runs ended: " + ", ".join(f"{count} {how}" for how, count in ended.items())]

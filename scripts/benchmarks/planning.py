@@ -45,7 +45,7 @@ def measure(settings: PlanningSettings) -> Result:
     at_least(0, settings, "seed")
     figures: dict[str, float] = {}
     for arena in ARENAS:
-        seconds = _Floor(arena, settings.seed).steps(settings.frames)
+        seconds = _Floor(arena, settings.seed).steps(settings.steps)
         figures[f"{arena}.step_ms"] = 1e3 * float(np.median(np.sum(list(seconds.values()), axis=0)))
         figures |= {f"{arena}.{stage}_ms": 1e3 * float(np.median(times)) for stage, times in seconds.items()}
     figures["large_over_small"] = figures[f"{ARENAS[-1]}.step_ms"] / figures[f"{ARENAS[0]}.step_ms"]

@@ -128,7 +128,7 @@ def run_jobs(
     return [job.result(folder) for job in jobs]
 
 
-def run_all(
+def run_jobs_or_raise(
     jobs: Sequence[Job], settings: RunsSettings, run: Callable[[Job], dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """The results of jobs, see :func:`run_jobs`; InputError if a job failed."""

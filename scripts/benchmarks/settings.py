@@ -132,11 +132,11 @@ class PlanningSettings(SubjectSettings):
     """Planning time per step on completely mapped floors.
 
     Attributes:
-        frames: number of steps on each floor.
-        seed: seed of the robot's positions.
+        steps: number of steps on each floor.
+        seed: seed of the robot's poses and of the noise.
     """
 
-    frames: int = 24
+    steps: int = 24
     seed: int = 0
 
 

@@ -12,7 +12,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result
-from scripts.benchmarks.runs import Job, arena_name, run_all
+from scripts.benchmarks.runs import Job, arena_name, run_jobs_or_raise
 from scripts.benchmarks.settings import WorldsSettings
 
 MINUTES = 20.0  # Time limit of each mission in simulated minutes
@@ -42,7 +42,7 @@ def measure(settings: WorldsSettings) -> Result:
     """
     jobs = [job_of(settings, world) for world in worlds_in(settings.worlds)]
     names = [arena_name(job.config.arena) for job in jobs]
-    runs = dict(zip(names, run_all(jobs, settings, run_job), strict=True))
+    runs = dict(zip(names, run_jobs_or_raise(jobs, settings, run_job), strict=True))
     return Result({f"{name}.{key}": value for name, run in runs.items() for key, value in figures(run).items()}, runs)
 
 

@@ -1,4 +1,4 @@
-"""Draw README's badges from pyproject.toml and store them as files, so that they are shown without the internet."""
+"""Draw README's badges from pyproject.toml and store them as files, so that they also display offline."""
 
 import tomllib
 from pathlib import Path

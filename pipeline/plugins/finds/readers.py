@@ -38,7 +38,7 @@ class FindReaders:
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """The readings in a frame, given a detector's boxes in its image."""
         shapes = self._shapes.read(frame)
-        squares = SquareCandidates.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
+        squares = SquareCandidates.of(frame.rgb, self._config.squares).of_plausible_size(frame, self._config.squares)
         return [*shapes, *not_among(self._read(squares, detections), shapes)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:

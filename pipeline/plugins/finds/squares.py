@@ -43,7 +43,7 @@ class SquareCandidates:
         image, scale = _bounded(rgb, config.max_pixels)
         return cls(image, scale, find_quads(image, config))
 
-    def fitting(self, frame: Frame, config: SquaresConfig) -> Self:
+    def of_plausible_size(self, frame: Frame, config: SquaresConfig) -> Self:
         """The squares in a frame's image that are as large as signs and codes, or whose distance is unknown."""
         corners = self.quads / self.scale
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)

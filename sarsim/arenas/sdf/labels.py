@@ -77,7 +77,7 @@ class ShapeFeatures:
 
 
 def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
-    """The features of the convex hull of ``corners`` (N, 3) m in the world; ``surface``: see ShapeFeatures."""
+    """The features of the convex hull of ``corners`` (N, 3) m in ``world``; ``surface``: see ShapeFeatures."""
     low, high = corners[:, 2].min(), corners[:, 2].max()
     try:
         hull = ConvexHull(corners)
@@ -95,7 +95,7 @@ def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeF
 
 
 def flat_shape_features(triangles: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
-    """The features of coplanar triangles (N, 3, 3) m in the world; ``surface``: see ShapeFeatures."""
+    """The features of coplanar triangles (N, 3, 3) m in ``world``; ``surface``: see ShapeFeatures."""
     corners = triangles.reshape(-1, 3)
     sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
     area = float(np.linalg.norm(sums))
@@ -113,7 +113,7 @@ def plane_features(T_world: Pose) -> ShapeFeatures:
 
 
 def heightmap_features(corners: NDArray[np.float64], slope: float) -> ShapeFeatures:
-    """The features of a heightmap's tile with points (N, 3) m in the world; ``slope``: z of its unit normal."""
+    """The features of a heightmap's tile with points (N, 3) m in ``world``; ``slope``: z of its unit normal."""
     extent = np.ptp(corners, axis=0)
     area = float(extent[0] * extent[1])
     length = float(extent[:2].max())

@@ -44,9 +44,9 @@ class Tubes:
     """The tubes of an arena, and its QR codes.
 
     Attributes:
-        feet: (N, 3) m in the world, the centre of each tube's foot.
+        feet: (N, 3) m in ``world``, the centre of each tube's foot.
         heights, radii: (N,) m, heights and radii of the tubes.
-        codes: text and position, (3,) m in the world, of each code.
+        codes: text and position, (3,) m in ``world``, of each code.
     """
 
     feet: Places
@@ -65,7 +65,7 @@ def tubes_of(model: mujoco.MjModel, data: mujoco.MjData) -> Tubes:
 
 
 def mapped_tubes(points: NDArray[np.floating], tubes: Tubes, config: TubeConfig = TubeConfig()) -> Places:
-    """(N, 2) m in the world: position of each tube in a map of points (M, 3); NaN if the map does not show it."""
+    """(N, 2) m in ``world``: position of each tube in a map of points (M, 3); NaN if the map does not show it."""
     flat = np.asarray(points, np.float64)
     found = [
         _circle(_around(flat, foot, height, radius, config), foot[:2], radius, config)

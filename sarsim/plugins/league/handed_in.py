@@ -45,7 +45,7 @@ class TrueFind:
     Attributes:
         type: one of the league's types.
         name: the name that a find must have.
-        position: (3,) m in the world.
+        position: (3,) m in ``world``.
         is_victim, is_living: whether the object is a victim, and whether it is alive.
     """
 
@@ -75,7 +75,7 @@ class TrueArena:
         finds: the objects that score as finds.
         scene: Open3D's RaycastingScene of all visible surfaces.
         T_world_league: 4×4 pose of the league's frame.
-        portals: (N, 2) m in the world, doorways and junctions.
+        portals: (N, 2) m in ``world``, doorways and junctions.
         tubes: the small league's fiducials and codes.
     """
 
@@ -124,7 +124,7 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
 
 
 def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 3) points of the surfaces nearest to points (N, 3), m in the world, and the normals (N, 3) there."""
+    """(N, 3) points of the surfaces nearest to points (N, 3), m in ``world``, and the normals (N, 3) there."""
     found = scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
     return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
 
@@ -142,7 +142,7 @@ def _step(
 
 
 def covered(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLayer:
-    """(nx, ny) bool, the cells of the true ground that points (N, 3), m in the world, cover."""
+    """(nx, ny) bool, the cells of the true ground that points (N, 3), m in ``world``, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
     return np.asarray(surface.grid.distance_to(seen) <= COVERAGE_RADIUS)
@@ -209,7 +209,7 @@ def score_handed_in(
 def small_run(codes: Sequence[ReadCode], points: NDArray[np.floating], arena: TrueArena, within: float) -> SmallRun:
     """Measure the quantities that the small league scores, from the codes read and the map's points.
 
-    ``points``: (N, 3) m in the world. A code is well placed if the map gives its distances from the two nearest
+    ``points``: (N, 3) m in ``world``. A code is well placed if the map gives its distances from the two nearest
     fiducials with errors of at most ``within`` m.
     """
     shown, right = mapped_tubes(points, arena.tubes), {}
@@ -239,7 +239,7 @@ def league_run(
 ) -> LeagueRun:
     """Measure the quantities that the Rescue Robot League scores.
 
-    ``points``: (N, 3) m in the world, of the 3D map; ``places``: (M, 3) m in the world, of the finds.
+    ``points``: (N, 3) m in ``world``, of the 3D map; ``places``: (M, 3) m in ``world``, of the finds.
 
     A find is right if it is matched, one to one, with an object of its type and name within ``NEAR``. A run is
     autonomous unless a find's mode says otherwise.
@@ -279,7 +279,7 @@ def virtual_run(
 ) -> VirtualRun:
     """Measure the quantities that the Virtual Robot competition scores.
 
-    A mark, or the parked robot, is near a victim if it is within ``reach``, m; ``places``: (M, 3) m in the world, of
+    A mark, or the parked robot, is near a victim if it is within ``reach``, m; ``places``: (M, 3) m in ``world``, of
     the finds. Assumed: a find named victim or a heat source marks a victim; a heat source marks a living victim.
     A living victim scores if it is marked as living and the robot is parked near it.
     """

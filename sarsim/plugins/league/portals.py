@@ -15,7 +15,7 @@ RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  #
 
 
 def portals(surface: GroundTruthSurface, clearance: float) -> Places:
-    """(N, 2) m in the world, doorways and junctions of the ground between the walls; other obstacles are ignored.
+    """(N, 2) m in ``world``, doorways and junctions of the ground between the walls; other obstacles are ignored.
 
     Args:
         surface: the true ground.

@@ -244,10 +244,10 @@ def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path: Path, monkeypatch:
                 raise OSError(errno.ENOSPC, "No space left on device")
             return super().write(data)
 
-    class FullDisk(hdf5.FileSink, Limited):
+    class FullDisk(hdf5.CheckedFile, Limited):
         pass
 
-    monkeypatch.setattr(hdf5, "FileSink", FullDisk)
+    monkeypatch.setattr(hdf5, "CheckedFile", FullDisk)
     with (
         pytest.raises(InputError, match=r"scene\.h5: .*No space left on device"),
         atomic_write(tmp_path / "scene.h5") as partial,

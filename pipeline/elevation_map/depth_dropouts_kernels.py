@@ -8,17 +8,17 @@ ROW_STEP = 2
 
 
 @njit(cache=True)
-def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, row_step, dropouts):
+def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, dropouts):
     """Interpolate the depth of the ground in each narrow gap, and write it to the gap in ``dropouts`` (H, W), m.
 
-    A gap is a run of ``fewest`` to ``widest`` pixels, in every ``row_step``-th row, that have no return or a nearer
+    A gap is a run of ``fewest`` to ``widest`` pixels, in every ``ROW_STEP``-th row, that have no return or a nearer
     one, between two returns whose depths differ by at most a fraction ``same_surface``. ``depth`` is (H, W) m, 0
     where there is no return, and ``focal`` is the vertical focal length, pixels. Surfaces seen at less than
     ``min_grazing``, rad, are ignored, because they may give no returns themselves.
     """
     height, width = depth.shape
-    rows = 2 * row_step  # because the next searched row may be as noisy as the pixel's own
-    for v in range(0, height, row_step):
+    rows = 2 * ROW_STEP  # because the next searched row may be as noisy as the pixel's own
+    for v in range(0, height, ROW_STEP):
         left, at = np.float32(0.0), -1
         for u in range(width):
             z = depth[v, u]

@@ -163,7 +163,10 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
     hides some ground.
     """
     for i, j in cells:
-        if dropouts[i, j] < columns.min_returns and returns[i, j] < columns.min_returns:
+        has_dropouts = dropouts[i, j] >= columns.min_returns
+        is_marked = direction[i, j, 0] != 0.0 or direction[i, j, 1] != 0.0
+        may_refute = is_marked and dropouts[i, j] == 0 and returns[i, j] >= columns.min_returns
+        if not (has_dropouts or may_refute):
             continue
         dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
         distance = np.sqrt(dx * dx + dy * dy) + 1e-9
@@ -172,13 +175,12 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
         height = max(camera[2] - column_height(bins, i, j, columns), cell)
         pixels = ROW_STEP * dropouts[i, j] + returns[i, j]
         size = pixels * (distance * distance + height * height) ** 1.5 / height
-        if dropouts[i, j] >= columns.min_returns:
+        is_elsewhere = abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing)
+        if has_dropouts:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
             extent[i, j] = size
-        elif dropouts[i, j] == 0:
-            is_elsewhere = abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing)
-            if is_elsewhere or size >= COMPLETE * extent[i, j]:
-                direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
+        elif is_elsewhere or size >= COMPLETE * extent[i, j]:
+            direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True, nogil=True)

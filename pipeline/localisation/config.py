@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 
 from pipeline.arrays import Pose
-from pipeline.errors import InputError, require_at_least, require_positive
+from pipeline.errors import require_at_least, require_positive
 from pipeline.labels import RAMP_TILT
 from pipeline.transforms import angle_of, inverse
 
@@ -214,12 +214,15 @@ class SlamConfig:
         local_deviation: maximum standard deviation, m, of a keyframe's position relative to the reference for the
             keyframe to belong to the local map, with which frames are registered. Other keyframes are matched only by
             loop closures.
-        jump: distance from the reference above which the odometry is assumed to have jumped and is ignored, m.
+        jump: distance between two frames, m, in excess of ``max_speed`` times the time between them, above which the
+            odometry is assumed to have jumped and is ignored.
+        max_speed: maximum speed of the robot, m/s; a Pioneer 3-AT reaches 0.7 m/s.
         max_connections: maximum number of keyframes to which a new one is connected; the most informative are chosen.
     """
 
     local_deviation: float = 0.1
-    jump: float = 1.0
+    jump: float = 0.5
+    max_speed: float = 1.0
     max_connections: int = 6
 
 
@@ -306,11 +309,3 @@ class LocalisationConfig:
     trajectory: TrajectoryConfig = TrajectoryConfig()
     pose_check: PoseCheckConfig = PoseCheckConfig()
     keyframes: KeyframePolicy = KeyframePolicy()
-
-    def __post_init__(self) -> None:
-        """Raise InputError if the motion between two keyframes would be taken for a jump of the odometry."""
-        distance, jump = self.keyframes.distance, self.slam.jump
-        if not distance < jump:
-            raise InputError(
-                f"localisation.keyframes.distance = {distance:g}: must be below localisation.slam.jump ({jump:g} m)"
-            )

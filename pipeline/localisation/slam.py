@@ -138,7 +138,8 @@ class Slam(Localisation):
         self.slips = 0
         self.belief = Belief(config.belief)
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
-        self._anchor: Pose | None = None
+        self._T_map_found: Pose | None = None  # where a carried robot was found
+        self._T_map_odom_anew: Pose | None = None  # since the odometry jumped, or the carried robot was found
         self._deviations = np.zeros(0)
         self._turned = 0.0
         self._last: Frame | None = None
@@ -253,7 +254,7 @@ class Slam(Localisation):
         """Measure further motions from a frame, whose pose relative to a keyframe has this ``covariance``."""
         known = np.zeros((6, 6)) + covariance
         self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base, known)
-        self._anchor, self._turned = None, 0.0
+        self._T_map_odom_anew, self._turned = None, 0.0
         self._judge()
 
     def _repeated(self, T_map_base: Pose) -> int | None:
@@ -277,7 +278,7 @@ class Slam(Localisation):
 
     def set_pose(self, T_map_base: Pose) -> None:
         """Continue from the pose at which a carried robot was found, whatever the odometry measured."""
-        self._anchor, self._last = T_map_base, None
+        self._T_map_found, self._last = T_map_base, None
         if len(self.graph):  # nearby keyframes have seen the surfaces in view from there
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
@@ -330,6 +331,11 @@ class Slam(Localisation):
         self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
         self.belief.predict(way, max(0.0, frame.time - last.time))
 
+    def _has_jumped(self, before: Frame, frame: Frame) -> bool:
+        """Whether the odometry measured more between two frames than the robot can have driven."""
+        config, moved = self._config.slam, frame.T_odom_base[:3, 3] - before.T_odom_base[:3, 3]
+        return bool(np.linalg.norm(moved) > config.jump + config.max_speed * max(0.0, frame.time - before.time))
+
     @property
     def _local(self) -> Mask:
         """Mask of the keyframes whose pose relative to the reference is certain enough for registration."""
@@ -348,32 +354,25 @@ class Slam(Localisation):
 
         ``before``: the previous frame; None if there is none, or if the robot was carried after it.
         """
-        config, start = self._config.registration, self._reference
+        config = self._config.registration
         # The odometry of the first frame defines the frame ``map``.
         cloud = cloud_of_frame(frame, config)
-        if not len(self.graph) and self._anchor is None:
+        if not len(self.graph) and self._T_map_found is None:
             return RegisteredFrame(frame, orthonormal(frame.T_odom_base), cloud=cloud)
-        # Predict the pose: by the odometry since the reference or, where a carried robot was found, without it.
-        odometry, farthest = None, config.coarse
-        if self._anchor is None:
-            T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
-            motion = MeasuredMotion(T, up, frame.time - start.time, self._turned)
-            odometry = self.motion.predict(self.T_map_reference, motion)
-            # Odometry that has jumped contains no information about the motion.
-            if np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > self._config.slam.jump:
-                self._anchor, odometry, farthest = self.T_map_reference, None, config.widest
-        if odometry:
-            first = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE])))
-        else:
-            first = Prior(np.asarray(self._anchor), np.diag(self._found_sigmas() ** -2.0))
+        has_jumped = before is not None and self._has_jumped(before, frame)
+        if self._T_map_found is not None:
+            self._T_map_odom_anew, self._T_map_found = self._T_map_found @ inverse(frame.T_odom_base), None
+        elif has_jumped:
+            self._T_map_odom_anew = self.T_map_odom @ required(before).T_odom_base @ inverse(frame.T_odom_base)
+        first, odometry = self._predict(frame)
         # If the view does not change and shows no surfaces, the wheels spun on the spot. If it shows surfaces, it may
         # also stay the same along a plain corridor.
         if odometry and cloud is None and before is not None and shows_no_motion(before, frame):
-            first, _ = held_and_slipping_priors(first, self.T_map_reference)
+            first, _ = held_and_slipping_priors(first, self.T_map_odom @ before.T_odom_base)
             odometry = None
             self.slips += 1
         motion_prior = first
-        if odometry and start.is_keyframe:
+        if odometry and self._reference.is_keyframe:
             motion_prior = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.motion_covariance)))
         # Where the certain keyframes saw too little, take the prediction as the pose.
         target = self._target(cloud.points()[:, :3], first.T, frame, self._local, config.widest) if cloud else None
@@ -384,6 +383,7 @@ class Slam(Localisation):
         stand = self._ground_constraint(first.T)
         heights = [Prior(stand.T, stand.information)] if stand else []
         level = gravity_prior(first.T, frame, self._config.odometry.gravity_sigma)
+        farthest = config.widest if has_jumped else config.coarse
         nominal = register(target, cloud, [first, level, *heights], farthest, config)
         if odometry is None:
             return registered(nominal.T, motion_prior=motion_prior, registration=nominal)
@@ -403,6 +403,20 @@ class Slam(Localisation):
             )
         self.slips += 1
         return registered(registration.T, motion_prior=prior, registration=registration)
+
+    def _predict(self, frame: Frame) -> tuple[Prior, Prediction | None]:
+        """Prior of a frame's pose, and its prediction by the odometry since the reference.
+
+        The prediction is None if the robot was carried since the reference or its odometry has jumped. The prior then
+        follows the odometry from the pose at which this happened.
+        """
+        if self._T_map_odom_anew is not None:
+            return Prior(self._T_map_odom_anew @ frame.T_odom_base, np.diag(self._found_sigmas() ** -2.0)), None
+        start = self._reference
+        T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
+        motion = MeasuredMotion(T, up, frame.time - start.time, self._turned)
+        odometry = self.motion.predict(self.T_map_reference, motion)
+        return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE]))), odometry
 
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
         """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""

@@ -204,6 +204,27 @@ def test_an_odometry_that_jumps_is_not_followed() -> None:
     assert distance(slam.poses[-1], AROUND[6]) < 0.02
 
 
+def blind(k: int) -> Frame:
+    """The frame of index ``k`` without a return."""
+    return replace(frames()[k], depth=np.zeros_like(frames()[k].depth))
+
+
+def test_the_odometry_is_followed_however_far_away_the_last_keyframe_is() -> None:
+    slam = driven(4)
+    T = [slam.localise(blind(k)).T_map_base for k in range(4, 9)][-1]
+    expected = slam.poses[-1] @ inverse(frames()[3].T_odom_base) @ frames()[8].T_odom_base
+    assert distance(slam.poses[-1], T) > 1.4
+    assert distance(T, expected) < 0.02
+
+
+def test_an_odometry_that_has_jumped_is_followed_again() -> None:
+    slam, jump = driven(4), from_yaw(4.0, -3.0, 0, 2.0)
+    after = [replace(blind(k), T_odom_base=jump @ frames()[k].T_odom_base) for k in (4, 5, 6)]
+    T = [slam.localise(frame).T_map_base for frame in after]
+    assert distance(T[0], slam.poses[-1]) < 0.02
+    assert distance(T[-1], T[0] @ inverse(frames()[4].T_odom_base) @ frames()[6].T_odom_base) < 1e-6
+
+
 def test_wheels_that_slip_do_not_carry_the_robot_along() -> None:
     """The odometry measures 0.3 m, but the robot has not moved."""
     slam = driven(4)

@@ -213,13 +213,13 @@ class Explorer:
         # Follow them, slowly on ramps and near people, until the map shows the ground that the robot set out to
         # see.
         ramps = [ramp.tree.data for ramp in mapper.segments.of(Label.INCLINED_RAMP)]
-        people = [victim.points for victim in mapper.victims.confirmed]
+        people = mapper.people
         speed_limit = SpeedLimit(ground, ramps, people, config.navigation)
         planned = viewpoint.seconds - config.exploration.keyframe_time if viewpoint.seconds else None
         # A robot that is already rolling towards this viewpoint must stop there, or the next step would choose it
         # again.
         rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
-        check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check)
+        check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check, people)
         course = Course(way, heading, here, speed_limit, rolls, planned)
         with mapper.stopwatch("navigation"):
             outcome = pilot.follow(check, course, lambda: self.mission.is_shown(mapper.elevation_map))

@@ -146,9 +146,13 @@ class Mapper:
     @property
     def drivable(self) -> Traversability:
         """Where the robot may drive if it also keeps away from the confirmed people."""
-        people = [victim.points for victim in self.victims.confirmed]
-        ground = self.traversability
+        people, ground = self.people, self.traversability
         return ground.keeping_off(np.concatenate(people), self.elevation_map.swept) if people else ground
+
+    @property
+    def people(self) -> list[Points]:
+        """The points of each confirmed person, m."""
+        return [victim.points for victim in self.victims.confirmed]
 
     @property
     def T_map_odom(self) -> Pose:
@@ -426,10 +430,9 @@ class Mapper:
         if getattr(self.classifier, "is_certain", False):  # A user's own classifier may lack this attribute
             return
         keyframes = self.keyframes
-        people = [victim.points for victim in self.victims.confirmed]
         ground = self._traversability_layer.update(self.elevation_map)
         places = keyframes.poses[:, :3, 3]
-        self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, people))
+        self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, self.people))
 
     def _add_detections(self) -> list[Detection]:
         """Add the results of the background detection, if any, to the maps; return the people detected."""

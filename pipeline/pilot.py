@@ -128,13 +128,23 @@ class Pilot:
         """Let the robot follow a command if its pose is certain and its path is clear."""
         if command == STOP:
             return self._move(command)
+        known = len(self._mapper.keyframes)
         verdict = self._look(is_done)
-        if verdict is Verdict.FINE and isinstance(command, Approach) and command.v > 0:
-            if check.is_due(command):
-                check.look(command, self._returns())
-            if not check.is_clear(command):
-                verdict = Verdict.BLOCKED
-        return self._move(command) if verdict is Verdict.FINE else verdict
+        if verdict is not Verdict.FINE:
+            return verdict
+        if isinstance(command, Approach) and not self._is_clear(check, command, len(self._mapper.keyframes) > known):
+            return Verdict.BLOCKED
+        return self._move(command)
+
+    def _is_clear(self, check: ObstacleCheck, command: Approach, has_new_keyframe: bool) -> bool:
+        """Whether neither a person of whom the plan did not know nor an obstacle was seen on the path."""
+        if has_new_keyframe and check.meets(self._mapper.people, command):
+            return False
+        if command.v <= 0:
+            return True
+        if check.is_due(command):
+            check.look(command, self._returns())
+        return check.is_clear(command)
 
     def _move(self, command: Velocity) -> Verdict:
         """Let the robot follow a command for a control period; without odometry, stop it and raise LostError."""

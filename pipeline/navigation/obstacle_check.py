@@ -4,6 +4,8 @@ A plan leads over ground that is free in the map, but the map is only as recent 
 robot also checks depth images while it drives.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -23,9 +25,23 @@ class ObstacleCheck:
         obstacles: (N, 3) m, the camera's returns in ``map`` from unmapped obstacles on the path.
     """
 
-    def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
-        """Watch a drive over mapped ground; ``sensor``: model of the camera."""
+    def __init__(
+        self,
+        traversability: Traversability,
+        sensor: SensorModel,
+        config: ObstacleCheckConfig,
+        people: Sequence[Points] = (),
+    ):
+        """Watch a drive over mapped ground.
+
+        Args:
+            traversability: the ground over which the drive was planned.
+            sensor: model of the camera.
+            config: how often and how far ahead to look.
+            people: the points of each person from whom the plan keeps off, m.
+        """
         self.obstacles: Points = np.zeros((0, 3), np.float32)
+        self._people = KDTree(np.concatenate(people)[:, :2]) if people else None
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
         # At the last check: remaining length of the stretch, m, and direction of travel, rad
@@ -67,6 +83,18 @@ class ObstacleCheck:
         near = near[self._on_path(near, path)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         self.obstacles = near[count[number.ravel()] >= self._config.min_returns]
+
+    def meets(self, people: Sequence[Points], command: Approach) -> bool:
+        """Whether a person, or a part of a person, of whom the plan did not know is on the path.
+
+        A hand on the floor is too low to be an obstacle. ``people``: the points of each person seen so far, m.
+        """
+        if not people:
+            return False
+        points = np.concatenate(people)
+        if self._people is not None:
+            points = points[self._people.query(points[:, :2])[0] > self._traversability.config.keep_off]
+        return bool(self._on_path(points, self._extended(command.path)).any())
 
     def _is_too_near(self, command: Approach) -> bool:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""

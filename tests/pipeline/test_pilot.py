@@ -133,7 +133,9 @@ def test_blank_depth_counts_only_where_the_map_has_something_to_be_seen(x, is_bl
     for step in range(5):
         T = from_yaw(x + 0.3 * (step % 2), 2.0, 0, np.pi)
         try:
-            outlook.pilot.pose_check.check_depth(outlook.mapper.localise(replace(blank, T_odom_base=T)))
+            outlook.pilot.pose_check.check_depth(
+                outlook.mapper.localise(replace(blank, T_odom_base=T, time=step + 1.0))
+            )
         except LostError as error:
             noticed = "no depth" in str(error)
     assert noticed == is_blind

@@ -94,3 +94,25 @@ def test_it_checks_each_new_stretch_and_at_every_stride():
     assert watch.looks == 4
     assert watch.is_clear(second, len(second.poses) - 10)  # nearer than the camera sees
     assert watch.looks == 4
+
+
+def lying(x, y):
+    """The points of a hand on the floor."""
+    return np.array([(x, y, 0.04)]) + np.linspace(-0.05, 0.05, 7)[:, None] * (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("known", "seen", "meets"),
+    [
+        ([], [], False),
+        ([], [lying(1.0, 0.1)], True),
+        ([], [lying(3.0, 0.0), lying(1.0, 0.1)], True),
+        ([], [lying(1.0, 0.5)], False),  # beside the path
+        ([], [lying(-0.5, 0.0)], False),  # behind the robot
+        ([lying(1.0, 0.3)], [lying(1.0, 0.1)], False),  # the plan keeps off
+        ([lying(1.0, 0.4)], [lying(1.0, 0.4), lying(1.0, 0.1)], True),
+    ],
+)
+def test_a_part_of_a_person_that_the_plan_did_not_know_is_in_the_way(known, seen, meets):
+    check = ObstacleCheck(FLOOR, XTION, ObstacleCheckConfig(), known)
+    assert check.meets(seen, Approach(0.2, stretch=straight(START, TARGET), at=0)) == meets

@@ -16,7 +16,7 @@ from pipeline.localisation.localisation import LostError
 from pipeline.localisation.motion_states import log_likelihoods
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
-from pipeline.localisation.slam import Slam
+from pipeline.localisation.slam import Slam, certainty
 from pipeline.transforms import from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -386,3 +386,8 @@ def test_a_robot_that_sees_walls_alone_stays_on_the_ground_that_it_has_seen(
         slam.add(slam.localise(frame))
         slam.optimise()
     assert low <= abs(slam.poses[-1][2, 3] - poses[-1][2, 3]) <= high
+
+
+def test_the_less_certain_a_surface_is_the_less_it_weighs() -> None:
+    """A weight is an inverse variance: that of the registration plus that of the surface."""
+    np.testing.assert_allclose(certainty(np.array([0.0, 0.1, 0.2, 1.0]), half=0.1), [1, 1 / 2, 1 / 5, 1 / 101])

@@ -80,7 +80,7 @@ class Explorer:
         # Correct: localisation moves keyframes after a loop closure, and the maps follow.
         self.apply_corrections(waits=True)
         # Sense, localise and map (thesis 3.1 and 3.2).
-        keyframe = self.pilot.look_around()
+        keyframe = self.pilot.take_keyframe()
         self.reobservation.count(keyframe.frame)
         # Choose a viewpoint, or drive back if no path leads to where the robot came from, or end the exploration.
         with mapper.stopwatch("exploration"):

@@ -57,7 +57,7 @@ class Pilot:
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # Where the last drive ended; None if the robot was carried
 
-    def look_around(self) -> Keyframe:
+    def take_keyframe(self) -> Keyframe:
         """Make a labelled keyframe where the robot stands, turning for other views until its pose is confirmed.
 
         Raises:

@@ -310,7 +310,7 @@ class NextBestView(Strategy):
         return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
 
     def _candidates(self, remaining: RemainingGround, context: Context) -> Cells:
-        """(N, 2) cell of each block with the most reachable headings, and cells where the robot cannot turn around.
+        """(N, 2) cells: in each block, the one with the most reachable headings, and those where no full turn fits.
 
         The latter are close to ground that was assumed, not seen, at the start. With its back to the wall of a small
         room, or after backing up a ramp, the robot sees ground that is otherwise too close to its camera.

@@ -31,7 +31,7 @@ class RegistrationConfig:
         min_normal_cosine: minimum cosine between the normals of corresponding points.
         min_strength: minimum information in a direction, as a fraction of the information in the strongest direction;
             less is treated as noise and left out.
-        lever: typical distance of the surfaces in view, m; it converts errors of rotation into errors of position.
+        typical_range: typical distance of the surfaces in view, m; converts errors of rotation to errors of position.
         chance_overlap: fraction of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
             measured in 281 frames of other places. With less overlap, the wheels may have slipped.
         confidence: probability that the test against the priors accepts a correct pose.
@@ -48,14 +48,14 @@ class RegistrationConfig:
     surface_sigma: float = 0.063
     min_normal_cosine: float = 0.9
     min_strength: float = 1e-3
-    lever: float = 2.0
+    typical_range: float = 2.0
     chance_overlap: float = 0.6
     confidence: float = 0.99
 
     def __post_init__(self) -> None:
         """Raise InputError if nothing could be registered with these settings."""
         section = "localisation.registration"
-        require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "lever")
+        require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "typical_range")
         require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "iterations", "min_points")
 
 

@@ -51,7 +51,7 @@ class LoopCloser:
 
     def __init__(self, graph: PoseGraph, config: LocalisationConfig) -> None:
         self.closed: list[Loop] = []
-        self._graph, self._config, self._lever = graph, config.loops, config.registration.lever
+        self._graph, self._config, self._typical_range = graph, config.loops, config.registration.typical_range
         self._candidates: list[Candidate] = []
         self._confirmed: list[Candidate] = []
         self._counted: list[Candidate] = []
@@ -124,13 +124,13 @@ class LoopCloser:
         new = graph.covariance(second.keyframe, first.keyframe)
         (back,) = adjoints(inverse(second.T_first_base)[None])
         old = back @ graph.covariance(second.first, first.first) @ back.T
-        least = np.diag(pose_sigmas(self._config.tolerance, self._lever) ** 2)
+        least = np.diag(pose_sigmas(self._config.tolerance, self._typical_range) ** 2)
         return self._accepts(off, first.covariance + second.covariance + new + old + least)
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         poses = self._graph.poses
         off = logarithm(inverse(candidate.T_map_base(poses)) @ poses[candidate.keyframe])
-        allowed = np.diag(pose_sigmas(self._config.contradiction, self._lever) ** 2) / self._gate(off)
+        allowed = np.diag(pose_sigmas(self._config.contradiction, self._typical_range) ** 2) / self._gate(off)
         return not self._accepts(off, candidate.covariance + allowed)
 
     def _accepts(self, deviation: Values, covariance: Covariance) -> bool:

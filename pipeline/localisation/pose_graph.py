@@ -294,13 +294,13 @@ class PoseGraph:
     def deviations(self, keyframe: int) -> Values:
         """(K,) m, standard deviation of each keyframe's position relative to a given keyframe.
 
-        This is the standard deviation of a point that is ``lever`` m away from the given keyframe and moves rigidly
-        with the other keyframe.
+        This is the standard deviation of a point ``typical_range`` m away from the given keyframe. The point moves
+        rigidly with the other keyframe.
         """
-        errors, lever = self.relative_samples(keyframe), self._config.registration.lever
+        errors, typical_range = self.relative_samples(keyframe), self._config.registration.typical_range
         rotation = np.square(errors[:, :3]).mean(axis=2).max(axis=1)
         position = np.square(errors[:, 3:]).mean(axis=2).sum(axis=1)
-        return np.asarray(np.sqrt(position + lever**2 * rotation))
+        return np.asarray(np.sqrt(position + typical_range**2 * rotation))
 
     def optimise(self) -> None:
         """Find the poses that best fit all constraints, and sample their distribution again.
@@ -562,6 +562,6 @@ def _sparse(blocks: list[tuple[Indices, Indices, NDArray[np.float64]]], size: in
     return coo_array((values.ravel(), at), shape=(size, size)).tocsc()
 
 
-def pose_sigmas(deviation: float, lever: float) -> Values:
-    """(6,) standard deviations, rad and m, of a pose; each moves a point ``lever`` m away by ``deviation`` m."""
-    return np.repeat([deviation / lever, deviation], 3)
+def pose_sigmas(deviation: float, typical_range: float) -> Values:
+    """(6,) rad and m, deviations of a pose that each move a point ``typical_range`` m away by ``deviation`` m."""
+    return np.repeat([deviation / typical_range, deviation], 3)

@@ -257,7 +257,7 @@ class _Pairs:
             u = normals * root
             J = np.hstack([np.cross(u @ R, points[self.source]), -u @ R])
             self.rows.append((J, np.einsum("ni,ni->n", u, away)))
-        self._scale = np.repeat([config.lever, 1.0], 3)
+        self._scale = np.repeat([config.typical_range, 1.0], 3)
         self._whole = self._scaled()
         strength, directions = np.linalg.eigh(self._whole[0])
         self._least = config.min_strength * strength[-1]
@@ -276,7 +276,7 @@ class _Pairs:
         return scaled * (strength * real) @ scaled.T, scaled @ (real * ((self._determined @ directions).T @ pull))
 
     def _scaled(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
-        """Information and information vector (6,) in all directions, with rotations multiplied by ``lever``, m."""
+        """Information and information vector (6,) in all directions, with rotations times ``typical_range``, m."""
         (J_n, r_n), (J_m, r_m) = ((J[rows] / self._scale, residual[rows]) for J, residual in self.rows)
         return (J_n.T @ J_m + J_m.T @ J_n) / 2, -(J_n.T @ r_m + J_m.T @ r_n) / 2
 

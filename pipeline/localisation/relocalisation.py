@@ -254,7 +254,7 @@ class MapPoints:
         # Points closer together than the correspondence distance share one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
         # A robot on a slope slides while it looks around.
-        drift = pose_sigmas(DRIFT, registration.lever)
+        drift = pose_sigmas(DRIFT, registration.typical_range)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
         if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MAX_UNCERTAIN**2:

@@ -250,7 +250,7 @@ class Slam(Localisation):
         return newest
 
     def _found_sigmas(self) -> Values:
-        return pose_sigmas(FOUND_DEVIATION, self._config.registration.lever)
+        return pose_sigmas(FOUND_DEVIATION, self._config.registration.typical_range)
 
     def _refer(
         self, keyframe: int, T_keyframe_base: Pose, frame: Frame, covariance: Covariance | float = 0.0
@@ -493,7 +493,7 @@ class Slam(Localisation):
         source = Surfaces((recent.at[some] - here) @ T[:3, :3], recent.facing[some] @ T[:3, :3])
         if len(target.points) < config.min_points:
             return
-        prior = Prior(guess, np.diag(pose_sigmas(2 * STEP, config.lever) ** -2.0))
+        prior = Prior(guess, np.diag(pose_sigmas(2 * STEP, config.typical_range) ** -2.0))
         level = gravity_prior(guess, frame, self._config.odometry.gravity_sigma)
         found = register(target, source, [prior, level], config.coarse, config)
         if not (found.fits and is_pinned(found.information, loops.pinned_deviation)):
@@ -505,7 +505,7 @@ class Slam(Localisation):
         through += [seen_through_fraction(view, poses[first], shown, loops.see_through_margin)] if view else []
         if max(through) <= loops.max_seen_through:
             registered = np.linalg.inv(found.information + np.eye(6))
-            known = registered + np.diag(pose_sigmas(loops.sigma, config.lever) ** 2)
+            known = registered + np.diag(pose_sigmas(loops.sigma, config.typical_range) ** 2)
             self._loops.propose(Candidate(number, first, inverse(poses[first]) @ found.T, np.asarray(known)))
 
 

@@ -60,7 +60,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         is_other = self.has_checksum and bool(track.text and new.text) and track.text != new.text
         return np.inf if is_other else mahalanobis(track, new)
 
-    def separation(self, one: Track, other: Track) -> float:
+    def merge_distance(self, one: Track, other: Track) -> float:
         """Squared Mahalanobis distance within the gate, else infinite; flat objects in one keyframe are distinct."""
         if self.is_flat and one.keyframes & other.keyframes:
             return np.inf

@@ -111,7 +111,7 @@ class TrackPolicy(ABC):
         """Squared Mahalanobis distance of a new observation from a track; infinite if the objects are different."""
 
     @abstractmethod
-    def separation(self, one: "Track", other: "Track") -> float:
+    def merge_distance(self, one: "Track", other: "Track") -> float:
         """Distance between two tracks that may be merged; infinite if the objects are different."""
 
     @abstractmethod

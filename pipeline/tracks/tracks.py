@@ -63,7 +63,7 @@ class Tracks:
         """Merge tracks that have turned out to be of one object."""
         kept: list[Track] = []
         for track in self.all:
-            apart = [_of_kind(track.policy.separation, other, track) for other in kept]
+            apart = [_of_kind(track.policy.merge_distance, other, track) for other in kept]
             if min(apart, default=np.inf) < np.inf:
                 kept[int(np.argmin(apart))].take(track)
             else:

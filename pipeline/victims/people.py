@@ -114,7 +114,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         is_near = distance <= GATE or self._touch(track.points, new.points)
         return distance if is_near and not self._are_seen_apart(track, new) else np.inf
 
-    def separation(self, one: Track, other: Track) -> float:
+    def merge_distance(self, one: Track, other: Track) -> float:
         """0 if both tracks touch and no frame shows them apart; otherwise infinite."""
         return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
 

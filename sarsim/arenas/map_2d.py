@@ -174,7 +174,7 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
                     f"{file}: has {image.width} × {image.height} pixels; the limit is {MAX_PIXELS} in all"
                 )
             deep = image.mode.startswith("I")
-            plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_mode(image))
+            plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_target_mode(image))
             pixels = np.asarray(plain, np.float64)
     except InputError:
         raise
@@ -183,7 +183,7 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
     return np.atleast_3d(pixels / 257 if deep else pixels)  # from 16 bits to 8
 
 
-def _mode(image: Image.Image) -> str:
+def _target_mode(image: Image.Image) -> str:
     """The mode, L, RGB or RGBA, to which an image in any other mode is converted."""
     return "L" if image.mode == "1" else "RGBA" if "transparency" in image.info else "RGB"
 

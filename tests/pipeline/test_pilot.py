@@ -211,11 +211,11 @@ def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_ha
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
 def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
     outlook = Outlook()
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
     with pytest.raises(LostError, match="no other place"):
-        outlook.pilot.look_around()
+        outlook.pilot.take_keyframe()
 
 
 @pytest.mark.parametrize(("way", "was_carried"), [(0.2, False), (0.5, True)])
@@ -228,7 +228,7 @@ def test_where_the_odometry_leaps_the_robot_was_set_down(way, was_carried):
 
 def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     assert outlook.drive(4.0, 2.0, nearest=9.0) is Outcome.REACHED
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
     np.testing.assert_allclose(places, 2.0 + 0.4 * np.arange(5), atol=0.05)
@@ -237,7 +237,7 @@ def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
 
 def test_the_check_for_obstacles_makes_a_keyframe_that_is_not_labelled():
     outlook = Outlook()
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     outlook.robot.faces = [*BARE, PANEL]
     assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
     assert len(outlook.keyframes) == 2
@@ -257,7 +257,7 @@ class HeldRobot(SeeingRobot):
 @pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
 def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     outlook = Outlook(robot)
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     assert outlook.drive(4.0, 2.0) is outcome
     noticed = ["held"] if outcome is Outcome.STUCK else []
     assert [fault.kind for fault in outlook.pilot.faults.all if fault.kind != "slipping"] == noticed
@@ -275,7 +275,7 @@ def test_without_odometry_the_robot_stands(place):
             return replace(motion, T_odom_base=from_yaw(place, 0, 0, 0)) if len(self.commands) > 20 else motion
 
     outlook = Outlook(Astray())
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     with pytest.raises(LostError, match="odometry"):
         outlook.drive(4.0, 2.0)
     assert outlook.robot.commands[-2].v > 0
@@ -284,7 +284,7 @@ def test_without_odometry_the_robot_stands(place):
 
 def test_a_registration_that_is_no_number_is_left_out_and_noted():
     outlook = Outlook()
-    outlook.pilot.look_around()
+    outlook.pilot.take_keyframe()
     graph = outlook.mapper.localisation.graph
     before = graph.poses.copy()
     graph.connect(0, 0, np.full((4, 4), np.nan), np.eye(6), ConstraintKind.SURFACE)

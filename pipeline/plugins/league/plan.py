@@ -95,7 +95,7 @@ def draw_league_map(
     for poi in pois:
         if poi.type in MAP_COLOURS:
             _draw_find(league_map, poi)
-    _draw_scale(league_map, title)
+    _draw_title_and_axes(league_map, title)
     return league_map
 
 
@@ -179,7 +179,7 @@ def _draw_find(league_map: LeagueMap, poi: PointOfInterest) -> None:
     write(league_map.image, (x, y), text, size, MAP_COLOURS["text"], IN_MIDDLE, is_smooth=False)
 
 
-def _draw_scale(league_map: LeagueMap, title: str) -> None:
+def _draw_title_and_axes(league_map: LeagueMap, title: str) -> None:
     """Draw the file's name at the top left, and the scale and the axes, with x up and y left, at the top right."""
     letter, right, axis = pixels("title"), league_map.image.shape[1] - pixels("margin", 0.5), pixels("axis")
     _write(league_map, (letter, 2 * letter), title, letter, "file_name")

@@ -137,7 +137,7 @@ class Scanner:
             return self._measured(time, self.pose, self._rays, np.arange(self.model.columns), None)
 
     def advance(self, time: float) -> list[Scan]:
-        """The scans that have become complete up to ``time``, s; to be called whenever the robot has moved.
+        """Advance to ``time``, s, and return the scans completed since the last call; to be called after each motion.
 
         The first call begins the first turn. A lidar that does not roll measures a whole scan at the first call after
         the beginning of a turn; if several turns have passed, it measures only the last.

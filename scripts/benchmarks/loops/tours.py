@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Places, Pose, Poses, Values
+from pipeline.arrays import Place, Places, Pose, Poses, Values
 from pipeline.files import atomic_write
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.config import KeyframePolicy
@@ -125,7 +125,7 @@ class Paths(ABC):
         """Take into account that the robot was carried."""
 
     @abstractmethod
-    def can_continue_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Place) -> bool:
         """Whether the robot can continue from a position (2,), m."""
 
 
@@ -157,7 +157,7 @@ class GraphPaths(Paths):
         self._before, self._at = self._at, there
         return np.array([self._drive.place, self._nodes[there, :2]])
 
-    def can_continue_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Place) -> bool:
         """Whether a position (2,), m, is near a node."""
         return bool(np.linalg.norm(self._nodes[:, :2] - place, axis=1).min() < 0.5)
 
@@ -191,7 +191,7 @@ class GroundPaths(Paths):
     def moved(self) -> None:
         """Do nothing, because the next path is planned from the robot's current position."""
 
-    def can_continue_from(self, place: Places) -> bool:
+    def can_continue_from(self, place: Place) -> bool:
         """True, because the robot has already driven at this position."""
         return True
 
@@ -221,7 +221,7 @@ class Drive:
         return self.robot.trajectory[-1].T_world_base
 
     @property
-    def place(self) -> Places:
+    def place(self) -> Place:
         """(2,) true position, m."""
         return self.T[:2, 3]
 

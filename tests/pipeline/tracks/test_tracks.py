@@ -42,7 +42,7 @@ class MarkPolicy(TrackPolicy):
         apart = abs(float(track.position[0] - new.position[0]))
         return apart if apart < 0.5 else np.inf
 
-    def separation(self, one: Track, other: Track) -> float:
+    def merge_distance(self, one: Track, other: Track) -> float:
         return self.distance(one, other)
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:

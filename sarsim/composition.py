@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from pipeline.explorer import Explorer
 from pipeline.files import make_folder
@@ -25,16 +25,6 @@ from sarsim.settings import PerceptionConfig, SinkConfig
 
 TRUE_LABELS = PerceptionConfig(labels="truth", detector=None)
 """Labels from the simulator, and no search for people or other finds."""
-Perception = TypeVar("Perception", bound=PerceptionConfig)
-
-
-def with_camera_range(perception: Perception, sensor: SensorModel) -> Perception:
-    """Settings whose metric map uses the camera's maximum range, unless a settings file sets this range."""
-    metric_map = perception.pipeline.metric_map
-    if metric_map.max_range != XTION.farthest or metric_map.max_range == sensor.farthest:
-        return perception
-    metric_map = replace(metric_map, max_range=sensor.farthest)
-    return replace(perception, pipeline=replace(perception.pipeline, metric_map=metric_map))
 
 
 def make_mapper(
@@ -45,6 +35,7 @@ def make_mapper(
     earlier: Path | None = None,
     graph: Literal["mst", "roadmap"] = "roadmap",
     plugins: Sequence[Plugin] = (),
+    sensor: SensorModel = XTION,
 ) -> Mapper:
     """Make the mapper, which holds all maps of a robot.
 
@@ -56,12 +47,15 @@ def make_mapper(
         earlier: folder of an earlier run whose map is continued; None to start with empty maps.
         graph: graph used for planning.
         plugins: plug-ins, which may add readers of images.
+        sensor: the robot's camera. The metric map uses its maximum range, unless a settings file sets this range.
 
     Raises:
         InputError: the labels, the detector or the earlier map are not available.
     """
     classifier, detector = make_perception(perception)
     readers, config = make_readers(perception, plugins), perception.pipeline
+    if config.metric_map.max_range == XTION.farthest:
+        config = replace(config, metric_map=replace(config.metric_map, max_range=sensor.farthest))
     mapper = Mapper(robot, classifier, detector, graph, seed, localisation, readers, config)
     if earlier is not None:
         load_keyframes(earlier / KEYFRAMES, mapper)

@@ -18,7 +18,7 @@ from pipeline.progress import Progress
 from pipeline.robot import Robot
 from pipeline.run import ExplorerRun
 from pipeline.sink import Sink
-from sarsim.composition import compose, make_mapper, with_camera_range
+from sarsim.composition import compose, make_mapper
 from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_exploration, make_localisation, make_planner
 from sarsim.methods.plugins import make_plugins
@@ -106,8 +106,8 @@ class Episode(ExplorerRun):
         config, model = self.config, self.robot.model
         numbers, is_true = config.pipeline.localisation, config.odometry == "truth"
         localisation = make_localisation(config.localisation, model, numbers, is_true)
-        settings = with_camera_range(config, self.robot.sensor)
-        return make_mapper(settings, model, config.seed, localisation, config.map, config.graph, plugins)
+        sensor = self.robot.sensor
+        return make_mapper(config, model, config.seed, localisation, config.map, config.graph, plugins, sensor)
 
     def _recorded(self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack) -> tuple[Robot, list[Sink]]:
         """The robot, wrapped by the plug-ins and any TUM recorder, and a list with this recorder, if there is one.

@@ -211,7 +211,7 @@ class MappedDrive(MappingRun):
             refused.callback(robot.close)
             perception = PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline)
             plugins = make_plugins(config)
-            mapper = make_mapper(perception, robot.model, plugins=plugins)
+            mapper = make_mapper(perception, robot.model, plugins=plugins, sensor=robot.sensor)
             self._driven: Robot = robot
             for plugin in plugins:
                 refused.callback(plugin.abandon)

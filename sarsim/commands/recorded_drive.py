@@ -17,7 +17,7 @@ from pipeline.run import MappingRun
 from pipeline.sensor import XTION
 from pipeline.sink import Result, Sink
 from pipeline.transforms import inverse
-from sarsim.composition import compose, make_mapper, with_camera_range
+from sarsim.composition import compose, make_mapper
 from sarsim.methods.plugins import make_plugins
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import TrajectorySample
@@ -75,8 +75,8 @@ class RecordedDrive(MappingRun):
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
         plugins = make_plugins(config)
         localisation = localisation_of(poses, config.pipeline.localisation)
-        settings = with_camera_range(config, recording.sensor or XTION)
-        mapper = make_mapper(settings, model, localisation=localisation, plugins=plugins)
+        sensor = recording.sensor or XTION
+        mapper = make_mapper(config, model, localisation=localisation, plugins=plugins, sensor=sensor)
         camera = camera_pose(recording, config)
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""

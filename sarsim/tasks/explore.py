@@ -18,7 +18,6 @@ from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.plugin import Plugin, RunContext
-from pipeline.robot import RobotModel
 from pipeline.sink import Step
 from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
@@ -183,7 +182,7 @@ class Explore(gymnasium.Env[Any, Any]):
             self._free()
             self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
         plugins = make_plugins(SinkConfig(plugins={FINDS: None} if self._weights.finds else {}))
-        mapper = self._mapper(self._robot.model, plugins)
+        mapper = self._mapper(self._robot, plugins)
         self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)
         self.explorer = Explorer(self._robot, mapper, self._strategy)
         context = RunContext(mapper, None, self.explorer, self._robot, plugins)
@@ -194,12 +193,12 @@ class Explore(gymnasium.Env[Any, Any]):
         self._look()
         return self._observation(), self._info()
 
-    def _mapper(self, model: RobotModel, plugins: Sequence[Plugin]) -> Mapper:
+    def _mapper(self, robot: SimulatedRobot, plugins: Sequence[Plugin]) -> Mapper:
         localisation = make_localisation(
-            "slam", model, self._perception.pipeline.localisation, self._simulation.odometry == "truth"
+            "slam", robot.model, self._perception.pipeline.localisation, self._simulation.odometry == "truth"
         )
-        readers = plugins if self._perception.detector else ()
-        return make_mapper(self._perception, model, self._begun["seed"], localisation, plugins=readers)
+        readers, seed = plugins if self._perception.detector else (), self._begun["seed"]
+        return make_mapper(self._perception, robot.model, seed, localisation, plugins=readers, sensor=robot.sensor)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Drive to a viewpoint and take a keyframe; InputError if the action is invalid, or the task is not ready."""

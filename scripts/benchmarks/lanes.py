@@ -123,7 +123,9 @@ class LaneDrive(Sink):
         simulation = SimulationConfig(speed=EpisodeConfig().speed, robot=settings.robot)
         self._lane = LANES[lane]
         self._robot = SimulatedRobot(lane_from(lane, end), simulation, seed)
-        self._explorer = Explorer(self._robot, make_mapper(settings, self._robot.model, seed))
+        self._explorer = Explorer(
+            self._robot, make_mapper(settings, self._robot.model, seed, sensor=self._robot.sensor)
+        )
         self._explorer.watch(self)
         self._judge: LaneJudge | None = None
 

@@ -41,7 +41,7 @@ AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 def measure(settings: PlanningSettings) -> Result:
     """Median times of a step and of its stages in each arena, ms."""
-    at_least(1, settings, "frames")
+    at_least(1, settings, "steps")
     at_least(0, settings, "seed")
     figures: dict[str, float] = {}
     for arena in ARENAS:

@@ -27,7 +27,7 @@ from pipeline.robot import Motion
 from pipeline.run import ExplorerRun
 from pipeline.sensor import XTION
 from pipeline.sink import Result, Sink, Step
-from sarsim.composition import compose, make_mapper, with_camera_range
+from sarsim.composition import compose, make_mapper
 from sarsim.methods.make import make_exploration
 from sarsim.methods.plugins import make_plugins
 from sarsim.plugins.ros.settings import RosExplorationConfig
@@ -114,8 +114,8 @@ class RosDrive(ExplorerRun):
             node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion, config=live
         )
         plugins = make_plugins(config)
-        settings = with_camera_range(config, self.robot.sensor or XTION)
-        mapper = make_mapper(settings, model, earlier=config.map, plugins=plugins)
+        sensor = self.robot.sensor or XTION
+        mapper = make_mapper(config, model, earlier=config.map, plugins=plugins, sensor=sensor)
         strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
         navigator = None
         if isinstance(self.robot, Nav2Robot):

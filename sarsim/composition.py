@@ -54,7 +54,7 @@ def make_mapper(
     """
     classifier, detector = make_perception(perception)
     readers, config = make_readers(perception, plugins), perception.pipeline
-    if config.metric_map.max_range == XTION.farthest:
+    if config.metric_map.max_range == XTION.farthest != sensor.farthest:
         config = replace(config, metric_map=replace(config.metric_map, max_range=sensor.farthest))
     mapper = Mapper(robot, classifier, detector, graph, seed, localisation, readers, config)
     if earlier is not None:

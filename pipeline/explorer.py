@@ -101,6 +101,8 @@ class Explorer:
             plan = back or (self._plan(viewpoint, context) if viewpoint else None)
         if plan is None:
             self.pilot.halt()
+            if viewpoint is not None and self.mission.explores:
+                end_reason = "unreachable"
         step = Step(
             number=self.steps,
             keyframe=keyframe,

@@ -168,8 +168,8 @@ class ExplorerRun(Run, ABC):
     Attributes:
         explorer: drives the robot.
         lost_reason: why localisation failed; None if it has not failed.
-        end_reason: why exploration ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
-            ``interrupted``, ``time`` or ``steps``.
+        end_reason: why exploration ended: ``nothing_left``, ``not_worth_it``, ``unreachable``, ``held``, ``shut_in``,
+            ``lost``, ``interrupted``, ``time`` or ``steps``.
     """
 
     def __init__(
@@ -324,10 +324,13 @@ class ExplorerRun(Run, ABC):
         """The outcome of a step, as a line for the log."""
         if not step.can_drive:
             return f"{self.mapped_text}; the robot cannot leave its current position"
-        if step.viewpoint is None or step.plan is None:
+        if step.viewpoint is None:
             finished = "exploration finished: no remaining viewpoint is worth the drive"
             return f"{self.mapped_text}; {finished if step.explores else 'there is no goal left to drive to'}"
-        place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
+        place = place_name(step.viewpoint.position)
+        if step.plan is None:
+            return f"{self.mapped_text}; no path leads to the viewpoint {place}"
+        nodes = ", ".join(map(str, step.plan.nodes))
         way = f"path of {step.plan.length:.1f} m via nodes {nodes}" if nodes else f"path of {step.plan.length:.1f} m"
         if not step.viewpoint.gain:
             return f"{self.mapped_text}; next viewpoint {place}; {way}"

@@ -30,8 +30,8 @@ class Step:
         frontiers: (N, 3) m, centres of the remaining frontiers in ``map``.
         viewpoints_left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
         explores: whether the task is to explore rather than to reach goals.
-        end_reason: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
-            ``time``; None if exploration continues or is not the task.
+        end_reason: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``unreachable``,
+            ``held``, ``shut_in`` or ``time``; None if exploration continues or is not the task.
         can_drive: whether the robot can drive away from its position and is not held.
         was_carried: whether the robot has been carried elsewhere since the last step.
     """

@@ -82,13 +82,18 @@ def locked(folder: Path) -> Iterator[FolderLock]:
         yield FolderLock(folder, held)
 
 
+def usable_cores() -> int:
+    """Number of cores that this process may use; macOS does not limit them."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def make_engine(name: str = "local", workers: int | None = None) -> Engine[Any]:
     """The engine that ``--engine`` names; by default with one worker per core.
 
     Raises:
         InputError: Ray is not installed, or there is no cluster at ``RAY_ADDRESS``.
     """
-    workers = workers or len(os.sched_getaffinity(0))
+    workers = workers or usable_cores()
     if name == "ray":
         return partial(_run_on_ray, _connect_to_ray(workers, os.environ.get("RAY_ADDRESS")), workers)
     return partial(_run_locally, workers)

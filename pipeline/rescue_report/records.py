@@ -38,7 +38,7 @@ def _person(person: Person, confirmed: bool) -> Row:
         "size": _plain([size.length, size.width, size.height]),
         "posture": size.posture or None,
         "confidence": round(victim.confidence, 4),
-        "keyframes": len(victim.cameras),
+        "keyframes": len(victim.keyframes),
         "missed": len(victim.missed),
         "times": _plain(victim.times),
         "photo": _photo_name(person),

@@ -215,7 +215,7 @@ class Track:
     @property
     def times(self) -> list[float]:
         """Times of this run's frames that show the object, s, in ascending order."""
-        return sorted(observation.time for observation in self.seen if np.isfinite(observation.time))
+        return sorted({observation.time for observation in self.seen if np.isfinite(observation.time)})
 
     @property
     def text(self) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.tracks.config import ObjectConfig
-from pipeline.tracks.find import HEAT, Reading, is_same
+from pipeline.tracks.find import HEAT, Reading, is_find_kind, is_same
 from pipeline.victims.config import HeatConfig
 from pipeline.victims.detection import Detection, Detector, check_detections
 
@@ -107,6 +108,8 @@ def _read(
     detections = [] if detector is None else detector.detect(frame.rgb)
     check_detections(detections, detector)
     readings = [] if readers is None else readers.read(frame, detections)
+    if wrong := [reading.kind for reading in readings if not is_find_kind(reading.kind)]:
+        raise InputError(f"the kind {wrong[0]!r} of a reader: must be up to 40 of a-z, 0-9 and _, beginning with a-z")
     if detector is not None and frame.thermal is not None:
         readings = [*readings, *warm_regions(frame.thermal, len(frame.rgb), heat)]
     return ReadFrame(frame, keyframe, detections, readings)

@@ -130,6 +130,14 @@ def _is_text(word: str) -> bool:
     return True
 
 
+def check_arena(name: str) -> None:
+    """Raise InputError if ``--arena`` names no arena; avoid imports that take seconds."""
+    if name not in BUILT_IN and is_own_arena(name):
+        check_method("arena", name if ":" in name else name.partition("/")[0])
+    else:
+        check_arena_name(name)
+
+
 def check_names(settings: Mapping[str, Any]) -> None:
     """Check the settings that name an arena, a robot, methods, or files to read, before imports that take seconds.
 
@@ -139,11 +147,8 @@ def check_names(settings: Mapping[str, Any]) -> None:
     for name, value in settings.items():
         flag = name.replace("_", "-")
         values = value if isinstance(value, tuple) else (value,)
-        if flag == "arena" and value not in BUILT_IN:
-            if is_own_arena(value):
-                check_method(flag, value if ":" in value else value.partition("/")[0])
-            else:
-                check_arena_name(value)
+        if flag == "arena":
+            check_arena(value)
         elif flag == "robot" and value is not None:
             robot_file(value)
         elif flag in METHODS and flag not in ("arena", "arenas", "methods"):

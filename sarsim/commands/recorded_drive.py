@@ -104,13 +104,11 @@ class RecordedDrive(MappingRun):
                     break
         except (InputError, LostError) as error:
             self.error = str(error)
-        if self.labelled:
-            if self.recording.left_out:
-                _log.warning("%s: skipped %s", self.recording.path, self._left_out())
-            sim_time = self._poses[-1].time - self._poses[0].time
-            self.finish(self._score, len(self.labelled), sim_time, self._figures())
-        else:
-            self._remove_unfinished()
+        finally:  # also after an error in a user's own class
+            if self.labelled:
+                self._write()
+            else:
+                self._remove_unfinished()
 
     def _add(self, replayed: Replayed) -> None:
         frame, keyframe, truth = replayed
@@ -127,6 +125,12 @@ class RecordedDrive(MappingRun):
         self._score.add()
         if len(keyframe.labels):
             self.show(keyframe)
+
+    def _write(self) -> None:
+        if self.recording.left_out:
+            _log.warning("%s: skipped %s", self.recording.path, self._left_out())
+        sim_time = self._poses[-1].time - self._poses[0].time
+        self.finish(self._score, len(self.labelled), sim_time, self._figures())
 
     def _remove_unfinished(self) -> None:
         """Remove the files that were started, because no frame could be used."""

@@ -17,7 +17,7 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
 from sarsim.commands.cli import COMMON, apply_common_flags, check_names, guarded, parse, program
-from sarsim.methods.plugins import is_portable, settings_of, shipped_plugin, split_flags, summary
+from sarsim.methods.plugins import is_portable, may_be_in_file, settings_of, shipped_plugin, split_flags, summary
 from sarsim.settings import chooses_code
 
 if TYPE_CHECKING:
@@ -88,7 +88,8 @@ def settings_from(
         asked, args = split_flags(args, own)
         description = description and f"{description}\n\n{summary()}"
     found = config_file(args)
-    default: dict[str, Any] = {"default": load_settings(kind, found[1], args, found[0])} if found else {}
+    given = [*args, *(f"--{name}" for name in asked)]
+    default: dict[str, Any] = {"default": load_settings(kind, found[1], given, found[0])} if found else {}
     flags = make_dataclass(
         "Flags",
         [
@@ -166,6 +167,9 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
                 f"{where}: a file must not choose code to run; give --{name.replace('_', '-')} as a flag"
             )
         del given[name]
+    if isinstance(plugins := given.get("plugins"), dict):
+        by_flag = {name for name in plugins if name in on_command_line and not may_be_in_file(name)}
+        given["plugins"] = {name: own for name, own in plugins.items() if name not in by_flag}
     return _instance(kind, given, where)
 
 

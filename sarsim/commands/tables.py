@@ -20,6 +20,7 @@ STILL = 0.05  # m; a robot that has driven less has only turned in place
 ENDED_TEXTS = {
     "nothing_left": "nothing was left to explore",
     "not_worth_it": "no remaining viewpoint was worth the drive",
+    "unreachable": "no path led to the chosen viewpoint",
     "held": "the robot could not move",
     "shut_in": "the robot was enclosed by obstacles",
     "lost": "the robot lost track of its position",

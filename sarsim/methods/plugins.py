@@ -119,6 +119,12 @@ def is_portable(settings: Any) -> bool:
     return not any("Path" in str(f.type) for f in fields(settings))
 
 
+def may_be_in_file(name: str) -> bool:
+    """Whether a file may request a plug-in: it is one of sarsim's own and writes nowhere but in the run's folder."""
+    entry = find(name, (*FLAGGED, MISSION))
+    return is_shipped(name, entry.group) and is_portable(load(entry).Settings)
+
+
 def shipped_plugin(name: str, where: str) -> "type[Plugin]":
     """The plug-in that a file requests; InputError, which begins with ``where``, if only a flag may request it."""
     entry = find(name, (*FLAGGED, MISSION))

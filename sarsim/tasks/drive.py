@@ -19,11 +19,11 @@ from pipeline.errors import InputError, required
 from pipeline.robot import Velocity
 from pipeline.sensor import XTION
 from pipeline.transforms import yaw_of
-from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey
+from sarsim.methods.arena import make_arena
 from sarsim.sensors.camera import camera_intrinsics, optical_pose
 from sarsim.sensors.odometry import WheelOdometry
 from sarsim.tasks.checks import CLOSED, NOT_RESET, USED, check_choice, check_options, numbers_of, weights_of
@@ -221,7 +221,7 @@ class Drive(gymnasium.Env[Any, Any]):
         if self.world is not None:
             self.world.close()
         name = f"random:{self.np_random.integers(MAX_SEEDS)}" if self._arena == "random" else self._arena
-        arena = load_arena(name)
+        arena = make_arena(name)
         warn_of_symptoms(self._robot)
         self.world = RescueEnvironment(arena, self._robot)
         model, data = self.world.physics.model.ptr, self.world.physics.data.ptr

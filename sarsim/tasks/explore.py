@@ -20,8 +20,8 @@ from pipeline.mapper import Mapper
 from pipeline.plugin import Plugin, RunContext
 from pipeline.sink import Step
 from pipeline.transforms import yaw_of
-from sarsim.arenas.load import load_arena
 from sarsim.composition import make_mapper
+from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_localisation
 from sarsim.methods.plugins import make_plugins
 from sarsim.settings import DEFAULT_DETECTOR, LabelSource, OdometryName, PerceptionConfig, SinkConfig
@@ -180,7 +180,7 @@ class Explore(gymnasium.Env[Any, Any]):
             self._robot.reset(self._begun["seed"])
         else:
             self._free()
-            self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
+            self._robot = SimulatedRobot(make_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
         plugins = make_plugins(SinkConfig(plugins={FINDS: None} if self._weights.finds else {}))
         mapper = self._mapper(self._robot, plugins)
         self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)

@@ -5,7 +5,6 @@ Each generator and each worker has one thread; the times exclude waits for a pro
 include waits for a disk or a graphics card.
 """
 
-import os
 import tempfile
 import time
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
-from sarsim.jobs import start_worker
+from sarsim.jobs import start_worker, usable_cores
 from scripts.benchmarks.common import RENDERERS, Result, at_least
 from scripts.benchmarks.settings import DatasetSettings
 
@@ -90,7 +89,7 @@ def _make(workers: Sequence[Connection], index: int) -> NDArray[np.float64]:
     took = max(worker.recv() for worker in workers)
     clock = time.perf_counter() - start
     # With fewer than two processors, the workers wait for each other, and this time must be included.
-    return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
+    return np.array([took if usable_cores() >= 2 else clock, clock])
 
 
 def make_scenes(connection: Connection, recipe: Recipe, folder: Path) -> None:

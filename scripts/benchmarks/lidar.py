@@ -4,7 +4,6 @@ All times exclude waits for a processor that other programs use. Full scans, ray
 same view are timed in turn.
 """
 
-import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene
 from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
-from sarsim.jobs import start_worker
+from sarsim.jobs import start_worker, usable_cores
 from sarsim.plugins.lidar.config import PRESETS, LidarConfig
 from sarsim.plugins.lidar.scanner import Scanner
 from sarsim.plugins.lidar.semantic_kitti import sequence_folder
@@ -227,7 +226,7 @@ def throughput(settings: LidarSettings) -> dict[str, float]:
             process.join()
     scans = 2 * each * settings.frames
     # With fewer than two processors, the workers wait for each other, and this time must be included.
-    undisturbed = float(took.max()) if len(os.sched_getaffinity(0)) >= 2 else clock
+    undisturbed = float(took.max()) if usable_cores() >= 2 else clock
     per_minute = 60 * scans / undisturbed
     return {
         "scans": float(scans),

@@ -159,6 +159,13 @@ def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_
     assert run.report["exploration"] == {"ended": ended} | expected
 
 
+def test_a_viewpoint_to_which_no_path_leads_ends_exploration(tmp_path, monkeypatch):
+    run, outside = OneStep(tmp_path, steps=9), replace(VIEW, position=np.array([99.0, 0.0]))
+    monkeypatch.setattr(run.explorer.mission, "choose", lambda context: outside)
+    run.run()
+    assert run.report["exploration"] == {"ended": "unreachable"} and run.explorer.steps == 1
+
+
 def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):
     run, steps = OneStep(tmp_path, steps=9), []
     step = replace(run.explorer.step(), viewpoint=None, plan=None)

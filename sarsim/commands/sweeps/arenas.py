@@ -7,8 +7,8 @@ from functools import cache
 import yaml
 
 from pipeline.errors import InputError
-from sarsim.arenas.names import check_arena_name
 from sarsim.assets import asset
+from sarsim.commands.cli import check_arena
 from sarsim.methods.names import check_method
 
 SPLITS = ("train", "val", "test")
@@ -22,7 +22,7 @@ def check_names(methods: Sequence[str], arenas: Sequence[str]) -> None:
         raise InputError("--arenas: give at least one arena")
     for arena in arenas:
         if arena not in SPLITS:
-            check_arena_name(arena)
+            check_arena(arena)
     for method in methods:
         check_method("exploration", method, "methods")
 
@@ -43,9 +43,9 @@ def frozen_checksums(split: str) -> Mapping[str, str]:
 
 def checksum(name: str) -> str:
     """SHA-256 of an arena's content, in hexadecimal digits; InputError if there is no such arena."""
-    from sarsim.arenas.load import load_arena  # imported here, because checking names must not take seconds
+    from sarsim.methods.arena import make_arena  # imported here, because checking names must not take seconds
 
-    text: str = load_arena(name).mjcf_model.to_xml_string(precision=SIGNIFICANT)
+    text: str = make_arena(name).mjcf_model.to_xml_string(precision=SIGNIFICANT)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -42,7 +42,7 @@ def victim(points: NDArray[np.float32], cameras: int = 2) -> Track:
     photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
     reading, information = Reading("victim", "", box_corners((0, 0, 30, 40)), 0.9), np.eye(3) * 100
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
-    seen = [Observation(reading, 0, points[0], information, place, points, photo) for place in places]
+    seen = [Observation(reading, k, points[0], information, place, points, photo) for k, place in enumerate(places)]
     track = Track(PeoplePolicy(), seen, list(seen))
     track.where = PeoplePolicy().body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
     return track

@@ -102,6 +102,14 @@ def test_people_come_back_as_json(situation: Situation, tmp_path: Path) -> None:
     assert photo.shape == ALICE.photo.shape
 
 
+def test_two_boxes_in_one_image_are_one_keyframe() -> None:
+    person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)), 3)
+    first, second, third = person.seen
+    person.seen = [replace(first, time=1.0), replace(second, time=2.0), replace(third, keyframe=1, time=2.0)]
+    (row,) = people_data(before_a_wall(victims(person)))["people"]
+    assert row["keyframes"] == len(row["times"]) == 2
+
+
 def test_people_come_back_as_a_table(situation: Situation, tmp_path: Path) -> None:
     write_people(tmp_path, situation)
     with (tmp_path / "victims.csv").open(newline="") as file:

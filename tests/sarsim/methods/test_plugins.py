@@ -93,6 +93,8 @@ def test_a_file_repeats_a_run_with_its_plugins_but_for_those_that_write_elsewher
     assert asked("--config", str(file), "--dig-name", "fork").plugins == {"dig": Spade(7, "fork")}
     file.write_text("plugins:\n  dig:\n    count: 2\n    depths:\n      least: 0.5\n")
     assert asked("--config", str(file)).plugins == {"dig": Spade(2, depths=Depths(0.5))}
+    file.write_text("plugins: {theirs: {count: 3}, dig: {count: 2}}")
+    assert asked("--config", str(file), "--theirs", "4").plugins == {"theirs": Spade(4), "dig": Spade(2)}
 
 
 @pytest.mark.parametrize(

@@ -148,14 +148,15 @@ def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts
 
 
 @njit(cache=True)
-def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, origin, cell, columns, bins):
+def renew_dropout(direction, extent, dropouts, returns, cells, camera, level, grazing, origin, cell, columns, bins):
     """Mark the cells in which a keyframe has dropouts, and clear cells whose ground it shows.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
     none, and ``extent`` (nx, ny) the cell's size in that keyframe's image, scaled to be independent of the distance.
     ``dropouts`` and ``returns`` (nx, ny) are the numbers of pixels without and with returns in ``cells`` (K, 2) of a
     keyframe taken from ``camera`` (3,), m; dropouts are searched for in every ``ROW_STEP``-th row only. At least
-    ``columns.min_returns`` dropouts mark a cell.
+    ``columns.min_returns`` dropouts mark a cell. Where the ground's height is not known, it is assumed to be ``level``
+    (m).
 
     At least as many returns without any dropout clear it if the keyframe was taken from another direction, or if
     there are as many of them as the cell has pixels. A panel without returns is seen within ``grazing``, rad, of its
@@ -172,7 +173,8 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, grazing, 
         distance = np.sqrt(dx * dx + dy * dy) + 1e-9
         dx, dy = dx / distance, dy / distance
         # The image of level ground shrinks with the cube of its distance, and grows with the camera's height.
-        height = max(camera[2] - column_height(bins, i, j, columns), cell)
+        ground = column_height(bins, i, j, columns)
+        height = max(camera[2] - (level if np.isnan(ground) else ground), cell)
         pixels = ROW_STEP * dropouts[i, j] + returns[i, j]
         size = pixels * (distance * distance + height * height) ** 1.5 / height
         is_elsewhere = abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing)

@@ -198,7 +198,8 @@ class ElevationMap:
         cells = np.concatenate([shown, dropped])
         if camera is not None:
             marks = layers["dropout_direction"], layers["dropout_extent"]
-            kernels.renew_dropout(*marks, missing, returns, cells, camera, XTION.grazing, *cell, *judged[1:])
+            seen_from = camera, float(height), XTION.grazing
+            kernels.renew_dropout(*marks, missing, returns, cells, *seen_from, *cell, *judged[1:])
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))
 

@@ -86,7 +86,7 @@ def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedT
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, R) rays over the field of view at each heading."""
-    half, first = _rays_in_view(camera) // 2, np.rint(HEADING_ANGLES / camera.step).astype(int)
+    half, first = _rays_in_view(camera) // 2, _nearest_rays(HEADING_ANGLES, camera)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
@@ -120,11 +120,20 @@ def count_misses(
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:
     """(R,) bearings (rad) of rays across the field of view at a heading (rad)."""
-    half, middle = _rays_in_view(camera) // 2, round(heading / (2 * np.pi) * camera.rays)
+    half, middle = _rays_in_view(camera) // 2, int(_nearest_rays(np.array(heading), camera))
     # These include exactly the rays from which the gain was computed, because the slightest change may let a ray
     # slip between two cells that meet at a corner. More rays are added in between, for the cells between these rays.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
     return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
+
+
+def _nearest_rays(headings: Values, camera: kernels.CameraView) -> Indices:
+    """Indices of the rays nearest to headings (rad).
+
+    A heading halfway between two rays has the same ray whether it is given as 315° or as -45°, whose floating-point
+    values differ by more than whole turns.
+    """
+    return np.asarray(np.rint(np.round(headings % (2 * np.pi) / camera.step, 6)).astype(np.int64))
 
 
 class ViewpointGains:

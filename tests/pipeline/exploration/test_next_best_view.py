@@ -89,7 +89,7 @@ def test_what_was_given_up_stays_so_when_the_map_moves():
     assert next_viewpoint(NextBestView(PIONEER), moved, there @ pose) is not None
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", [*range(14), 1520, 4145])  # in the last two, the outermost rays matter
 def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also cells that only one ray reaches, with samples on the border of two cells, as every second one at 60°."""
     shape, camera = (140, 140), CAMERA

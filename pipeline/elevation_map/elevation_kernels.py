@@ -155,8 +155,7 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, level, gr
     none, and ``extent`` (nx, ny) the cell's size in that keyframe's image, scaled to be independent of the distance.
     ``dropouts`` and ``returns`` (nx, ny) are the numbers of pixels without and with returns in ``cells`` (K, 2) of a
     keyframe taken from ``camera`` (3,), m; dropouts are searched for in every ``ROW_STEP``-th row only. At least
-    ``columns.min_returns`` dropouts mark a cell. Where the ground's height is not known, it is assumed to be ``level``
-    (m).
+    ``columns.min_returns`` dropouts mark a cell. Ground of unknown height is assumed to be at ``level``, m.
 
     At least as many returns without any dropout clear it if the keyframe was taken from another direction, or if
     there are as many of them as the cell has pixels. A panel without returns is seen within ``grazing``, rad, of its

@@ -18,6 +18,9 @@ Fits = Callable[[Places], bool]
 """Function that returns whether the footprint has room at all poses (N, 3): x and y, m, and direction of travel,
 rad."""
 
+TANGENT, MAX_ROUNDS = float(np.radians(1)), 8
+"""Angle, rad, up to which a line between two arcs counts as a tangent of both, and number of rounds to find it."""
+
 
 @dataclass(frozen=True)
 class ArcConfig:
@@ -163,9 +166,12 @@ class _Bends:
         )
         if not len(places):
             return []
-        last = self._arc_in(places[-2] if len(places) > 1 else start[:2], places[-1], end)
-        goals = [*places[:-1], last[0, :2]] if last is not None else list(places)
-        first = self._arc_out(start, goals[0])
+        if len(places) == 1:
+            first, last = self._arcs_of_line(start, places[0], end)
+        else:
+            last = self._arc_in(places[-2], places[-1], end)
+            first = self._arc_out(start, places[0])
+        goals = [*places[:-1], places[-1] if last is None else last[0, :2]]
         here = start[:2]
         if first is not None:
             self._now.append(first)
@@ -177,6 +183,23 @@ class _Bends:
             self._now.append(last)
         self._stop()
         return self._done
+
+    def _arcs_of_line(self, start: Place, place: Place, end: float | None) -> tuple[Places | None, Places | None]:
+        """Arcs from a pose (3,) to a line and from this line to a position (2,) in direction ``end``, rad.
+
+        They are fitted to each other's ends in turn, until the line between them is a tangent of both.
+        """
+        last = self._arc_in(start[:2], place, end)
+        for _ in range(MAX_ROUNDS):
+            if last is None:
+                break
+            first = self._arc_out(start, last[0, :2])
+            if first is None:
+                return None, self._arc_in(start[:2], place, end)
+            if abs(wrap_angle(first[-1, 2] - last[0, 2])) < TANGENT:
+                return first, last
+            last = self._arc_in(first[-1, :2], place, end)
+        return self._arc_out(start, place), None
 
     def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
         """Add the line to a corner, rounded by an arc if one fits; return the start of the next line."""

@@ -94,6 +94,8 @@ def test_a_way_leads_on_from_the_robot_to_its_end(places, yaw, heading):
         steps = np.linalg.norm(np.diff(stretch.poses[:, :2], axis=0), axis=1)
         assert (steps > 0).all()
         assert steps.max() <= 1.5 * SPACING + 1e-6
+        sharpest = SPACING / min(ArcConfig().radii)  # the robot brakes where its direction changes faster
+        assert np.abs(wrap_angle(np.diff(stretch.poses[:, 2]))).max() < 1.2 * sharpest
 
 
 def test_offsets_are_what_is_left_and_how_far_aside():

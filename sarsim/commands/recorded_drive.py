@@ -113,12 +113,13 @@ class RecordedDrive(MappingRun):
     def _add(self, replayed: Replayed) -> None:
         frame, keyframe, truth = replayed
         T = frame.T_odom_base
-        if not self.frames and truth is not None:
-            # The transform from the true poses' frame to the map is unknown, so the first poses are made to coincide.
-            self._score.has_truth, self._T_map_world = True, T @ inverse(truth)
+        if truth is not None and not self._score.has_truth:
+            # The transform from the true poses' frame to the map is unknown, so the first true pose is made to
+            # coincide with the estimate.
+            self._score.has_truth, self._T_map_world = True, self.mapper.T_map_odom @ T @ inverse(truth)
         self.frames += 1
-        if truth is not None or not self._score.has_truth:
-            self._poses.append(TrajectorySample(frame.time, T if truth is None else self._T_map_world @ truth, T))
+        true = np.full((4, 4), np.nan) if truth is None else self._T_map_world @ truth
+        self._poses.append(TrajectorySample(frame.time, true, T))
         if keyframe is None:
             self.recorder.log_pose(frame.time, T)
             return

@@ -12,7 +12,7 @@ class TrajectorySample:
 
     Attributes:
         time: time of the sample, s.
-        T_world_base: 4×4 true pose of ``base_link`` in the world.
+        T_world_base: 4×4 true pose of ``base_link`` in the world; NaN where a recording lacks it.
         T_odom_base: 4×4 pose of ``base_link`` in ``odom``, by dead reckoning.
     """
 

@@ -44,10 +44,12 @@ class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
     def report(self) -> dict[str, float]:
         """Errors without alignment, because ``map`` and the world frame coincide at the start.
 
-        Drift is the final position error relative to the distance driven.
+        Drift is the final position error relative to the distance driven. Where the true pose is unknown, nothing is
+        compared.
         """
         true = np.array([pose.T_world_base for pose in self._odometry])
-        estimated = np.array(self.estimated())
+        known = np.isfinite(true).all(axis=(1, 2))
+        true, estimated = true[known], np.array(self.estimated())[known]
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         # For a recording, steps of any length are included.
@@ -55,13 +57,14 @@ class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
         distance = float(steps.sum()) if self.is_recorded else distance_driven(self._odometry)
         # The true poses of an earlier episode's keyframes are unknown; the poses in its map are used instead.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
+        pairs = [(loop, poses[loop.first], poses[loop.second]) for loop in loops]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
             "heading_rmse_deg": float(np.degrees(np.sqrt(np.mean(np.square(heading))))),
             "drift_percent": float(100 * error[-1] / distance) if distance > 0 else 0.0,
             "keyframes": len(self._keyframes),
             "loops": len(loops),
-            "false_loops": sum(is_false(loop, poses[loop.first], poses[loop.second]) for loop in loops),
+            "false_loops": sum(is_false(*pair) for pair in pairs if np.isfinite(pair[1:]).all()),
         }
 
 
@@ -104,5 +107,6 @@ def is_tipped(T: NDArray[np.float64]) -> bool:
 
 
 def write_true_tum(path: Path, trajectory: Sequence[TrajectorySample]) -> None:
-    """Write the true poses of a trajectory in the TUM format; InputError if the file cannot be written."""
-    write_tum(path, [pose.time for pose in trajectory], [pose.T_world_base for pose in trajectory])
+    """Write the known true poses of a trajectory in the TUM format; InputError if the file cannot be written."""
+    known = [pose for pose in trajectory if np.isfinite(pose.T_world_base).all()]
+    write_tum(path, [pose.time for pose in known], [pose.T_world_base for pose in known])

@@ -146,6 +146,23 @@ def test_the_drift_is_the_error_at_the_end_over_the_way(every: int, tmp_path: Pa
     assert report["localisation"]["drift_percent"] == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.parametrize("unknown", [range(5), range(5, 13)])
+def test_a_gap_in_the_true_poses_costs_only_the_comparison_there(unknown: range, tmp_path: Path) -> None:
+    folder = write_tum_folder(tmp_path / "room", groundtruth=camera_poses(WAY), odometry=camera_poses(WAY))
+    lines = (folder / "groundtruth.txt").read_text().splitlines()[1:]
+    known = [line for k, line in enumerate(lines) if k not in unknown]
+    (folder / "groundtruth.txt").write_text("\n".join(known))
+    write_tum(folder / "camera.txt", [0.0], [T_BASE_CAMERA])
+    run(folder, "--out", tmp_path / "out", "--poses", "odometry", "--labels", "rules")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["localisation"]["keyframes"] == report["recording"]["keyframes"] > 4
+    assert report["localisation"]["ate_rmse_m"] == pytest.approx(0, abs=1e-6)
+    estimated = read_trajectory(tmp_path / "out" / "trajectory_estimated.tum", of_camera=False)
+    np.testing.assert_allclose(estimated.poses, WAY, atol=1e-5)
+    true = read_trajectory(tmp_path / "out" / "trajectory_true.tum", of_camera=False)
+    np.testing.assert_allclose(true.poses, [T for k, T in enumerate(WAY) if k not in unknown], atol=1e-5)
+
+
 @pytest.mark.parametrize("beside", ["camera.yaml", "metadata.yaml", "room.bag", "notes.db3"])
 def test_a_folder_of_images_is_one_whatever_lies_beside_them(beside: str, tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path / "room", 2)

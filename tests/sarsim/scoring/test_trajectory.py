@@ -98,6 +98,16 @@ def test_a_loop_is_false_whose_relative_pose_is_off(off, is_false):
     assert (report["loops"], report["false_loops"]) == (2, is_false)
 
 
+def test_where_the_truth_is_unknown_nothing_is_compared():
+    unknown = np.full((4, 4), np.nan)
+    believed = [from_yaw(t, t == 1, 0, 0) for t in range(4)]  # off by 1 m where the truth is unknown
+    trajectory = [TrajectorySample(t, unknown if t == 1 else from_yaw(t, 0, 0, 0), T) for t, T in enumerate(believed)]
+    loops = [Loop(0, 1, np.eye(4)), Loop(0, 2, np.eye(4))]
+    report = scored(trajectory, (0, 1, 2), believed[:3], loops).report()
+    assert report["ate_rmse_m"] == report["drift_percent"] == 0
+    assert (report["loops"], report["false_loops"]) == (2, 1)
+
+
 def test_distance_is_the_length_of_the_way():
     assert distance_driven(straight(2.0)) == pytest.approx(2.0)
     assert distance_driven(straight(0.01)) == 0

@@ -60,7 +60,7 @@ class Results:
 
     Attributes:
         pages: names in docs/results/pages.yaml. By default all.
-        again: measure again even if figures for this state of the code exist.
+        again: measure again, with new episodes, even if figures for this state of the code exist.
         write: measure nothing, but write the pages from the figures that exist.
         flags: additional flags for the benchmark, such as --flags="--frames 8"; the page lists them.
         folder: folder that replaces FOLDER in the command of a page, such as a folder of .raf arenas; without it, the
@@ -103,8 +103,10 @@ def measure_page(name: str, page: Mapping[str, Any], settings: Results) -> None:
         print(f"{name}: already measured at commit {commit}")
         return
     print(f"{name}: takes about {duration(page, old)}", flush=True)
-    command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
-    command, given = with_folder(command, settings.folder)
+    own = page["command"].format(commit=commit)
+    if commit.endswith("+") or settings.again:
+        delete_episodes(own)
+    command, given = with_folder(f"{own} {settings.flags}".strip(), settings.folder)
     record = measured(command, ROOT / "runs" / "results" / name, {}, given) | {"commit": commit}
     for variant, environment in page.get("environments", {}).items():
         again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment, given)
@@ -121,6 +123,12 @@ def with_folder(command: str, folder: Path | None) -> tuple[str, dict[str, str]]
     if not folder.is_dir():
         raise InputError(f"--folder {folder}: must be a folder")
     return command, {FOLDER_WORD: str(folder.resolve())}
+
+
+def delete_episodes(command: str) -> None:
+    """Delete the finished episodes in the folder ``--runs`` of a command, which the command would not run again."""
+    for folder in re.findall(r" --runs (\S+)", command):
+        shutil.rmtree(ROOT / folder, ignore_errors=True)
 
 
 def measured(
@@ -369,9 +377,11 @@ def expected(claim: Mapping[str, Any]) -> str:
 
 def check_claims() -> None:
     """Run the commands of all claims, report which claims hold, and exit with status 1 unless all claims hold."""
-    content, failed = pages_config(), 0
+    content, commit, failed = pages_config(), state_of_code(), 0
     for name, group in groupby(content["claims"], lambda claim: claim["page"]):
-        figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
+        command, _ = with_folder(content["pages"][name]["command"].format(commit=commit), None)
+        delete_episodes(command)
+        figures = measured(command, ROOT / "runs" / "claims" / name)["figures"]
         for claim in group:
             failed += not holds(claim, figures)
             value = value_of(claim, figures, "missing")

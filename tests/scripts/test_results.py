@@ -102,6 +102,31 @@ def test_figures_of_this_state_are_not_measured_again(
     assert not runs or record["figures"] == {"ms": 1.0, "old.ms": 3.0}
 
 
+@pytest.mark.parametrize(
+    ("commit", "again", "kept"), [("abc", False, True), ("abc", True, False), ("abc+", False, False)]
+)
+def test_finished_episodes_are_reused_only_by_an_interrupted_measurement_of_a_commit(
+    commit: str, again: bool, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(results, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    monkeypatch.setattr(results, "state_of_code", lambda: commit)
+    episodes = [tmp_path / "runs" / folder / "episode.json" for folder in (f"barn-{commit}", "mine")]
+    for file in episodes:
+        file.parent.mkdir(parents=True)
+        file.touch()
+    found: list[list[bool]] = []
+
+    def measured(*_: object) -> dict[str, Any]:
+        found.append([file.exists() for file in episodes])
+        return dict(RECORD)
+
+    monkeypatch.setattr(results, "measured", measured)
+    page = PAGE | {"command": "benchmark.py barn --runs runs/barn-{commit}"}
+    measure_page("barn", page, Results(again=again, flags="--runs runs/mine"))
+    assert found == [[kept, True]]  # a folder that the user names keeps its episodes
+
+
 def test_an_environment_reaches_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results, "ROOT", tmp_path)
     (tmp_path / "scripts").mkdir()
@@ -126,21 +151,28 @@ def test_a_claim_holds_from_its_bound_on(figure: float, held: bool) -> None:
     assert not holds(LEAST, {})
 
 
-def test_all_claims_of_a_command_are_checked_by_one_run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_all_claims_of_a_command_are_checked_by_one_run_without_earlier_episodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands: list[str] = []
 
     def measured(command: str, folder: Path) -> dict[str, Any]:
+        assert not episode.exists()
         commands.append(command)
         return {"figures": {"times": 3.0, "error": 0.6}}
 
-    content = {"pages": {"camera": {"command": "benchmark.py camera"}}, "claims": [LEAST, MOST]}
+    command = "benchmark.py camera FOLDER --runs runs/camera-{commit}"
+    content = {"pages": {"camera": {"command": command}}, "claims": [LEAST, MOST]}
+    episode = tmp_path / "runs" / "camera-abc" / "episode.json"
+    episode.parent.mkdir(parents=True)
+    episode.touch()
+    monkeypatch.setattr(results, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "state_of_code", lambda: "abc")
     monkeypatch.setattr(results, "pages_config", lambda: content)
     monkeypatch.setattr(results, "measured", measured)
     with pytest.raises(SystemExit):
         check_claims()
-    assert commands == ["benchmark.py camera"]
+    assert commands == ["benchmark.py camera --runs runs/camera-abc"]
     assert capsys.readouterr().out.splitlines() == [
         "holds  fast: 3, expected ≥ 2", "FAILS  exact: 0.6, expected ≤ 0.5",
     ]  # fmt: skip

@@ -77,7 +77,8 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
 
 def without_people(job: Job, name: str, exploration: str) -> Job:
     """The episode of a strategy in the same arena with the same seed, without the detector, in the group ``name``."""
-    return Job(f"{name}.{job.group}", replace(job.config, exploration=exploration, detector=None))
+    config = replace(job.config, exploration=exploration, detector=None, detector_class=None)
+    return Job(f"{name}.{job.group}", config)
 
 
 def compared_pairs(found: Mapping[str, Results], group: str) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:

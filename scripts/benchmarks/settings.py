@@ -1,6 +1,6 @@
 """Settings of the benchmark's subjects, kept in a separate module so that ``--help`` starts fast."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from tyro.conf import Fixed, FlagConversionOff
@@ -250,13 +250,8 @@ class EpisodesSettings(PerceptionConfig, DrivesSettings):
     @property
     def episode(self) -> EpisodeConfig:
         """Settings that all episodes share."""
-        return EpisodeConfig(
-            odometry=self.odometry,
-            lighting=self.lighting,
-            labels=self.labels,
-            weights=self.weights,
-            detector=self.detector,
-        )
+        perception = {field.name: getattr(self, field.name) for field in fields(PerceptionConfig)}
+        return EpisodeConfig(odometry=self.odometry, lighting=self.lighting, **perception)
 
 
 @dataclass(frozen=True, kw_only=True)

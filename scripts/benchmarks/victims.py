@@ -61,7 +61,7 @@ def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[s
     if not settings.arenas:
         return {}, []
     jobs = list(jobs_of(settings.episode, settings))
-    bare = [Job(f"without.{job.group}", replace(job.config, detector=None)) for job in jobs if settings.baselines]
+    bare = [without_detector(job) for job in jobs if settings.baselines]
     results = run_jobs([*jobs, *bare], settings, run_episode)
     figures: dict[str, float] = {}
     for group in dict.fromkeys(job.group for job in jobs):
@@ -71,6 +71,11 @@ def episode_figures(settings: VictimsSettings) -> tuple[dict[str, float], list[s
         )
         figures |= figures_of(group, found, without)
     return figures, failures([*jobs, *bare], results)
+
+
+def without_detector(job: Job) -> Job:
+    """The same episode without a detector, in a group of its own."""
+    return Job(f"without.{job.group}", replace(job.config, detector=None, detector_class=None))
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:

@@ -1,13 +1,13 @@
 """The base classes of exports, and the files that every export has."""
 
 import json
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from inspect import cleandoc
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
@@ -49,9 +49,9 @@ class Export:
                 self.add(folder, entry, scene)
                 yield entry
             layout, seed = cleandoc(str(type(self).__doc__)), dataset.recipe.get("seed")
-            describe(folder, self.out.name, layout, cameras, len(dataset), dataset.generator, seed)
+            describe(folder, folder.name, layout, cameras, len(dataset), dataset.generator, seed)
             self.finish(folder, dataset)
-            describe_export(folder, self.out.name, layout, dataset.generator)
+            describe_export(folder, folder.name, layout, dataset.generator)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Export one scene."""
@@ -121,19 +121,28 @@ def write_image(path: Path, image: NDArray, *options: int) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Make a folder next to ``path`` for the block to fill, and rename it to ``path`` if there is no error.
+    """Make a folder of the same name for the block to fill; if there is no error, its content appears in ``path``.
 
     Raises:
         InputError: ``path`` exists and is not an empty folder, or cannot be written.
     """
     check_folder(path, marks=())
-    partial = path.with_name(path.name + ".part")
+    whole = path.resolve()  # "." has no name
+    existed = whole.exists()
     try:
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
-        yield partial
-        partial.rename(path)
+        whole.parent.mkdir(parents=True, exist_ok=True)
+        place = whole if existed else whole.parent
+        with TemporaryDirectory(dir=place, prefix=f"{whole.name}-", suffix=".part") as folder:
+            partial = Path(folder, whole.name)
+            partial.mkdir()
+            yield partial
+            if existed:  # It may be the current folder or a mount point, which cannot be replaced
+                made = list(partial.iterdir())
+                if taken := [file.name for file in made if (whole / file.name).exists()]:
+                    raise InputError(f"{path}: contains {taken[0]}; choose a new or empty folder")
+                for file in made:
+                    file.rename(whole / file.name)
+            else:
+                partial.rename(whole)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)

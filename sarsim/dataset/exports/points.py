@@ -163,7 +163,7 @@ class Blocks(Export):
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
         # Published loaders (dgcnn.pytorch, pointnet) append these paths to the parent of this folder.
-        for list_name, lines in ((FILES, [f"{self.out.name}/{name}"]), (LIST, rooms)):
+        for list_name, lines in ((FILES, [f"{folder.name}/{name}"]), (LIST, rooms)):
             with (folder / list_name).open("a") as file:
                 file.writelines(f"{line}\n" for line in lines)
 

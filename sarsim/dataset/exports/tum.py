@@ -117,7 +117,7 @@ class TumDrive(ExitStack, Sink):
         self._poses: list[tuple[str, float, NDArray[np.float64]]] = []
         self._newest: Frame | None = None
         self._keyframes: dict[float, tuple[bool, bool]] = {}
-        self.callback(self._save, folder, path.name, seed)
+        self.callback(self._save, folder, seed)
 
     def frame(self, frame: Frame) -> None:
         """Write a frame's images."""
@@ -150,7 +150,7 @@ class TumDrive(ExitStack, Sink):
         """Complete the folder; InputError if the folder cannot be written."""
         self.close()
 
-    def _save(self, folder: Path, title: str, seed: int) -> None:
+    def _save(self, folder: Path, seed: int) -> None:
         if self._newest is None:
             return
         self._sequence.pose("camera", self._newest.time, self._newest.T_base_camera)
@@ -160,7 +160,7 @@ class TumDrive(ExitStack, Sink):
             self._sequence.pose(kind, time, T @ self._newest.T_base_camera)
         self._sequence.save(self._newest.intrinsics)
         layout, generator = cleandoc(str(TumDrive.__doc__)), f"sarsim {version('sarsim')}"
-        describe(folder, title, layout, {title: self._newest.intrinsics}, 1, generator, seed)
+        describe(folder, folder.name, layout, {folder.name: self._newest.intrinsics}, 1, generator, seed)
 
 
 def calibration(k: Intrinsics) -> str:

@@ -297,6 +297,41 @@ def test_an_export_is_whole_or_not_there(data: Path, tmp_path: Path, monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
+def test_other_folders_are_left_alone(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "tum.part").mkdir()
+    (tmp_path / "tum.part" / "thesis.txt").touch()
+    exported(Tum(data, tmp_path / "tum"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tum", "tum.part"]
+    assert [path.name for path in (tmp_path / "tum.part").iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("exists", [False, True])
+def test_of_two_exports_to_one_folder_the_first_is_kept_whole(exists: bool, data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    if exists:
+        out.mkdir()
+    first, second = Tum(data, out).run(), Yolo(data, out).run()
+    next(first), next(second)
+    list(first)
+    before = {path.name for path in out.iterdir() if path.suffix != ".part"}
+    assert {"arena_0", "arena_1", "README.md"} <= before
+    with pytest.raises(InputError, match="out: "):
+        list(second)
+    assert {path.name for path in out.iterdir()} == before and list(tmp_path.iterdir()) == [out]
+
+
+def test_the_current_folder_is_filled_not_replaced(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "blocks"
+    out.mkdir()
+    monkeypatch.chdir(out)
+    exported(Blocks(data, Path(), points=64, min_points=20))
+    assert Path.cwd().samefile(out) and list(tmp_path.iterdir()) == [out]
+    assert 'pretty_name: "blocks"' in Path("README.md").read_text()
+    assert set(Path("all_files.txt").read_text().split()) == {f"blocks/ply_data_all_{n}.h5" for n in (0, 1)}
+
+
 @pytest.mark.parametrize(
     ("export", "flag", "value", "limits"),
     [

@@ -2,12 +2,14 @@
 
 import importlib.metadata
 import json
+import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -17,11 +19,11 @@ from rich.table import Column, Table
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.files import atomic_write, make_folder, read_text
+from pipeline.files import atomic_write, make_folder, read_bytes, read_text
 from sarsim.commands.cli import progress
-from sarsim.commands.provenance import processor, state_of_code
+from sarsim.commands.provenance import CODE, ROOT, processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.commands.sweeps.arenas import arenas_of, check_names
+from sarsim.commands.sweeps.arenas import arenas_of, check_names, checksum
 from sarsim.flags import Given
 from sarsim.jobs import FolderLock, locked, make_engine
 from sarsim.methods.names import OWN_CLASS, load_own
@@ -38,6 +40,7 @@ from sarsim.settings import (
     LightingName,
     RobotName,
     check_camera_size,
+    is_own_arena,
 )
 
 if TYPE_CHECKING:
@@ -45,12 +48,13 @@ if TYPE_CHECKING:
     from sarsim.commands.sweeps.leaderboard import Entry
 
 MANIFEST = "sweep.json"
-"""File that records the version, code and settings with which a folder's episodes were run."""
+"""File that records the version, code, settings and users' files with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
 SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
 """Columns of a leaderboard's table that are printed; the others would not fit, and appear only on the page."""
 EPISODE_FIELDS = ("robot", "lighting", "steps", "labels", "detector", "camera_size")
 """Settings that a sweep passes on to its episodes."""
+DIGEST_DIGITS = 12  # Hexadecimal digits of a digest in the manifest, which appear in error messages
 FAILED = 1  # Exit status if every episode failed
 
 
@@ -116,17 +120,16 @@ def sweep(settings: SweepSettings) -> None:
     from sarsim.commands.sweeps.page import write_page
 
     arenas, methods = arenas_of(settings.arenas), dict.fromkeys(settings.methods or METHODS["exploration"])
-    with without_opengl():
-        for method in (method for method in methods if ":" in method):
-            load_own("methods", method, OWN_CLASS)
+    files = files_of(settings, methods)
     if settings.engine == "local":
         check_rendering()
     # run the episodes that have no result in the folder yet
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with locked(settings.out) as lock:
-        commit = begin(settings)
+        commit = begin(settings, files)
         (settings.out / FOLDER).mkdir(exist_ok=True)
+        check_arenas(jobs, settings.out)
         failed = run_missing(jobs, settings, lock)
         results = results_of(jobs, settings.out, failed)
         write_parquet([result.row for result in results], settings.out / "episodes.parquet")
@@ -153,11 +156,28 @@ def sweep(settings: SweepSettings) -> None:
         raise SystemExit(FAILED)
 
 
-def begin(settings: SweepSettings) -> str:
-    """Write the folder's manifest or, if it exists, check it against this sweep; return the state of the code.
+def files_of(settings: SweepSettings, methods: Iterable[str]) -> dict[str, Path]:
+    """The files that define the user's own classes, robot and detector, by the name that the settings use.
 
     Raises:
-        InputError: the folder holds results of another version or state of the code, or of other settings.
+        InputError: there is no such class.
+    """
+    own = {**dict.fromkeys(methods, "methods"), settings.labels: "labels"}
+    with without_opengl():
+        classes = {name: load_own(flag, name, OWN_CLASS) for name, flag in own.items() if ":" in name}
+    modules = {name: sys.modules.get(getattr(found, "__module__", "")) for name, found in classes.items()}
+    files = {name: getattr(module, "__file__", None) for name, module in modules.items()}
+    files |= {str(path): path for path in (settings.robot, *(settings.detector or ()))}
+    return {name: Path(file) for name, file in files.items() if file is not None and Path(file).is_file()}
+
+
+def begin(settings: SweepSettings, files: Mapping[str, Path]) -> str:
+    """Write the folder's manifest or, if it exists, check it against this sweep; return the state of the code.
+
+    ``files``: see :func:`files_of`.
+
+    Raises:
+        InputError: the folder holds results of another state of the code or of ``files``, or of other settings.
     """
     try:
         code = state_of_code()
@@ -165,25 +185,47 @@ def begin(settings: SweepSettings) -> str:
         code = ""
     file = settings.out / MANIFEST
     current = {"version": importlib.metadata.version("sarsim"), "code": code}
+    if code.endswith("+"):
+        changes = subprocess.run(["git", "diff", "HEAD", "--", *CODE], cwd=ROOT, check=True, capture_output=True)
+        current["digest of uncommitted changes"] = _digest(changes.stdout)
     for name, value in settings.of_episodes.items():
         current[name] = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-    if not file.exists():
-        with atomic_write(file) as part:
-            part.write_text(json.dumps(current) + "\n")
-        return code
+    digests = {f"digest of {name}": _digest(read_bytes(path)) for name, path in files.items()}
     try:
-        earlier = dict(json.loads(read_text(file)))
+        earlier = dict(json.loads(read_text(file))) if file.exists() else current
     except (ValueError, TypeError) as error:
         raise InputError(
             f"{file}: not the {MANIFEST} of a sweep: {error}; choose another folder for --out"
         ) from error
-    for key, value in current.items():
-        if earlier.get(key) != value:
+    for key, value in (current | digests).items():
+        if earlier.get(key, digests.get(key)) != value:  # A method's file is unknown until the method is first run
             raise InputError(
                 f"--out {settings.out}: contains results with {key} = {earlier.get(key) or 'unknown'}, but this sweep"
                 f" has {key} = {value or 'unknown'}; choose another folder"
             )
+    with atomic_write(file) as part:
+        part.write_text(json.dumps(earlier | digests) + "\n")
     return code
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()[:DIGEST_DIGITS]
+
+
+def check_arenas(jobs: Iterable["SweepJob"], folder: Path) -> None:
+    """Raise InputError if the folder holds results in an arena that has changed since.
+
+    Only the user's own arenas are checked, because the others depend on nothing but the code.
+    """
+    from sarsim.commands.sweeps.episodes import result_of
+
+    found = {job.arena: result.row.get("checksum") for job in jobs if (result := result_of(job, folder))}
+    with without_opengl():
+        for arena, earlier in found.items():
+            if (is_own_arena(arena) or Path(arena).exists()) and checksum(arena) != earlier:
+                raise InputError(
+                    f"--out {folder}: contains results in {arena}, which has changed since; choose another folder"
+                )
 
 
 def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: FolderLock) -> dict["SweepJob", str]:

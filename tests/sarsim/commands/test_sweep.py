@@ -1,6 +1,7 @@
 """The command that sweeps: complete, resumable, the same bytes again."""
 
 import json
+import subprocess
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +14,13 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.commands.sweep import SUMMARY, SweepSettings, sweep
 from sarsim.commands.sweeps import episodes
+from sarsim.commands.sweeps.arenas import checksum
 from sarsim.commands.sweeps.episodes import SweepJob
 from sarsim.commands.sweeps.leaderboard import TABLE_COLUMNS, read_entry
+from sarsim.robots.names import robot_file
 from sarsim.scoring.progress import ExploredCurve
 from tests.sarsim.dataset.small import InProcess
+from tests.sarsim.rooms import room
 
 OWN = "class Own:\n    pass\n"
 
@@ -78,6 +82,65 @@ def test_episodes_of_other_settings_are_not_mixed(settings: SweepSettings) -> No
     for change in changes:
         with pytest.raises(InputError, match="".join(change)):
             sweep(replace(few, **change))
+
+
+def test_results_of_another_state_of_ones_own_files_are_not_reused(settings: SweepSettings, tmp_path: Path) -> None:
+    method, robot = tmp_path / "changing.py", tmp_path / "robot.xml"
+    method.write_text(OWN)
+    robot.write_text(robot_file("jackal").read_text())
+    few = replace(settings, methods=("nearest_frontier",), robot=str(robot))
+    sweep(few)
+    for _ in range(2):
+        sweep(replace(few, methods=("nearest_frontier", "changing:Own")))
+    method.write_text(OWN + "# changed\n")
+    with pytest.raises(InputError, match="changing:Own"):
+        sweep(replace(few, methods=("changing:Own",)))
+    sweep(few)
+    robot.write_text(robot.read_text() + "\n")
+    with pytest.raises(InputError, match=r"robot\.xml"):
+        sweep(few)
+
+
+def test_results_of_other_uncommitted_changes_are_not_reused(
+    settings: SweepSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def git(*words: str) -> None:
+        identity = "-c", "user.name=N", "-c", "user.email=e@x"
+        subprocess.run(["git", *identity, *words], cwd=tmp_path, check=True, capture_output=True)
+
+    code = tmp_path / "pipeline" / "code.py"
+    code.parent.mkdir()
+    code.touch()
+    git("init")
+    git("add", "pipeline")
+    git("commit", "-m", "Begin")
+    monkeypatch.setattr("sarsim.commands.sweep.ROOT", tmp_path)
+    monkeypatch.setattr("sarsim.commands.sweep.state_of_code", lambda: "abc+")
+    few = replace(settings, methods=("nearest_frontier",))
+    code.write_text("a = 1\n")
+    sweep(few)
+    sweep(few)
+    code.write_text("a = 2\n")
+    with pytest.raises(InputError, match="uncommitted"):
+        sweep(few)
+
+
+def test_results_in_an_arena_that_has_changed_are_not_reused(
+    settings: SweepSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def with_checksum(job: SweepJob, settings: Mapping[str, Any]) -> Any:
+        row, curve = run_and_score(job, settings)
+        return row | {"checksum": checksum(job.arena)}, curve
+
+    monkeypatch.setattr(episodes, "run_and_score", with_checksum)
+    arena = tmp_path / "room.xml"
+    few = replace(settings, methods=("nearest_frontier",), arenas=(str(arena),))
+    arena.write_text(room((-0.6, 1.4), (-0.8, 0.8)))
+    sweep(few)
+    sweep(few)
+    arena.write_text(room((-0.6, 1.5), (-0.8, 0.8)))
+    with pytest.raises(InputError, match=r"room\.xml"):
+        sweep(few)
 
 
 def test_a_sweep_in_which_every_episode_failed_ends_with_status_1(settings: SweepSettings) -> None:

@@ -105,13 +105,18 @@ def chooses_code(flag: str, value: object) -> bool:
     """Whether a flag's value in a settings file, one word or a list, names code that sarsim does not ship."""
     if flag in ("sink", "reader", "detector-class"):
         return bool(value)
-    if flag not in METHODS and flag != "detector":
+    if flag not in METHODS and flag not in ("detector", "mission"):
         return False
     words = [str(word) for word in (value if isinstance(value, list) else [value])]
+    if flag == "mission":
+        missions = entry_points(group="sarsim.mission").names
+        named = {word if word in missions else Path(word).suffix for word in words} & missions
+        return not all(is_shipped(name, "sarsim.mission") for name in named)
     if flag in ("arena", "arenas"):
         own = filter(is_own_arena, words)
         return not all(is_shipped(word.partition("/")[0], "sarsim.arena") for word in own)
-    return any(":" in word or word in entry_points(group=f"sarsim.{flag}").names for word in words)
+    installed = entry_points(group=f"sarsim.{'exploration' if flag == 'methods' else flag}").names
+    return any(":" in word or word in installed for word in words)
 
 
 @dataclass(frozen=True, kw_only=True)

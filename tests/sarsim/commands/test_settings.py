@@ -1,6 +1,7 @@
 """Settings from a YAML file and flags: which wins, what is refused, and that a file written is read back."""
 
 from dataclasses import dataclass, field
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +12,7 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from sarsim.commands.settings import load_settings, run_with_settings, save_settings, settings_from
 from sarsim.commands.sweep import SweepSettings
-from sarsim.settings import EpisodeConfig
+from sarsim.settings import EpisodeConfig, MapRecordingConfig
 from tests.refusal import refusal
 
 
@@ -148,6 +149,32 @@ def test_a_file_names_no_code_that_runs(text: str, tmp_path: Path) -> None:
     flag = text.partition(":")[0].replace("_", "-")
     with pytest.raises(InputError, match=f"give --{flag} as a flag"):
         load_settings(EpisodeConfig, path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (SweepSettings, "methods: [next_best_view, theirs]"),
+        (EpisodeConfig, "exploration: theirs"),
+        (EpisodeConfig, "mission: theirs"),
+        (EpisodeConfig, "mission: field.theirs"),
+        (MapRecordingConfig, "mission: theirs.yaml"),
+    ],
+)
+def test_a_file_names_no_installed_code_of_others(
+    kind: type, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    theirs = ("exploration", "theirs"), ("mission", "theirs"), ("mission", ".theirs"), ("mission", "theirs.yaml")
+    entries = [EntryPoint(name, "os:getcwd", f"sarsim.{group}") for group, name in theirs]
+    known = EntryPoints([*entries, *entry_points(group="sarsim.mission")])
+    monkeypatch.setattr("sarsim.settings.entry_points", known.select)
+    path = tmp_path / "config.yaml"
+    path.write_text(f"{text}\n")
+    with pytest.raises(InputError, match=f"give --{text.partition(':')[0]} as a flag"):
+        load_settings(kind, path)
+    for mission in ("explore", "league", "mine.yaml"):
+        path.write_text(f"mission: {mission}\n")
+        assert load_settings(EpisodeConfig, path).mission == mission
 
 
 def test_flags_may_choose_the_code_that_a_file_must_not(tmp_path: Path) -> None:

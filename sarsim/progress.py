@@ -88,7 +88,13 @@ def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
 @contextmanager
 def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Progress], None]]:
     """Show the progress of a run during a ``with`` block, and yield a function that receives this progress."""
-    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), _Left()
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        _Left(),
+    )
     with _bars(columns, disable) as bars:
         bar = bars.add_task(description, total=None, is_timed=False)
 

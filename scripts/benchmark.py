@@ -38,7 +38,9 @@ def benchmark(settings: SubjectSettings, subject: str) -> None:
     )
     tables = tables or [every_figure(subject, result.figures)]
     origin = f"{processor()}, {instructions()}"
-    Console().print(*(Markdown(text) for text in tables), *result.notes, origin, sep="\n", highlight=False)
+    Console(markup=False).print(
+        *(Markdown(text) for text in tables), *result.notes, origin, sep="\n", highlight=False
+    )
     if settings.json:
         content = {
             "subject": subject,

@@ -68,7 +68,7 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
     with progress() as bars:
         for _ in bars.track(export.run(), total=total, description="scenes"):
             pass
-    Console().print(f"Exported {total} scene{'s' * (total != 1)} to {export.out}", soft_wrap=True)
+    Console(markup=False).print(f"Exported {total} scene{'s' * (total != 1)} to {export.out}", soft_wrap=True)
 
 
 def main() -> None:

@@ -77,7 +77,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
     save_settings(replace(settings, harder=False), settings.out / "config.yaml")
     count = f"{len(manifest.scenes)} scene{'s' * (len(manifest.scenes) != 1)}"
     text = f"{count} in {settings.out}; for an overview, open {settings.out / 'index.html'}"
-    Console().print(text, soft_wrap=True)
+    Console(markup=False).print(text, soft_wrap=True)
 
 
 def main() -> None:

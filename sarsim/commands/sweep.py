@@ -263,15 +263,16 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
 
     for (method, error), count in Counter((job.method, text) for job, text in failed.items()).items():
         print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
+    console = Console(markup=False)
     for board in boards(entries):
         shown = [n for n, head in enumerate(board.heads) if head in SUMMARY]
         columns = [Column(board.heads[n], overflow="fold", no_wrap=n == 0) for n in shown]
         table = Table(*columns, title=board.title, caption="interquartile means, with 95% confidence intervals")
         for row in board.rows:
             table.add_row(*(row[n] for n in shown))
-        Console().print(table)
+        console.print(table)
     places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
-    Console().print("Page: {}; episodes: {}; leaderboard entries: {}".format(*places), soft_wrap=True)
+    console.print("Page: {}; episodes: {}; leaderboard entries: {}".format(*places), soft_wrap=True)
 
 
 def main() -> None:

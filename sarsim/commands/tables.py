@@ -124,7 +124,7 @@ def _clock(seconds: float) -> str:
 
 def show_results(report: dict[str, Any], folder: Path, every_figure: bool = False) -> None:
     """Print the outcome of a run, if there is one, and how to view its files."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if report and every_figure:
         console.print(report_table(report))
     lines = summary(report) if report else {}
@@ -132,11 +132,13 @@ def show_results(report: dict[str, Any], folder: Path, every_figure: bool = Fals
     files = [f"{folder}", f"recording: {_viewer()} {quote(str(folder))}"]
     files += [f"report page: python3 -m webbrowser {quote(str(page))}"] if page.exists() else []
     for about, line in {**lines, "results": "; ".join(files)}.items():
-        console.print(f"{about:9} {line}", soft_wrap=True, markup=False)
+        console.print(f"{about:9} {line}", soft_wrap=True)
 
 
 def _viewer() -> str:
     """The command that opens a recording, as typed in the current folder."""
     installed = Path(sys.executable).with_name(VIEW)
     on_path = shutil.which(VIEW)
-    return VIEW if on_path and Path(on_path).samefile(installed) else os.path.relpath(installed)
+    if on_path and (not installed.exists() or Path(on_path).samefile(installed)):
+        return VIEW
+    return os.path.relpath(installed)

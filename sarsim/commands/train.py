@@ -127,7 +127,7 @@ def _clouds(
             f"--data {folders}: the train split has no points labelled {' or '.join(missing)},"
             f" so the network cannot learn {learned}"
         )
-        Console(stderr=True).print(warning, soft_wrap=True)
+        Console(stderr=True, markup=False).print(warning, soft_wrap=True)
     return clouds
 
 
@@ -149,7 +149,9 @@ def _train(training: "Training", settings: TrainPoints) -> None:
 
         training.run(report)
     if leads:
-        Console().print(f"Validation{_scored(training, ': ') or ': none'}. Weights in {training.out}", soft_wrap=True)
+        Console(markup=False).print(
+            f"Validation{_scored(training, ': ') or ': none'}. Weights in {training.out}", soft_wrap=True
+        )
 
 
 def _scored(training: "Training", before: str) -> str:

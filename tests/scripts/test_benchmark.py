@@ -25,7 +25,7 @@ class Toy(SubjectSettings):
 def test_the_file_says_what_was_measured_where_and_how(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    toy = SimpleNamespace(measure=lambda settings: Result({"toy_vs_peer": 2.5}, {"rounds": [1, 2]}, ["one failed"]))
+    toy = SimpleNamespace(measure=lambda settings: Result({"toy_vs_peer": 2.5}, {"rounds": [1, 2]}, ["[b]failed"]))
     monkeypatch.setattr(benchmark, "import_module", lambda name: toy)
     file = tmp_path / "toy.json"
     benchmark.benchmark(Toy(json=file, raf=tmp_path, seed=5), "camera")
@@ -36,7 +36,7 @@ def test_the_file_says_what_was_measured_where_and_how(
     assert content["figures"] == {"toy_vs_peer": 2.5}
     assert yaml.safe_load((tmp_path / "toy.yaml").read_text())["seed"] == 5
     printed = capsys.readouterr().out
-    assert "toy_vs_peer" in printed and "one failed" in printed
+    assert "toy_vs_peer" in printed and "[b]failed" in printed
     with pytest.raises(InputError, match=r"--json .*nowhere/toy.json"):
         benchmark.benchmark(Toy(json=tmp_path / "nowhere" / "toy.json", raf=tmp_path), "camera")
 

@@ -28,7 +28,7 @@ def ros_robot(config: RosRobotConfig) -> None:
             config.arena,
         )
     if config.out:
-        Console().print(f"Ground truth of the drive: {config.out}", soft_wrap=True)
+        Console(markup=False).print(f"Ground truth of the drive: {config.out}", soft_wrap=True)
     exit_by_signal(ended_by)
 
 

@@ -18,10 +18,10 @@ def test_the_command_says_where_the_dataset_lies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess(toys=True))
-    run_with_settings(command, GenerateDataset, ["--out", str(tmp_path / "data"), "--scenes", "2"])
+    run_with_settings(command, GenerateDataset, ["--out", str(tmp_path / "[b]data"), "--scenes", "2"])
     captured = capsys.readouterr()
-    assert f"2 scenes in {tmp_path / 'data'}" in captured.out
-    assert (tmp_path / "data" / "index.html").exists()
+    assert f"2 scenes in {tmp_path / '[b]data'}" in captured.out
+    assert (tmp_path / "[b]data" / "index.html").exists()
 
 
 @pytest.mark.parametrize("name", sorted(export_dataset.EXPORTS))
@@ -29,11 +29,12 @@ def test_every_export_is_a_subcommand(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     toys(tmp_path / "data", 2)
-    args = ["export_dataset.py", name, "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    out = tmp_path / "[b]out"
+    args = ["export_dataset.py", name, "--data", str(tmp_path / "data"), "--out", str(out)]
     monkeypatch.setattr(sys, "argv", args)
     export_dataset.main()
-    assert f"Exported 2 scenes to {tmp_path / 'out'}" in capsys.readouterr().out
-    assert list((tmp_path / "out").rglob("*"))
+    assert f"Exported 2 scenes to {out}" in capsys.readouterr().out
+    assert list(out.rglob("*"))
 
 
 def test_colours_are_of_blocks_alone(

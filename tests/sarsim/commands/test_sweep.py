@@ -55,7 +55,7 @@ def test_a_method_that_fails_costs_its_own_episodes_alone(
     assert {row["checksum"] for row in rows} == {"c"}
     entries = [read_entry(file) for file in (settings.out / "entries").iterdir()]
     assert len(entries) == 2 and len({entry.board for entry in entries}) == 1
-    again = replace(settings, out=settings.out.with_name("again"))
+    again = replace(settings, out=settings.out.with_name("[b]again"))
     sweep(again)
     for name in ("episodes.parquet", "sweep.html"):
         assert (again.out / name).read_bytes() == (settings.out / name).read_bytes()

@@ -44,6 +44,28 @@ def test_every_figure_is_shown_on_request(tmp_path: Path, capsys: pytest.Capture
     assert "localisation.drift_percent" not in "\n".join(lines(REPORT, tmp_path, capsys))
 
 
+def test_an_arena_in_brackets_is_shown_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = lines(REPORT | {"arena": "a[/b]"}, tmp_path / "[b]c", capsys, every=True)
+    assert "a[/b], seed 0" in "\n".join(shown) and f"results   {tmp_path / '[b]c'}" in shown[-1]
+
+
+def test_a_viewer_is_called_by_its_name_unless_another_one_is_found_by_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, beside = tmp_path / "found" / "sarsim-view", tmp_path / "python" / "sarsim-view"
+    for file in (found, beside):
+        file.parent.mkdir()
+        file.touch(0o755)
+    monkeypatch.setenv("PATH", str(found.parent))
+    monkeypatch.setattr("sys.executable", str(beside.with_name("python")))
+    monkeypatch.chdir(tmp_path)
+    assert "recording: python/sarsim-view " in lines({}, tmp_path, capsys)[-1]
+    beside.unlink()
+    assert "recording: sarsim-view " in lines({}, tmp_path, capsys)[-1]
+    beside.symlink_to(found)
+    assert "recording: sarsim-view " in lines({}, tmp_path, capsys)[-1]
+
+
 def test_what_has_no_truth_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recording = {"arena": "a.mcap", "seed": 0, "steps": 3, "sim_time_s": 5.0}
     explored, results = lines(recording, tmp_path, capsys)

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.training
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("data")
+    folder = tmp_path_factory.mktemp("data") / "[b]all"
     toys(folder, 5)
     return folder
 
@@ -35,7 +35,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *flags: object) -> None:
 def test_the_command_leaves_weights_that_the_robot_can_use_and_prints_what_they_will_not_know(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "w.safetensors"
+    out = tmp_path / "[b]w.safetensors"
     call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 2, "--batch", 2)
     printed = capsys.readouterr()
     assert str(out) in printed.out

@@ -210,8 +210,10 @@ def _turning(group: Sequence[Entry]) -> list[Values]:
 
 
 def _people_found(group: Sequence[Entry]) -> list[Values]:
-    """Fractions of people found, in the arenas that contain any."""
+    """Fractions of people found, 0 for failed episodes, in the arenas that contain any."""
     present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
+    # If all episodes with a seed failed, those with other seeds tell how many people the arena contains.
+    present = np.where(present > 0, present, present.max(axis=1, keepdims=True))
     has_any = present.any(axis=1)
     return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []
 

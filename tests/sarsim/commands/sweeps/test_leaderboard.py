@@ -67,6 +67,8 @@ def test_people_are_a_share_of_those_in_the_arena_and_arenas_without_do_not_coun
     column = TABLE_COLUMNS["people found"]
     assert [found.tolist() for found in column([some, lost])] == [[[0.0, 0.5]], [[0.0, 0.0]]]
     assert column([lost]) == []
+    failed = {"arena": "b", "seed": 0, "failed": "threw"}
+    assert [found.tolist() for found in column([entry_of([failed, rows[3]], **ABOUT, method="m")])] == [[[0.0, 0.5]]]
 
 
 def test_a_map_that_no_episode_has_is_no_column() -> None:

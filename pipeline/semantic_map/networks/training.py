@@ -4,6 +4,7 @@ With ``torchrun``, several processes train together: in each step, every process
 """
 
 import csv
+import hashlib
 import json
 import os
 import pickle
@@ -158,9 +159,11 @@ class Training:
         self.spent = 0.0
         self.rows: list[list[float]] = []
         self._losses: list[float] = []
-        # A checkpoint must come from a run with the same settings, number of processes and data.
+        # A checkpoint must come from a run with the same settings, number of processes, data and initial weights.
         points = [sum(len(cloud.points) for cloud in clouds) for clouds in (training_clouds, validation)]
         data = f"{network.NAME} {channels} {points} {self._blocks}"
+        if not isinstance(initial, str):
+            data += f" {checksum(network)}"
         self._settings = f"{json.dumps(asdict(config))} {worker.count} {data}"
         self._checkpoint = out.with_suffix(".checkpoint")
         if self._checkpoint.exists():
@@ -267,7 +270,7 @@ class Training:
             state = torch.load(self._checkpoint, map_location=self.worker.device, weights_only=True)
             if state["settings"] != self._settings:
                 raise InputError(
-                    f"{self._checkpoint}: written by a training run with other settings or data; {remedy}"
+                    f"{self._checkpoint}: the training run had other settings, data or initial weights; {remedy}"
                 )
             self.network.load_state_dict(state["network"])
             self._optimizer.load_state_dict(state["optimizer"])
@@ -283,6 +286,14 @@ class Training:
             raise
         except (OSError, RuntimeError, LookupError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
             raise InputError(f"{self._checkpoint}: cannot be read as a training checkpoint; {remedy}") from error
+
+
+def checksum(network: PointNetwork) -> str:
+    """SHA-256 of a network's weights, in hexadecimal digits."""
+    digest = hashlib.sha256()
+    for values in network.state_dict().values():
+        digest.update(values.cpu().numpy().tobytes())
+    return digest.hexdigest()
 
 
 def rate(progress: float) -> float:

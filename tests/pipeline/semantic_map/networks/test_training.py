@@ -176,6 +176,17 @@ def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> No
             trainer(*other)
 
 
+def test_a_checkpoint_of_other_initial_weights_is_refused(
+    clouds, finished: Path, learned: tuple[Training, Path], tmp_path: Path
+) -> None:
+    out, config = tmp_path / "w.safetensors", replace(CONFIG, steps=1)
+    trainer(clouds, out, config, load_classifier(finished)[0]).run()
+    assert trainer(clouds, out, config, load_classifier(finished)[0]).step == 1
+    for initial in ("dgcnn", load_classifier(learned[1])[0]):
+        with pytest.raises(InputError, match=r"w\.checkpoint"):
+            trainer(clouds, out, config, initial)
+
+
 @pytest.mark.parametrize("content", [b"no checkpoint", torch.zeros(3), {"settings": 1}])
 def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, content) -> None:
     path = tmp_path / "w.checkpoint"

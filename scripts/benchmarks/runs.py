@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
@@ -33,6 +33,7 @@ GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
 STEPS = 1000  # Maximum number of steps; an episode ends earlier if no viewpoint is left
 
 Results = Sequence[dict[str, Any] | None]  # One per job; None where the job failed
+AnyJob = TypeVar("AnyJob", bound="Job")
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def jobs_of(base: EpisodeConfig, drives: DrivesSettings) -> Iterator[Job]:
 
 
 def run_jobs(
-    jobs: Sequence[Job], settings: RunsSettings, run: Callable[[Job], dict[str, Any] | None]
+    jobs: Sequence[AnyJob], settings: RunsSettings, run: Callable[[AnyJob], dict[str, Any] | None]
 ) -> list[dict[str, Any] | None]:
     """The result of every job, in the order of ``jobs``; None for a job that failed.
 
@@ -123,13 +124,16 @@ def run_jobs(
         waiting = [job for job in jobs if job.result(folder) is None]
         bar = bars.add_task("episodes", total=len(waiting))
         with closing(make_engine(workers=settings.workers)(partial(write_result, run), waiting, lock)) as outcomes:
-            for _ in outcomes:
+            for job, _, failure in outcomes:
+                if failure is not None:  # Of a worker that died, because a job's own error is in its log
+                    with (folder / f"{job.name}.log").open("a") as log:
+                        log.write(f"{failure}\n")
                 bars.advance(bar)
     return [job.result(folder) for job in jobs]
 
 
 def run_jobs_or_raise(
-    jobs: Sequence[Job], settings: RunsSettings, run: Callable[[Job], dict[str, Any]]
+    jobs: Sequence[AnyJob], settings: RunsSettings, run: Callable[[AnyJob], dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """The results of jobs, see :func:`run_jobs`; InputError if a job failed."""
     results = run_jobs(jobs, settings, run)
@@ -143,7 +147,7 @@ def failures(jobs: Sequence[Job], results: Results) -> list[str]:
     return [job.name for job, result in zip(jobs, results, strict=True) if result is None]
 
 
-def write_result(run: Callable[[Job], dict[str, Any] | None], job: Job, folder: Path) -> None:
+def write_result(run: Callable[[AnyJob], dict[str, Any] | None], job: AnyJob, folder: Path) -> None:
     """Write a job's result to its JSON file, unless the result is None or the job fails; stderr goes to a log."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:

@@ -1,15 +1,20 @@
 """A short tour from its recording to its figures, and what counts as off."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.transforms import from_yaw
+from scripts.benchmarks import loops, runs
 from scripts.benchmarks.loops import figures_of, measure
 from scripts.benchmarks.loops.scores import offsets
 from scripts.benchmarks.loops.tours import Tour
 from scripts.benchmarks.settings import LoopsSettings
+from tests.sarsim.dataset.small import InProcess
 
 
 def test_a_tour_is_recorded_once_and_scored(tmp_path: Path) -> None:
@@ -23,6 +28,35 @@ def test_a_tour_is_recorded_once_and_scored(tmp_path: Path) -> None:
     assert result.figures["false"] == 0
     assert sum(1 for _ in tour.frames()) == len(tour.true)
     assert measure(settings).figures == result.figures
+
+
+def test_scores_of_other_settings_or_of_an_older_version_are_not_reused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_a_tour = dict.fromkeys((*loops.SUMMED, *loops.MEDIANS), 1.0) | {"linked": 1, "nees": {}, "relative_nees": {}}
+    monkeypatch.setattr(loops, "run_tour", lambda job, folder: {"scores": of_a_tour})
+    monkeypatch.setattr(runs, "make_engine", lambda workers: InProcess())
+    settings = LoopsSettings(worlds=("a/room.xml",), seeds=(0,), length=8.0, runs=tmp_path)
+    assert measure(settings).figures["room.ate_m"] == measure(settings).figures["room.ate_m"] == 1
+    with pytest.raises(InputError, match="room-0-8"):
+        measure(replace(settings, worlds=("b/room.xml",)))
+    (file,) = tmp_path.glob("*.json")
+    content = json.loads(file.read_text())
+    for older in (content["settings"] | {"version": "0"}, content["settings"] | {"length": 9.0}):
+        file.write_text(json.dumps(content | {"settings": older}))
+        with pytest.raises(InputError, match="room-0-8"):
+            measure(settings)
+
+
+def test_the_reason_why_a_tour_failed_is_in_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("no way to the next waypoint")
+
+    monkeypatch.setattr(loops, "record", fails)
+    monkeypatch.setattr(runs, "make_engine", lambda workers: InProcess())
+    with pytest.raises(InputError, match="ring-3-8"):
+        measure(LoopsSettings(worlds=("ring",), seeds=(3,), length=8.0, runs=tmp_path))
+    assert "no way to the next waypoint" in (tmp_path / "ring-3-8.log").read_text()
 
 
 def test_a_constraint_is_off_only_in_directions_that_it_determines() -> None:

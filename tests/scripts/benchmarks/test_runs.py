@@ -54,6 +54,18 @@ def test_it_goes_on_where_it_stopped_but_not_with_other_settings(tmp_path):
         run_jobs(jobs, settings, run)
 
 
+def test_the_log_of_a_job_whose_worker_died_says_so(tmp_path, monkeypatch):
+    def dying(work, jobs, lock):
+        for job in jobs:
+            (lock.folder / f"{job.name}.log").write_text("a warning\n")
+            yield job, None, InputError("3 worker processes died")
+
+    monkeypatch.setattr(runs, "make_engine", lambda workers: dying)
+    job = Job("random", EpisodeConfig(arena="random:0"))
+    assert run_jobs([job], ExplorationSettings(runs=tmp_path, labels="truth"), lambda job: {}) == [None]
+    assert (tmp_path / f"{job.name}.log").read_text() == "a warning\n3 worker processes died\n"
+
+
 def test_an_episode_has_a_report_and_an_arena_without_a_start_is_left_out(tmp_path):
     job = Job("nist_6x4", EpisodeConfig(steps=1, exploration="nearest_frontier", **QUICK))
     result = run_episode(job, pages=tmp_path)

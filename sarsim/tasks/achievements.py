@@ -48,8 +48,8 @@ class Achievements(Sink):
 
     @property
     def seconds(self) -> float:
-        """Simulated time since the start."""
-        return self._robot.time - self._start
+        """Simulated time since the start, s; the last known time if the simulation diverged and MuJoCo reset it."""
+        return self._robot.trajectory[-1].time - self._start
 
     @property
     def totals(self) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """``sarsim/Drive-v0``: drive the robot in MuJoCo with velocity commands, 0.1 s per step."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,8 +137,9 @@ class Drive(gymnasium.Env[Any, Any]):
         check_choice("render_mode", render_mode, (None,))
         if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
             raise InputError(f"seconds = {seconds}: must be positive and finite")
-        if depth is not None and (len(depth) != 2 or not all(isinstance(n, int) and n >= 1 for n in depth)):
-            raise InputError(f"depth = {depth}: width and height must be at least 1 pixel each")
+        is_pair = isinstance(depth, Sequence) and len(depth) == 2
+        if depth is not None and not (is_pair and all(isinstance(n, int) and n >= 1 for n in depth)):
+            raise InputError(f"depth = {depth}: must be a width and a height of at least 1 pixel each")
         self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
         self._weights = weights_of(DriveWeights, weights)
         self.render_mode, self._is_closed = render_mode, False
@@ -171,9 +172,9 @@ class Drive(gymnasium.Env[Any, Any]):
         self._collisions = CollisionCounter(world.physics.model.ptr, self._body)
         self._odometry = WheelOdometry(self.np_random, world.robot.drive.wheel_radius)
         self._goal: NDArray[np.float64] = self._goals[int(self.np_random.integers(len(self._goals)))]
-        self._steps, self._way, observation = 0, 0.0, self._observe()
+        self._steps, self._way, self._seen = 0, 0.0, self._observe()
         self._last = self._place
-        return observation, self._info()
+        return self._seen, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Apply the command, which the firmware clips to the drive's limits, for 0.1 s.
@@ -191,9 +192,9 @@ class Drive(gymnasium.Env[Any, Any]):
             for _ in range(PERIODS):
                 self.world.drive(command)
                 self._collisions.count(self.world.physics.data.ptr)
+            self._seen = self._observe()
         except PhysicsError:
-            diverged = True
-        observation = self._observe()
+            diverged = True  # MuJoCo has reset the state, so the last observation stands
         self._steps += 1
         moved, self._last = self._place - self._last, self._place
         self._way += math.sqrt(moved @ moved)
@@ -202,8 +203,8 @@ class Drive(gymnasium.Env[Any, Any]):
         reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
-        is_cut = not is_over and self.world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
-        return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
+        is_cut = not is_over and self._time >= self._seconds - CONTROL_TIMESTEP / 2
+        return self._seen, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
 
     def __getstate__(self) -> dict[str, Any]:
         """The state of the task for a copy; InputError after a reset, because the physics cannot be copied."""
@@ -242,6 +243,7 @@ class Drive(gymnasium.Env[Any, Any]):
         self._pose = pose = world.robot.T_world_base(physics)
         self._place, to_goal = pose[:2, 3], self._goal - pose[:2, 3]
         self._distance = math.sqrt(to_goal @ to_goal)
+        self._time = physics.time() - self._start
         yaw = yaw_of(T_odom_base)
         odometry = *T_odom_base[:2, 3], np.cos(yaw), np.sin(yaw)
         values = np.concatenate([gyro, accelerometer, odometry, pose[:2, :2].T @ to_goal], dtype=np.float32)
@@ -256,7 +258,7 @@ class Drive(gymnasium.Env[Any, Any]):
         """Figures of the episode so far, under the keys of report.json."""
         return {
             "steps": self._steps,
-            "sim_time_s": required(self.world).physics.time() - self._start,
+            "sim_time_s": self._time,
             "navigation.distance_m": self._way,
             "navigation.collisions": self._collisions.collisions,
             "navigation.reached": int(self._distance < ARRIVED_WITHIN),

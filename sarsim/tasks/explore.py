@@ -24,7 +24,7 @@ from sarsim.composition import make_mapper
 from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_localisation
 from sarsim.methods.plugins import make_plugins
-from sarsim.settings import DEFAULT_DETECTOR, LabelSource, OdometryName, PerceptionConfig, SinkConfig
+from sarsim.settings import DEFAULT_DETECTOR, LabelSource, OdometryName, PerceptionConfig, SinkConfig, is_own_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
 from sarsim.tasks.checks import (
@@ -176,11 +176,14 @@ class Explore(gymnasium.Env[Any, Any]):
             "seed": int(self.np_random.integers(MAX_SEEDS)),
         }
         self._begun, earlier = drawn | (options or {}), self._begun
-        if self._robot is not None and self._begun["arena"] == earlier["arena"]:
-            self._robot.reset(self._begun["seed"])
+        name, number = self._begun["arena"], self._begun["seed"]
+        # A user-defined function may build a different arena for each seed.
+        is_same = self._begun == earlier if is_own_arena(name) else name == earlier.get("arena")
+        if self._robot is not None and is_same:
+            self._robot.reset(number)
         else:
             self._free()
-            self._robot = SimulatedRobot(make_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
+            self._robot = SimulatedRobot(make_arena(name, seed=number), self._simulation, number)
         plugins = make_plugins(SinkConfig(plugins={FINDS: None} if self._weights.finds else {}))
         mapper = self._mapper(self._robot, plugins)
         self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)

@@ -48,13 +48,19 @@ def test_an_episode_is_cut_off_in_time() -> None:
     env.close()
 
 
-def test_physics_that_diverge_end_the_episode() -> None:
-    env = Drive()
+def test_physics_that_diverge_end_the_episode_with_what_was_last_observed() -> None:
+    env = Drive(depth=(8, 6), weights=DriveWeights(time=-0.5, tipping=-7.0))
     env.reset(seed=0)
+    for _ in range(8):
+        last, *_, before = env.step(np.array([1.0, 0.0], np.float32))
     assert env.world is not None
     env.world.physics.data.qvel[0] = 1e12
-    observation, _, is_over, _, info = env.step(np.zeros(2, np.float32))
-    assert is_over and info["navigation.tipped"] and env.observation_space.contains(observation)
+    observation, reward, is_over, is_cut, info = env.step(np.zeros(2, np.float32))
+    assert is_over and not is_cut and info["navigation.tipped"]
+    assert all(np.array_equal(observation[name], last[name]) for name in last)
+    assert reward == pytest.approx(-0.5 * 0.1 - 7)
+    for name in ("sim_time_s", "navigation.distance_m", "navigation.reached"):
+        assert info[name] == before[name]
     env.close()
 
 
@@ -76,7 +82,8 @@ def test_ray_cast_depth_is_the_rendered_depth() -> None:
     "options",
     [
         {"seconds": 0.0}, {"seconds": float("nan")}, {"depth": (0, 84)}, {"depth": (84.5, 84)}, {"depth": (84,)},
-        {"weights": {"progres": 1.0}}, {"weights": {"progress": float("nan")}}, {"render_mode": "human"},
+        {"depth": 64}, {"weights": {"progres": 1.0}}, {"weights": {"progress": float("nan")}},
+        {"render_mode": "human"},
     ],
 )  # fmt: skip
 def test_wrong_settings_are_said_in_one_line(options: dict[str, object]) -> None:

@@ -1,15 +1,19 @@
+import sys
 from copy import deepcopy
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
+from dm_control import mjcf
 
 from pipeline.errors import InputError
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
+from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.explore import Explore
@@ -80,6 +84,33 @@ def test_a_pose_is_the_place_to_go_to_and_finds_pay_and_time_costs(arena: str) -
     for use in (env.reset, lambda: env.step(0)):
         with pytest.raises(InputError, match="closed"):
             use()
+
+
+def test_an_arena_of_ones_own_is_built_with_the_seed_of_each_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds = []
+
+    def own(seed: int) -> RescueArena:
+        seeds.append(seed)
+        return RescueArena(mjcf.from_xml_string(ROOM), "own")
+
+    monkeypatch.setitem(sys.modules, "own_rooms", SimpleNamespace(own=own))
+    env = Explore("own_rooms:own")
+    for seed in (7, 7, 8):
+        _, info = env.reset(options={"seed": seed})
+        assert seeds[-1] == info["seed"] == seed
+    assert seeds == [7, 8]
+    env.close()
+
+
+def test_time_does_not_go_back_if_physics_diverge(arena: str) -> None:
+    env = Explore(arena)
+    _, before = env.reset(seed=0)
+    assert env.explorer is not None and isinstance(env.explorer.pilot.robot, SimulatedRobot)
+    env.explorer.pilot.robot.physics.data.qvel[0] = 1e12
+    *_, is_over, _, info = env.step(before["own_choice"])
+    assert is_over and info["navigation.tipped"]
+    assert info["sim_time_s"] >= before["sim_time_s"]
+    env.close()
 
 
 def test_wrong_settings_and_steps_before_the_start_are_said_in_one_line() -> None:

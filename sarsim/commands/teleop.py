@@ -1,5 +1,6 @@
 """Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
+from pipeline.errors import InputError
 from pipeline.files import check_folder
 from sarsim.commands.cli import Interruptible
 from sarsim.commands.settings import run_with_settings
@@ -9,9 +10,13 @@ from sarsim.settings import TeleopConfig
 
 def teleop(config: TeleopConfig) -> None:
     """Drive the robot with the keyboard or a gamepad, to explore an arena yourself or to map it by hand."""
+    own = {"sink": config.sink, "reader": config.reader}
+    of_mapping = [f"{flag} {name}" for flag, names in own.items() for name in names] + list(config.plugins)
     if config.out:
         check_folder(config.out)
         check_rendering()
+    elif of_mapping:
+        raise InputError(f"--{of_mapping[0]}: requires --out, without which the robot only drives")
     with without_opengl():
         from sarsim.methods.arena import make_arena
         from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, MappedDrive, drive_by_keyboard

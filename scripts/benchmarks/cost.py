@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 
 import pipeline
-from pipeline.errors import required
+from pipeline.errors import InputError, required
 from pipeline.robot import Motion, Velocity
 from pipeline.sink import Step
 from sarsim.commands.cli import tracked
@@ -70,8 +70,14 @@ STAGES = {
 
 
 def measure(settings: CostSettings) -> Result:
-    """Processor time of an episode in each arena, in total and by stage, and of the episode's world alone."""
+    """Processor time of an episode in each arena, in total and by stage, and of the episode's world alone.
+
+    Raises:
+        InputError: there is no arena, or an arena cannot be loaded.
+    """
     at_least(0, settings, "seed")
+    if not settings.arenas:
+        raise InputError("--arenas: give at least one arena")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
         Episode(EpisodeConfig(arena=settings.arenas[0], steps=1, out=Path(name, "first"))).run(show_progress=False)

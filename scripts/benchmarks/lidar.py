@@ -20,6 +20,7 @@ from kiss_icp.metrics import absolute_trajectory_error
 from numpy.typing import NDArray
 
 from pipeline.arrays import Indices
+from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import tracked
@@ -48,9 +49,11 @@ def measure(settings: LidarSettings) -> Result:
     """Times of each sensor, agreement of the labels, throughput of two workers, and errors of KISS-ICP.
 
     Raises:
-        InputError: a number is below 1.
+        InputError: a number is below 1, or there is no arena.
     """
     at_least(1, settings, "rounds", "scenes", "frames", "drive")
+    if not settings.arenas:
+        raise InputError("--arenas: give at least one arena")
     figures: dict[str, float] = {}
     robot = SimulatedRobot(load_arena(settings.arenas[0]), SimulationConfig(), settings.seed)
     for sensor in SENSORS:

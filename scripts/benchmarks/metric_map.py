@@ -158,7 +158,7 @@ def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -
     """Seconds of each frame; some frames are added beforehand without timing, so that numba's kernels are ready."""
     depth = recording.xtion
     for n in range(WARM_UP):
-        contender.prepare(recording, depth, n)()
+        contender.prepare(recording, depth, n % len(depth))()
     return np.array([_timed(contender.prepare(recording, depth, n)) for n in tracked(range(len(depth)), name)])
 
 

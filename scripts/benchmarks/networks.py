@@ -63,14 +63,13 @@ def measure(settings: NetworksSettings) -> Result:
     timed = list(drive_through("nist_6x4", TIMED_FRAMES, settings.seed))
     figures = _sizes(files) | _times(files, timed, settings.rounds)
     # Accuracy of the networks with weights, arena by arena, in normal light and in the dark.
-    groups = _groups(settings)
+    groups = frames_by_group(settings)
     lit = {suffix: value for suffix, value in LIGHTINGS.items() if settings.lighting in (None, value.name)}
     jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
     networks = {name: NetworkClassifier(path, False, THREADS, name) for name, path in files.items()}
     details: dict[str, dict[str, Scores]] = {}
     for group, arena, suffix in tracked(jobs if networks else [], "arenas"):
-        count = settings.raf_frames if group.endswith("_mean") else settings.frames
-        seen = drive_through(arena, count, settings.seed, lit[suffix], SPARSE_KEYFRAMES)
+        seen = drive_through(arena, groups[group][arena], settings.seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     # Figures: means over the arenas of each group.
     for group, of_arenas in details.items():
@@ -78,13 +77,13 @@ def measure(settings: NetworksSettings) -> Result:
     return Result(figures, {"iou": details})
 
 
-def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
-    """The arenas to label, by group of figures."""
-    groups = {Path(arena).stem: [arena] * bool(settings.frames) for arena in ARENAS}
-    count = settings.random if settings.raf_frames else 0
-    groups["raf_mean"] = [str(path) for path in sorted(settings.raf.glob("*.raf"))] * bool(settings.raf_frames)
-    groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(count)]
-    return groups
+def frames_by_group(settings: NetworksSettings) -> dict[str, dict[str, int]]:
+    """The number of frames of each arena to label, by group of figures; arenas without frames are left out."""
+    groups = {Path(arena).stem: {arena: settings.frames} for arena in ARENAS}
+    groups["raf_mean"] = {str(path): settings.raf_frames for path in sorted(settings.raf.glob("*.raf"))}
+    of_random = settings.raf_frames or settings.frames
+    groups["random_mean"] = {f"random:{FIRST_RANDOM + n}": of_random for n in range(settings.random)}
+    return {group: {arena: n for arena, n in arenas.items() if n} for group, arenas in groups.items()}
 
 
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:

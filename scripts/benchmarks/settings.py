@@ -166,7 +166,8 @@ class NetworksSettings(SemanticSettings):
     """Size, time and accuracy of all five networks.
 
     Attributes:
-        random: number of random arenas, of all four difficulties.
+        random: number of random arenas, of all four difficulties. The number of frames is --raf-frames in each of
+            them, or --frames if --raf-frames is 0.
         lighting: light in the frames; by default normal and dark.
         weights: folder of weights files named after their networks.
     """

@@ -50,6 +50,8 @@ def test_the_file_says_what_was_measured_where_and_how(
         (["camera", "--frames", "0"], "--frames 0: must be at least 1"),
         (["correction", "--seed", "-1"], "--seed -1"),
         (["dataset", "--rounds", "0"], "--rounds 0"),
+        (["cost", "--arenas"], "--arenas"),
+        (["lidar", "--arenas"], "--arenas"),
         (["lidar", "--rounds", "0"], "--rounds 0"),
         (["metric-map", "--frames", "0"], "--frames 0"),
         (["planning", "--steps", "0"], "--steps 0"),

@@ -9,6 +9,7 @@ from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import barn, camera, exploration, finds, localisation, networks, semantic, victims
 from scripts.benchmarks.reports import flat, group_figures
 from scripts.benchmarks.runs import Job
+from scripts.benchmarks.settings import NetworksSettings
 from scripts.benchmarks.victims import PeopleInFrame, ap50
 
 
@@ -132,6 +133,24 @@ def test_accuracy_has_the_agreed_names_and_means_over_arenas():
         "pointnet.iou.wall.raf_mean.voxels.alone.dark": 0.4,
         "pointnet.miou_four.raf_mean.fused.alone.dark": 0.5,
     }
+
+
+def test_random_arenas_are_labelled_without_raf_arenas_too(tmp_path):
+    (tmp_path / "a.raf").touch()
+    a, *others = [str(tmp_path / "a.raf"), *(f"random:{networks.FIRST_RANDOM + n}" for n in (0, 1))]
+
+    def frames(**given):
+        return networks.frames_by_group(NetworksSettings(raf=tmp_path, random=2, **given))
+
+    assert frames(frames=5, raf_frames=3) == {
+        "nist_6x4": {"nist_6x4": 5},
+        "esogu_52x15": {"esogu_52x15": 5},
+        "raf_mean": {a: 3},
+        "random_mean": dict.fromkeys(others, 3),
+    }
+    without = frames(frames=5, raf_frames=0)
+    assert (without["raf_mean"], without["random_mean"]) == ({}, dict.fromkeys(others, 5))
+    assert not any(frames(frames=0, raf_frames=0).values())
 
 
 def test_localisation_has_figures_of_groups_and_ratios_of_medians():

@@ -7,7 +7,7 @@ in the working directory. The name may also be an entry point that an installed 
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.metadata import EntryPoints, entry_points
 from importlib.util import find_spec
@@ -77,9 +77,14 @@ def load_own(kind: str, name: str, form: str) -> Any:
 
 @contextmanager
 def working_folder() -> Iterator[None]:
-    """In the context, also search for modules in the working directory, after all other locations."""
-    sys.path.append(str(Path.cwd()))
+    """In the context, also search for modules in the working directory, after all locations on the path."""
+    folder = str(Path.cwd())
+    if folder in sys.path:
+        yield
+        return
+    sys.path.append(folder)
     try:
         yield
     finally:
-        sys.path.pop()
+        with suppress(ValueError):  # The module may have changed the list, too
+            sys.path.remove(folder)

@@ -159,6 +159,27 @@ def test_what_is_no_method_is_refused_in_one_line(flag: str, name: str, said: st
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "kept"),
+    [("append('/of/its/own')", ["/earlier", "/of/its/own"]), ("remove(os.getcwd())", ["/earlier"])],
+)
+def test_folders_that_a_module_adds_to_the_path_stay_there(
+    change: str, kept: list[str], workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", ["/earlier"])
+    (workplace / "broken.py").write_text(f"import os, sys\nsys.path.{change}\n\n\nclass Mine:\n    pass\n")
+    assert names.load_own("sink", "broken:Mine", names.OWN_CLASS).__name__ == "Mine"
+    assert sys.path == kept
+
+
+def test_the_working_folder_keeps_its_place_on_the_path(workplace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = [str(workplace), "/later"]
+    monkeypatch.setattr(sys, "path", [*given])
+    with names.working_folder():
+        assert sys.path == given
+    assert sys.path == given
+
+
 def test_an_error_in_code_of_ones_own_is_ones_own(workplace: Path) -> None:
     (workplace / "broken.py").write_text("import no_such_module\n")
     with pytest.raises(ModuleNotFoundError, match="no_such_module"):

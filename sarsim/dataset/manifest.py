@@ -11,7 +11,7 @@ from typing import Any, Self
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
 from pipeline.labels import COLOURS, Label
-from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.recipe import SPLIT_PERIOD, Recipe
 from sarsim.dataset.scene_file import Scene
 
 FILE = "dataset.json"
@@ -197,7 +197,7 @@ def scene_path(index: int) -> str:
 
 def split_of(index: int) -> str:
     """Split of a scene: train, val or test, in the ratio 8 : 1 : 1."""
-    return _HELD_OUT.get(index % 10, "train")
+    return _HELD_OUT.get(index % SPLIT_PERIOD, "train")
 
 
 def sha256_of(path: Path) -> str:

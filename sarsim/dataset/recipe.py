@@ -1,5 +1,6 @@
 """The recipes from which a dataset and each of its scenes are made."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
@@ -13,6 +14,7 @@ from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.xtion import Xtion
 
+SPLIT_PERIOD = 10  # Number of scenes after which their splits repeat
 PREFIX = "random:"  # Prefix of the names of random arenas; the seed follows
 LATERAL_SIGMA = (0.5, 1.0)
 """Range of the Xtion's ``lateral_sigma``, pixels; a value is drawn uniformly for each scene."""
@@ -76,7 +78,7 @@ class Recipe(DatasetConfig):
 
     def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
         """Candidates for scene ``index``, in order: the one named arena, or ``count`` arenas drawn at random."""
-        conditions, name = self.conditions(index), self.arenas[index % len(self.arenas)]
+        conditions, name = self.conditions(index), self._arena(index)
         if name != RANDOM:
             yield SceneRecipe(index, name, None, conditions)
             return
@@ -84,3 +86,9 @@ class Recipe(DatasetConfig):
         for _ in range(count):
             config = self.random.draw(rng)
             yield SceneRecipe(index, f"{PREFIX}{rng.integers(1 << 31)}", config, conditions)
+
+    def _arena(self, index: int) -> str:
+        """The arena of scene ``index``: in turn, shifted so that every split gets every arena equally often."""
+        count = len(self.arenas)
+        shift = index // math.lcm(count, SPLIT_PERIOD) % math.gcd(count, SPLIT_PERIOD)
+        return self.arenas[(index + shift) % count]

@@ -96,7 +96,8 @@ class DatasetConfig:
         width: width of the images, pixels.
         height: height of the images, pixels; halving both width and height is four times as fast but shows
             distant objects less well.
-        arenas: names or paths of arenas, used in turn; "random" draws a new one each time.
+        arenas: names or paths of arenas, used in turn, equally often in each split; "random" draws a new one each
+            time.
         random: ranges from which each random arena is drawn, bounds included.
         lighting: fractions of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
         dust: lowest and highest density of dust, 0 to 1, in a quarter of the scenes. By default there is none.

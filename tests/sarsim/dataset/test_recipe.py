@@ -1,5 +1,6 @@
 """What is drawn for a scene."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import islice
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from sarsim.dataset.manifest import split_of
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.settings import ArenaRange, HarderDatasetConfig
 from sarsim.sensors.lighting import Lighting
@@ -62,6 +64,14 @@ def test_of_random_arenas_there_are_others_if_one_cannot_be_built() -> None:
 def test_arenas_are_taken_in_turn() -> None:
     recipe = Recipe(arenas=("nist_6x4", "a.raf", "b.xml"))
     assert [first(recipe, k).arena for k in range(4)] == ["nist_6x4", "a.raf", "b.xml", "nist_6x4"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 10, 11, 15])
+def test_every_split_has_every_arena_equally_often(count: int) -> None:
+    recipe = Recipe(arenas=tuple(f"{n}.raf" for n in range(count)))
+    found = Counter((first(recipe, index).arena, split_of(index)) for index in range(10 * count))
+    shares = {"train": 8, "val": 1, "test": 1}
+    assert found == {(arena, split): shares[split] for arena in recipe.arenas for split in shares}
 
 
 HARDER = Recipe(**vars(HarderDatasetConfig()))

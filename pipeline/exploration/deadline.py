@@ -81,17 +81,20 @@ class Deadline:
         self._near = None if max_victim_distance is None else max_victim_distance - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
-        # All drives: planned and actual time, s. The last drive: its start and planned time. Longest delay so far.
-        self._planned, self._taken, self._last, self._late = 0.0, 0.0, (begin, 0.0), 0.0
+        # All drives: planned and actual time, s. The last drive: its start and planned time, None if it has none.
+        # Longest delay so far.
+        self._planned, self._taken, self._late = 0.0, 0.0, 0.0
+        self._last: tuple[float, float] | None = (begin, 0.0)
 
     def observe(self, context: Context) -> None:
         """Update the retreat, and record how much longer than planned the last drive took."""
         if self._home is None:
             self._home = context.T_map_base[:2, 3].copy()
-        begin, seconds = self._last
-        taken = context.frame.time - begin
-        self._late = max(self._late, taken - seconds)
-        self._taken += taken if seconds else 0.0  # turns in place do not show how fast the robot drives
+        if self._last is not None:
+            begin, seconds = self._last
+            taken = context.frame.time - begin
+            self._late = max(self._late, taken - seconds)
+            self._taken += taken if seconds else 0.0  # turns in place do not show how fast the robot drives
         self._last = context.frame.time, 0.0
         place = None
         if self._near is not None:
@@ -127,6 +130,10 @@ class Deadline:
         seconds = _finite(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
         self._planned += seconds
         self._last = context.frame.time, seconds
+
+    def set_out_unplanned(self) -> None:
+        """Begin a drive without a planned time, which therefore cannot be late."""
+        self._last = None
 
 
 def _finite(seconds: float, otherwise: float) -> float:

@@ -118,8 +118,10 @@ class Mission:
         return None
 
     def set_out_to_see_nothing(self) -> None:
-        """Begin a drive that no strategy has chosen, so that none may end it early."""
+        """Begin a drive that no strategy has chosen, so that none may end it early, and the clock ignores it."""
         self._sender = None
+        if self.deadline is not None:
+            self.deadline.set_out_unplanned()
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the drive to the last viewpoint has already shown the ground that the robot set out to see."""
@@ -169,8 +171,10 @@ class Mission:
 
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
+        if self.deadline is not None:
+            self.deadline.has_called = False  # it may have ended the previous task
         yield name
-        if not self._is_on_retreat and self.is_out_of_time:
+        if self.is_out_of_time:
             goals.refuse("too little time was left before the drive back")
         goals.refuse("the robot was stuck" if robot.is_held else None)
 

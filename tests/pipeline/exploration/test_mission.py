@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import count, pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,6 +131,31 @@ def test_a_mission_turns_back_on_the_way_to_goals_in_time(world):
     mission.goals, here = Goals([(1.5, -1.5)]), context_at(world, START)
     mission.observe(here)
     assert mission.choose(here) is None and mission.is_out_of_time
+
+
+def test_time_that_ended_one_task_ends_no_other(world):
+    mission, robot = Mission(Shown()), SimpleNamespace(T_map_start=np.eye(4), is_held=False)
+    mission.deadline, here = Deadline(0.0, 1.0, list, home=True), context_at(world, START)
+    here = replace(here, frame=replace(here.frame, time=2.0))
+    tasks = []
+    for task in mission.tasks([(0.02, -1.0)], True, robot):
+        tasks.append(task)
+        mission.observe(here)
+        mission.choose(here)
+        assert mission.is_out_of_time == (task == "exploring")
+    assert tasks == ["exploring", "goals", "home"]
+    (visit,) = mission.visits["goals"]
+    assert "in a wall" in visit.failure_reason
+
+
+def test_a_drive_that_no_strategy_chose_is_not_late(world):
+    mission, here = Mission(Shown()), context_at(world, START)
+    mission.deadline = Deadline(0.0, 60.0, list, home=True)
+    mission.observe(here)
+    mission.set_out_to_see_nothing()
+    later = replace(here, frame=replace(here.frame, time=45.0))
+    mission.observe(later)
+    assert mission.choose(later) is not None and not mission.is_out_of_time
 
 
 def test_a_goal_is_refused_when_the_episode_ends_before_any_step():

@@ -288,7 +288,11 @@ class Goals(Strategy):
     def _order_through_unseen(self, places: list[Place], context: Context) -> list[int]:
         """Indices of the places that can be reached if unseen ground is free, in the order in which to visit them."""
         unseen = required(self._unseen)
-        near = [k for k, place in enumerate(places) if not unseen.is_far(place, context)]
+        near = [
+            k
+            for k, place in enumerate(places)
+            if not unseen.is_far(place, context) or unreachable_reason(context.paths, place) is None
+        ]
         if context.paths.start is None or len(near) < 2:
             return near
         ground = unseen.ground_towards(np.array([places[k] for k in near]), context)
@@ -325,11 +329,13 @@ class Goals(Strategy):
     def _unreachable_reason(self, goal: Place) -> str | None:
         """The reason, as a line for the log, why no path leads to a goal; None if a path may lead there."""
         context, unseen = self._context, self._unseen
-        if context is None or unseen is None or (known := unreachable_reason(context.paths, goal)) is None:
+        if context is None or unseen is None:
             return None
-        if unseen.view_towards(self._place(goal, context.paths), context) is not None:
+        place = self._place(goal, context.paths)
+        known = unreachable_reason(context.paths, place)
+        if known is None or unseen.view_towards(place, context) is not None:
             return None
-        return unseen.unreachable_reason(goal, context) or known
+        return unseen.unreachable_reason(place, context) or known
 
     def _place(self, goal: Place, paths: PosePaths) -> Place:
         """The position to which the robot drives for a goal: the nearest reachable one close to it, or the goal."""

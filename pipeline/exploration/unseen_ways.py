@@ -110,8 +110,8 @@ class UnseenGroundSearch:
     def ground_towards(self, goals: NDArray[np.float64], context: Context, doubts: bool = True) -> Traversability:
         """The ground if unseen ground is free, on a grid that contains goals (N, 2), m.
 
-        None of the goals may be far, see :meth:`is_far`. ``doubts``: whether ground that views failed to show, or
-        where a thin panel may stand, is not free.
+        Goals on unseen ground must not be far, see :meth:`is_far`. ``doubts``: whether ground that views failed to
+        show, or where a thin panel may stand, is not free.
         """
         shut = self._shut(context) if doubts else NONE
         return context.traversability.with_unseen_free(goals, self._numbers.margin, shut, doubts)

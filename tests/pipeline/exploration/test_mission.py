@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.exploration import mission
-from pipeline.exploration.config import ExplorationConfig
+from pipeline.exploration.config import ExplorationConfig, UnseenWaysConfig
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.mission import Goals, Mission
 from pipeline.exploration.viewpoint import Context, Viewpoint
@@ -156,6 +156,16 @@ def test_a_drive_that_no_strategy_chose_is_not_late(world):
     later = replace(here, frame=replace(here.frame, time=45.0))
     mission.observe(later)
     assert mission.choose(later) is not None and not mission.is_out_of_time
+
+
+def test_a_goal_on_seen_ground_may_be_far_if_another_is_out_of_reach(world):
+    far = (2.0, -1.5)
+    near = ExplorationConfig(unseen_ways=UnseenWaysConfig(farthest=2.0))
+    goals = Goals([far, (9.0, 9.0)], config=near)
+    assert drive(world, goals) == [far]
+    reached, refused = goals.visits
+    assert tuple(reached.goal) == far and reached.failure_reason is None
+    assert "(9.00, 9.00) m" in refused.failure_reason
 
 
 def test_a_goal_is_refused_when_the_episode_ends_before_any_step():

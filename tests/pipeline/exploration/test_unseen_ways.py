@@ -8,7 +8,7 @@ from pipeline.exploration.mission import Goals
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
 from tests.pipeline.exploration.asking import closed_room, context, corridor, next_viewpoint
-from tests.pipeline.worlds import flat, ground_points, wall_points
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 EAST = from_yaw(0, 0, 0, 0)
 
@@ -70,6 +70,16 @@ def test_ground_that_no_view_shows_is_given_up(short):
     assert goals.may_open  # since no hazard is in the way
     goals.refuse()
     assert goals.visits[0].failure_reason
+
+
+def test_home_that_only_its_surroundings_can_replace_is_given_up_after_the_map_has_grown():
+    floor = ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1))
+    home, pose = Goals([(-1.8, 0.0)], may_be_near=True), from_yaw(1.3, 0, 0, np.pi)
+    assert next_viewpoint(home, surface_of(*floor, wall_points((0, -1), (0, 1))), pose) is None
+    view = next_viewpoint(home, surface_of(*floor, ground_points(flat, (2, 6), (-1, 1))), pose)
+    assert view is not None
+    home.refuse()
+    assert home.visits[0].failure_reason
 
 
 def test_of_two_unseen_goals_the_nearer_comes_first():

@@ -290,7 +290,9 @@ class UnseenGroundSearch:
             return None
         heading = wrap_angle(float(HEADING_ANGLES[m]))
         shown = visibility.cells_in_view(places[n], heading, self._camera, terrain)
-        seconds = self._config.keyframe_time + float(there[n, m])
+        # The cost of the drive includes the risk on the path as time; the time of the view itself does not.
+        quickest = paths.without_risk.seconds_to(cells[n][None], float(there[n, m]))[0, m]
+        seconds = self._config.keyframe_time + float(min(quickest, there[n, m]))
         gain = float(shown.sum()) * t.grid.cell**2
         shows = t.grid.centre_of(np.argwhere(shown))
         view = PathView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.traversability import assess_map
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.mission import Goals
-from pipeline.planning.pose_paths import PosePaths
+from pipeline.planning.pose_paths import PosePaths, nearest_heading
 from pipeline.transforms import from_yaw
 from tests.pipeline.exploration.asking import closed_room, context, corridor, next_viewpoint
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
@@ -80,6 +81,17 @@ def test_home_that_only_its_surroundings_can_replace_is_given_up_after_the_map_h
     assert view is not None
     home.refuse()
     assert home.visits[0].failure_reason
+
+
+def test_the_time_of_a_view_does_not_contain_the_risk_on_the_path():
+    here = context(corridor(-3, 2, half_width=0.34), from_yaw(-2, 0, 0, 0))
+    goals = Goals([(6.0, 0.0)])
+    goals.observe(here)
+    view = goals.next_viewpoint(here)
+    cell, heading = here.traversability.grid.cell_of(view.position), nearest_heading(view.heading)
+    quick, slow = (paths.seconds_to(cell[None])[0, heading] for paths in (here.paths.without_risk, here.paths))
+    assert view.seconds == pytest.approx(ExplorationConfig().keyframe_time + quick)
+    assert slow > 2 * quick
 
 
 def test_of_two_unseen_goals_the_nearer_comes_first():

@@ -29,11 +29,16 @@ def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
 
 
 def paced_model(robot: str, speed: float | None) -> RobotModel:
-    """Like :func:`robot_model`, but with ``speed`` m/s, limited to the top speed; None keeps the robot's speed."""
+    """Like :func:`robot_model`, but with ``speed`` m/s, limited to the top speed; None keeps the robot's speed.
+
+    On ramps, and where it backs out, the robot drives no faster than this either.
+    """
     model, top = robot_model(robot), drive_model(robot).top_speed
     if speed is not None and speed > top:
         print(f"--speed {speed:g}: limited to the robot's top speed of {top:g} m/s", file=sys.stderr)
-    return model if speed is None else replace(model, speed=min(speed, top))
+    if speed is None:
+        return model
+    return replace(model, speed=min(speed, top), ramp_speed=min(speed, model.ramp_speed))
 
 
 def robot_sensor(robot: str = ROBOTS[0]) -> SensorModel | None:

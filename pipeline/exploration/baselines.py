@@ -21,11 +21,12 @@ class NearestFrontier(NextBestView):
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) m², gains at the nearest position that is worth the drive, 0 elsewhere; see the base class."""
-        is_large = gains >= self._robot.length * self._robot.width
-        large = (gains >= self.needed(seconds)) & (is_large | ~is_large.any())
+        good = gains >= self.needed(seconds)
+        large = good & (gains >= self._robot.length * self._robot.width)
+        good = large if large.any() else good
         distance = seconds.min(axis=1)
-        near = distance == np.where(large.any(axis=1), distance, np.inf).min()
-        return np.where(large & near[:, None], gains, 0.0)
+        near = distance == np.where(good.any(axis=1), distance, np.inf).min()
+        return np.where(good & near[:, None], gains, 0.0)
 
 
 class RandomWalk(Strategy):

@@ -55,6 +55,13 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes(monkeypatch):
     assert not exploration.worth(0.01 * gains, seconds).any()
 
 
+def test_a_large_frontier_that_is_not_worth_its_drive_does_not_keep_smaller_ones_from_being_visited(monkeypatch):
+    gains, seconds = np.array([[0.3], [0.2]]), np.array([[120.0], [4.0]])
+    exploration = NearestFrontier(PIONEER)
+    monkeypatch.setattr(exploration, "needed", lambda seconds: 0.005 * seconds)
+    np.testing.assert_equal(exploration.worth(gains, seconds), [[0], [0.2]])
+
+
 def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():
     world = room((-2, 0.33), (2, 0.33), x=(-2, 2), y=(-0.33, 0.33))
     world.update(wall_points((-2, -0.33), (2, -0.33)))

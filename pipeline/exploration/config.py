@@ -43,7 +43,9 @@ class VisibilityConfig:
     def __post_init__(self) -> None:
         require_positive("exploration.visibility", self, "level_run")
         require_at_least(0, "exploration.visibility", self, "max_undershoot", "max_overshoot")
-        require_at_least(1, "exploration.visibility", self, "rays", "stride")
+        # The predicted field of view is two ray steps narrower than the camera's.
+        require_at_least(36, "exploration.visibility", self, "rays")
+        require_at_least(1, "exploration.visibility", self, "stride")
 
 
 @dataclass(frozen=True)

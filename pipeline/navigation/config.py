@@ -107,6 +107,13 @@ class ObstacleCheckConfig:
     ahead: float = 2.0
     min_returns: int = 50
 
+    def __post_init__(self) -> None:
+        """Raise InputError if the robot could not check its path with these settings."""
+        section = "navigation.obstacle_check"
+        require_positive(section, self, "ahead")
+        require_at_least(0, section, self, "distance_between_checks", "turn")
+        require_at_least(1, section, self, "min_returns")
+
 
 @dataclass(frozen=True)
 class SpeedLimitConfig:
@@ -126,6 +133,11 @@ class SpeedLimitConfig:
     people_speed: float = 0.2
     beside_ramps: float = 0.2
     arc_lag: float = 0.46
+
+    def __post_init__(self) -> None:
+        """Raise InputError if the robot could not drive near people or in arcs with these settings."""
+        require_positive("navigation.speed_limit", self, "people_speed", "arc_lag")
+        require_at_least(0, "navigation.speed_limit", self, "beside_people", "beside_ramps")
 
 
 @dataclass(frozen=True)

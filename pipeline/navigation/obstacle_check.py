@@ -101,11 +101,14 @@ class ObstacleCheck:
         return command.remaining_length + self._traversability.robot.half_length < self._sensor.nearest
 
     def _extended(self, path: Places) -> Places:
-        """(N, 2) m, the path extended by half the footprint's length and a margin, but at most ``ahead`` m long."""
+        """(N, 2) m, the path extended by half the footprint's length and a margin, but at most ``ahead`` m long.
+
+        It has at least two positions, and thus a direction, however small ``ahead`` is.
+        """
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         path = _extended(path, robot.half_length + 2 * cell)
         far = np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum() < self._config.ahead
-        return path[np.append(True, far)]
+        return path[np.append([True, True], far[1:])]
 
     def _on_path(self, points: Points, path: Places) -> Mask:
         """(N,) whether points (N, 3) lie in the area that the footprint will sweep along an extended path."""

@@ -12,6 +12,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from pipeline.arrays import Mask, Place, Places, Pose, Values
+from pipeline.errors import InputError, require_at_least, require_positive
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
 Fits = Callable[[Places], bool]
@@ -37,6 +38,13 @@ class ArcConfig:
     max_angle: float = float(np.radians(120))
     min_angle: float = float(np.radians(5))
     spacing: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Raise InputError if no stretch could be made with these settings."""
+        require_positive("navigation.arcs", self, "spacing")
+        require_at_least(0, "navigation.arcs", self, "max_angle", "min_angle")
+        if not all(radius > 0 for radius in self.radii):
+            raise InputError(f"navigation.arcs.radii = {self.radii}: must be greater than 0")
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,8 @@ from pipeline.localisation.config import (
     PoseCheckConfig,
     RegistrationConfig,
 )
+from pipeline.navigation.config import ObstacleCheckConfig, SpeedLimitConfig
+from pipeline.planning.stretches import ArcConfig
 from pipeline.plugins.finds.config import FindsConfig
 from pipeline.rerun.config import RerunConfig
 from pipeline.rescue_report.config import RescueReportConfig
@@ -125,7 +127,17 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (BeliefConfig, "distance_between_faults", 0.0),
         (PoseCheckConfig, "views_per_turn", 0),
         (VisibilityConfig, "stride", 0),
+        (VisibilityConfig, "rays", 12),
         (ExplorationConfig, "more_time", 1.0),
+        (ObstacleCheckConfig, "ahead", 0.0),
+        (ObstacleCheckConfig, "turn", -0.1),
+        (ObstacleCheckConfig, "min_returns", 0),
+        (SpeedLimitConfig, "people_speed", 0.0),
+        (SpeedLimitConfig, "arc_lag", 0.0),
+        (SpeedLimitConfig, "beside_people", -1.0),
+        (ArcConfig, "radii", (0.3, 0.0)),
+        (ArcConfig, "spacing", 0.0),
+        (ArcConfig, "min_angle", -0.1),
         (TopologicalMapConfig, "max_detour", 0.9),
         (SegmentsConfig, "angle", 2.0),
         (SegmentsConfig, "checkpoint_interval", 0),

@@ -85,6 +85,12 @@ def test_what_stands_beside_a_line_may_stand_on_an_arc():
     assert Watch(box(1.5, 0.0)).is_clear(arc)
 
 
+def test_however_short_a_piece_of_the_path_it_looks_at_the_piece_has_a_direction():
+    check = ObstacleCheck(FLOOR, XTION, ObstacleCheckConfig(ahead=0.001))
+    check.look(Approach(0.2, stretch=straight(START, TARGET), at=0), box(1.5, 0.0))
+    assert not len(check.obstacles)
+
+
 def test_it_checks_each_new_stretch_and_at_every_stride():
     watch, first, second = Watch(np.zeros((0, 3))), straight(START, TARGET), straight(TARGET, np.array([2.0, 2.0]))
     for at in range(50):

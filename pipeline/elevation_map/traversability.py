@@ -451,10 +451,10 @@ class TraversabilityLayer:
 
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
     # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach,
-    # including cells from which the robot leans or slides that far.
+    # including cells from which the robot leans or slides that far. A ramp affects the cells within its margin.
     cell, config = last.grid.cell, last.config
     robot = last.robot
-    reach = reach_of(robot, config, cell) + config.drop_gap + _farthest_downhill(robot)
+    reach = max(reach_of(robot, config, cell) + _farthest_downhill(robot), config.ramp_margin) + config.drop_gap
     reach = round(reach / cell) + 2 * SLOPE_REACH + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.

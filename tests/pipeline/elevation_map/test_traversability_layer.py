@@ -3,6 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.elevation_map import elevation_kernels as kernels
+from pipeline.elevation_map.config import ElevationConfig, TraversabilityConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import LAYERS, TraversabilityLayer, assess_map
 from tests.pipeline.robot_model import PIONEER
@@ -36,6 +37,17 @@ def test_what_is_judged_keyframe_by_keyframe_is_what_is_judged_as_a_whole(steps)
         for name in LAYERS:
             np.testing.assert_array_equal(getattr(now, name), getattr(whole, name), err_msg=name)
         np.testing.assert_array_equal(now.elevation, elevation_map.elevation)
+
+
+def test_a_ramp_is_judged_as_on_the_whole_map_as_far_as_its_margin_reaches():
+    config = ElevationConfig(traversability=TraversabilityConfig(ramp_margin=2.0))
+    elevation_map, layer = ElevationMap(PIONEER, config), TraversabilityLayer()
+    for x in ((-3, -0.1), (-0.1, 1.5)):
+        elevation_map.update(ground_points(ramp_and_deck, x, (-1, 1)))
+        now = layer.update(elevation_map)
+    whole = assess_map(elevation_map)
+    for name in LAYERS:
+        np.testing.assert_array_equal(getattr(now, name), getattr(whole, name), err_msg=name)
 
 
 @settings(max_examples=25)

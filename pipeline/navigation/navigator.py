@@ -323,13 +323,14 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             send(STOP)
             return Outcome.MOVED
-        turns = heading is not None and not (course.rolls and way and self._shows(way[-1].last_heading, heading))
+        if heading is not None and course.rolls and way and self._shows(way[-1].last_heading, heading):
+            heading = None
         for number, stretch in enumerate(way, start=1):
-            is_passed = course.rolls and not turns and number == len(way)
+            is_passed = course.rolls and heading is None and number == len(way)
             outcome = self._drive_leg(stretch, course.speed_along, is_passed, send)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
-        if heading is None or not turns:
+        if heading is None:
             return Outcome.REACHED
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))

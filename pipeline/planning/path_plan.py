@@ -125,12 +125,12 @@ def _paths_over(
 ) -> list[StraightenedPath]:
     """The paths to positions (2,), in turn, and to the goal; an empty list if any of them cannot be reached."""
     legs: list[StraightenedPath] = []
-    for place in [*places, goal]:
+    for place in places:
         if not np.isfinite(paths.cost_to(place)):
             return []
-        legs.append(paths.straightened_path_to(place, heading if place is goal else None))
+        legs.append(paths.straightened_path_to(place))
         paths = PosePaths(paths.traversability, place, legs[-1].heading, paths.caution)
-    return legs
+    return [*legs, paths.straightened_path_to(goal, heading)] if np.isfinite(paths.cost_to(goal)) else []
 
 
 def unreachable_reason(paths: PosePaths, goal: ArrayLike) -> str | None:

@@ -26,6 +26,10 @@ MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
 """Options that describe the robot's surroundings, not the solver."""
 
 
+class UnstableError(PhysicsError, InputError):
+    """The physics diverge, because the robot or the arena is modelled badly."""
+
+
 class RescueEnvironment(dm_env.Environment):
     """A drive through a rescue arena, with no time limit and no reward; an action is (v, ω), m/s and rad/s.
 
@@ -70,7 +74,7 @@ class RescueEnvironment(dm_env.Environment):
         return dm_env.restart(self._observation())
 
     def step(self, action: NDArray[np.float64]) -> dm_env.TimeStep:
-        """Follow a command (v, ω), m/s and rad/s, for ``CONTROL_TIMESTEP``; PhysicsError if the physics diverges."""
+        """Follow a command (v, ω), m/s and rad/s, for ``CONTROL_TIMESTEP``; UnstableError if the physics diverge."""
         self.drive(Velocity(float(action[0]), float(action[1])))
         return dm_env.transition(reward=0.0, observation=self._observation())
 
@@ -86,7 +90,10 @@ class RescueEnvironment(dm_env.Environment):
         self._advance(model, data)
         if data.warning.number.tolist() != warned:
             names = [mujoco.mjtWarning(int(n)).name for n in np.flatnonzero(data.warning.number != warned)]
-            raise PhysicsError(f"the simulation became unstable; MuJoCo warned: {', '.join(names)}")
+            raise UnstableError(
+                f"the simulation became unstable; MuJoCo warned: {', '.join(names)}; check masses, inertias,"
+                " the timestep, and shapes that overlap"
+            )
 
     def _advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         for substep in range(self._substeps):

@@ -152,20 +152,22 @@ def drive_by_keyboard(
     """
     throttle, physics = Throttle(*driven.limits), driven.physics
     others = set(threading.enumerate())
-    with mujoco.viewer.launch_passive(
-        physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
-    ) as window:
-        _follow(window.cam, driven.base_body)
-        while window.is_running() and not interrupted():
-            due = time.monotonic() + driven.control_period
-            if gamepad:
-                gamepad.steer(throttle)
-            with window.lock():
-                driven.drive(Velocity(throttle.v, throttle.omega))
-            window.sync()
-            time.sleep(max(0.0, due - time.monotonic()))
-    for thread in set(threading.enumerate()) - others:
-        thread.join(ENDING)  # until its thread ends, the viewer reads the model and the data
+    try:
+        with mujoco.viewer.launch_passive(
+            physics.model.ptr, physics.data.ptr, key_callback=throttle.press, show_left_ui=False, show_right_ui=False
+        ) as window:
+            _follow(window.cam, driven.base_body)
+            while window.is_running() and not interrupted():
+                due = time.monotonic() + driven.control_period
+                if gamepad:
+                    gamepad.steer(throttle)
+                with window.lock():
+                    driven.drive(Velocity(throttle.v, throttle.omega))
+                window.sync()
+                time.sleep(max(0.0, due - time.monotonic()))
+    finally:
+        for thread in set(threading.enumerate()) - others:
+            thread.join(ENDING)  # until its thread ends, the viewer reads the model and the data
 
 
 class _Score(Sink):

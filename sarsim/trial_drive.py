@@ -69,7 +69,7 @@ def symptoms(robot: str) -> list[str]:
             found += trial.image()
             found += trial.drives()
         except PhysicsError as error:
-            found.append(f"{error}; check masses, inertias, the timestep, and shapes that overlap")
+            found.append(str(error))
     return found
 
 

@@ -28,10 +28,12 @@ def teleop(config: TeleopConfig) -> None:
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)
     with Interruptible() as hold:
-        drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
-        if mapped:
-            mapped.save()
-            print(f"Mapped {len(mapped.mapper.keyframes)} keyframes; results in {config.out}", flush=True)
+        try:
+            drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
+        finally:
+            if mapped:
+                mapped.save()
+                print(f"Mapped {len(mapped.mapper.keyframes)} keyframes; results in {config.out}", flush=True)
     if hold.signal is not None:
         raise KeyboardInterrupt(hold.signal)
 

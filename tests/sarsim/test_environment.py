@@ -76,8 +76,9 @@ def test_it_steps_as_dm_control_does_and_averages_over_the_time_steps():
 def test_a_divergent_simulation_is_an_error(environment):
     environment.reset()
     environment.physics.data.qvel[0] = 1e12
-    with pytest.raises(PhysicsError):
+    with pytest.raises(PhysicsError) as caught:
         environment.drive(Velocity())
+    assert isinstance(caught.value, InputError)
 
 
 ARENA = """<mujoco><compiler {}/><option {}/><size {}/><statistic extent="3"/><worldbody><site name="start"/>

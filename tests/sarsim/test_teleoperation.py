@@ -13,9 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim import composition, teleoperation
 from sarsim.arenas.load import load_arena
+from sarsim.commands import teleop
 from sarsim.settings import TeleopConfig
 from sarsim.teleoperation import (
     DOWN,
@@ -195,3 +197,24 @@ def test_a_drive_is_mapped_and_leaves_the_files_of_an_episode(windows, tmp_path,
     assert 0.05 < report["exploration"]["explored_fraction"] < 0.9
     assert report["navigation"]["distance_m"] == pytest.approx(last - first, abs=0.05)
     assert "Unseen ground was not searched for" in (tmp_path / "report.html").read_text()
+
+
+class Unstable(MappedDrive):
+    """A drive without a Rerun window, whose physics diverge at the first command."""
+
+    def __init__(self, config, arena, out, is_shown):
+        super().__init__(config, arena, out)
+
+    def drive(self, command):
+        self.physics.data.qvel[0] = 1e12
+        super().drive(command)
+
+
+@pytest.mark.usefixtures("windows")
+def test_an_unstable_simulation_leaves_the_map_made_so_far(tmp_path, monkeypatch):
+    monkeypatch.setattr(composition, "make_perception", lambda config: (TruthClassifier(), Blind()))
+    monkeypatch.setattr(teleop, "check_display", lambda: None)
+    monkeypatch.setattr(teleoperation, "MappedDrive", Unstable)
+    with pytest.raises(InputError, match="unstable"):
+        teleop.teleop(TeleopConfig(out=tmp_path / "map"))
+    assert {path.name for path in (tmp_path / "map").iterdir()} == FILES

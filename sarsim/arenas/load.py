@@ -56,11 +56,8 @@ def load_arena(
     check_arena_name(name)
     victims = victims or WorldVictims()
     path, kind = Path(name), Path(name).suffix.lower()
-    if victims.placements and kind not in BUILT_FILES:
-        raise InputError(
-            f"--victims {victims.placements}: not supported for the arena {name}; the flag works only with"
-            f" {', '.join(BUILT_FILES[:-1])} and {BUILT_FILES[-1]} files"
-        )
+    if kind not in BUILT_FILES:
+        refuse_placements(name, victims)
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):
@@ -68,7 +65,17 @@ def load_arena(
     if kind == MJCF:
         return _from_mjcf(path, start)
     builder = BUILDERS[kind](path)
-    return _from_builder(name, builder, start or _set_victims(name, builder, victims))
+    listed = _set_victims(name, builder, victims)
+    return _from_builder(name, builder, start or listed)
+
+
+def refuse_placements(name: str, victims: WorldVictims) -> None:
+    """Raise InputError if a list of placements is given for an arena that is not built from a file."""
+    if victims.placements:
+        raise InputError(
+            f"--victims {victims.placements}: not supported for the arena {name}; the flag works only with"
+            f" {', '.join(BUILT_FILES[:-1])} and {BUILT_FILES[-1]} files"
+        )
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:

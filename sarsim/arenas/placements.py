@@ -118,7 +118,7 @@ def _number(word: str) -> float | None:
 
 
 def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
-    if len(numbers) == 7 and numbers[0] == round(numbers[0]):
+    if len(numbers) in (4, 7) and numbers[0] == round(numbers[0]):
         numbers = numbers[1:]  # the first number is a line number
     if len(numbers) not in (3, 6):
         raise InputError(

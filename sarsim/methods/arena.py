@@ -4,7 +4,7 @@ import inspect
 
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.load import checked_arena, load_arena
+from sarsim.arenas.load import checked_arena, load_arena, refuse_placements
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.methods.names import OWN_FUNCTION, load_own
 from sarsim.settings import is_own_arena
@@ -32,6 +32,7 @@ def make_arena(
             an arena.
     """
     if is_own_arena(name):
+        refuse_placements(name, victims or WorldVictims())
         whole, _, part = (name, "", "") if ":" in name else name.partition("/")
         build = load_own("arena", whole, OWN_FUNCTION)
         if not callable(build):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 
 import mujoco
 import numpy as np
@@ -57,24 +58,23 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
     other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
     others = np.flatnonzero(other & ((model.geom_contype | model.geom_conaffinity) != 0))
     is_field = model.geom_type[others] == _GEOM.mjGEOM_HFIELD
-    fields = [_prisms(model, data, int(geom)) for geom in others[is_field]]
-    geoms = [*others[~is_field], *np.repeat(others[is_field], [len(prisms) for prisms in fields])]
-    shapes = _turned_shapes(model, data, others[~is_field]) + [prism for prisms in fields for prism in prisms]
-    others = np.array(geoms, np.int64)
-    position = data.geom_xpos[others]
+    geoms, fields = others[~is_field], others[is_field]
+    shapes, position = _turned_shapes(model, data, geoms), data.geom_xpos[geoms]
     planes = [
         np.column_stack([s.planes[:, :3], s.planes[:, 3] + s.planes[:, :3] @ p])
         for s, p in zip(shapes, position, strict=True)
     ]
     outlines = [s.outline + p[:2] for s, p in zip(shapes, position, strict=True)]
+    prisms = [_prisms(model, data, int(field)) for field in fields]
+    number = [len(p.planes) for p in prisms]
     return ConvexBodies(
-        planes=np.concatenate(planes),
-        first=_offsets(planes),
-        corners=np.concatenate(outlines),
-        first_corner=_offsets(outlines),
-        low=position + [s.low for s in shapes],
-        high=position + [s.high for s in shapes],
-        label=labels[others],
+        planes=np.concatenate([*planes, *(p.planes.reshape(-1, 4) for p in prisms)]),
+        first=_offsets([*map(len, planes), *[5] * sum(number)]),
+        corners=np.concatenate([*outlines, *(p.outline.reshape(-1, 2) for p in prisms)]),
+        first_corner=_offsets([*map(len, outlines), *[3] * sum(number)]),
+        low=np.concatenate([position + np.reshape([s.low for s in shapes], (-1, 3)), *(p.low for p in prisms)]),
+        high=np.concatenate([position + np.reshape([s.high for s in shapes], (-1, 3)), *(p.high for p in prisms)]),
+        label=np.concatenate([labels[geoms], np.repeat(labels[fields], number)]),
     )
 
 
@@ -137,18 +137,23 @@ def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: Rotat
     return _TurnedShape(planes, _outline(vertices[:, :2]), vertices.min(axis=0), vertices.max(axis=0))
 
 
-def _prisms(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> list[_TurnedShape]:
-    """The prisms below the triangles of a height field."""
-    tops, R = field_triangles(model, geom), data.geom_xmat[geom].reshape(3, 3)
-    feet = tops * (1, 1, 0) - (0, 0, model.hfield_size[model.geom_dataid[geom], 3])
-    sides = [np.stack([feet[:, a], feet[:, b], tops[:, a]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))]
-    faces = np.stack([tops, *sides, feet[:, ::-1]], axis=1) @ R.T  # three corners of each face
-    normals = np.cross(faces[:, :, 1] - faces[:, :, 0], faces[:, :, 2] - faces[:, :, 0])
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    planes = np.concatenate([normals, (normals * faces[:, :, 0]).sum(axis=2, keepdims=True)], axis=2)
-    corners = np.concatenate([tops, feet], axis=1) @ R.T
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    return [_TurnedShape(*prism) for prism in zip(planes, corners[:, :3, :2], low, high, strict=True)]
+def _prisms(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> _TurnedShape:
+    """The prisms below the N triangles of a height field, in world coordinates.
+
+    They are stacked: ``planes`` is (N, 5, 4), ``outline`` (N, 3, 2), ``low`` and ``high`` are (N, 3).
+    """
+    tops, R, position = field_triangles(model, geom), data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+    feet = (tops * (1, 1, 0) - (0, 0, model.hfield_size[model.geom_dataid[geom], 3])) @ R.T
+    tops = tops @ R.T
+    sides = (np.stack([feet[:, a], feet[:, b], tops[:, a]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0)))
+    planes = np.empty((len(tops), 5, 4))
+    for k, face in enumerate(chain([tops], sides, [feet[:, ::-1]])):  # one by one, because fields may be large
+        normal = np.cross(face[:, 1] - face[:, 0], face[:, 2] - face[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        planes[:, k, :3], planes[:, k, 3] = normal, (normal * face[:, 0]).sum(axis=1) + normal @ position
+    low = np.minimum(tops.min(axis=1), feet.min(axis=1))
+    high = np.maximum(tops.max(axis=1), feet.max(axis=1))
+    return _TurnedShape(planes, tops[:, :, :2] + position[:2], low + position, high + position)
 
 
 def _outline(xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -160,8 +165,8 @@ def _outline(xy: NDArray[np.float64]) -> NDArray[np.float64]:
         return xy[order[[0, -1]]]
 
 
-def _offsets(parts: list[NDArray[np.float64]]) -> NDArray[np.int64]:
-    return np.cumsum([0] + [len(part) for part in parts])
+def _offsets(lengths: list[int]) -> NDArray[np.int64]:
+    return np.cumsum([0, *lengths])
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> _Shape:

@@ -1,5 +1,7 @@
 """Columns against MuJoCo's own rays, and places above each other."""
 
+import tracemalloc
+
 import mujoco
 import numpy as np
 import pytest
@@ -114,3 +116,29 @@ def test_the_label_of_the_ground_is_that_of_its_top():
     ground = survey.ground_from(np.array([1.5, 1.5, 0]))
     assert ground.grid.at(ground.label, [0, 0]) == Label.STRAIGHT_RAMP
     assert ground.grid.at(ground.label, [1.0, 0]) == Label.TERRAIN
+
+
+FIELD = '<hfield name="hills" nrow="{0}" ncol="{0}" size="1 0.8 0.5 0.2" elevation="{1}"/>'
+
+
+def hills(n):
+    return FIELD.format(n, " ".join(f"{height:.3f}" for height in np.random.default_rng(0).random(n * n)))
+
+
+def test_height_fields_agree_with_rays_and_keep_their_own_labels():
+    field = '<geom type="hfield" hfield="hills" pos="{}" euler="0 0 {}" user="{}"/>'
+    geoms = field.format("0.1 -0.2 0.3", 20, 5) + FLOOR + field.format("0.2 0.1 -0.1", 0, 4)
+    model, data = compiled(geoms, hills(9))
+    by_columns, by_rays = highest(model, data, GRID)
+    assert_allclose(by_columns, by_rays, atol=1e-5)
+    bodies = convex_bodies(model, data, None)
+    assert np.bincount(bodies.label).tolist()[2:6] == [1, 0, 128, 128]
+
+
+def test_a_height_field_takes_less_than_a_kilobyte_per_triangle():
+    model, data = compiled('<geom type="hfield" hfield="hills"/>', hills(60))
+    tracemalloc.start()
+    bodies = convex_bodies(model, data, None)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1000 * len(bodies.label)

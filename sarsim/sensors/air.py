@@ -56,14 +56,19 @@ class Air:
         return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)
 
     def apply_to_depth(
-        self, measured: LabelledImage, truth: LabelledImage, min_range: float, rng: np.random.Generator
+        self,
+        measured: LabelledImage,
+        truth: LabelledImage,
+        min_range: float,
+        max_range: float,
+        rng: np.random.Generator,
     ) -> LabelledImage:
         """The measured image without the returns that dust absorbs, and with false returns from specks of dust.
 
         A return from distance r survives with probability e^(−2 β r). A ray of length r returns from a speck
         nearer than r with probability ``dust * SPECK_RATE`` (1 − e^(−2 β r)), by the same law. Specks are
-        unlabelled, and specks nearer than ``min_range`` m give no return. ``truth`` is the image before the depth
-        sensor measured it; one number is drawn from ``rng``.
+        unlabelled, and specks nearer than ``min_range`` or farther than ``max_range``, m, give no return. ``truth``
+        is the image before the depth sensor measured it; one number is drawn from ``rng``.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         if self.dust == 0:
@@ -76,6 +81,7 @@ class Air:
             self.extinction,
             self.dust * SPECK_RATE,
             min_range,
+            max_range,
         )
         label = np.where(specks, np.uint8(0), measured.label)
         return replace(measured, depth=depth, label=label, instance=np.where(specks, -1, measured.instance))

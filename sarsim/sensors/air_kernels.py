@@ -5,7 +5,7 @@ from numba import njit, uint64
 
 
 @njit(cache=True)
-def apply_to_depth(depth, distance, distance_per_depth, bits, extinction, speck_rate, min_range):
+def apply_to_depth(depth, distance, distance_per_depth, bits, extinction, speck_rate, min_range, max_range):
     """Remove some returns, and replace others with nearer returns from specks of dust.
 
     Args:
@@ -15,7 +15,7 @@ def apply_to_depth(depth, distance, distance_per_depth, bits, extinction, speck_
         bits: (H, W) random bits: 16 for the loss, 16 for whether there is a speck, 32 for its distance.
         extinction: fraction of light lost per metre in thin layers, 1/m.
         speck_rate: probability that an infinite ray returns from a speck.
-        min_range: minimum depth of a return, m; nearer specks give no return.
+        min_range, max_range: minimum and maximum depth of a return, m; other specks give no return.
 
     Returns:
         (H, W) float32 m, depth, and (H, W) bool, the pixels whose depth is that of a speck.
@@ -31,7 +31,7 @@ def apply_to_depth(depth, distance, distance_per_depth, bits, extinction, speck_
             if chance < speck_rate * (1 - passing):
                 place = (bits[v, u] >> uint64(32)) / 4294967296
                 nearer = -np.log(1 - place * (1 - passing)) / (2 * extinction) / distance_per_depth[v, u]
-                specks[v, u] = nearer >= min_range
+                specks[v, u] = min_range <= nearer <= max_range
                 thinned[v, u] = nearer if specks[v, u] else 0
             elif loss >= passing:
                 thinned[v, u] = 0

@@ -45,7 +45,8 @@ class Conditions:
         """
         dust_rng, colour_rng = rng.spawn(2)
         measured = self.depth_sensor.apply(truth, rng)
-        thinned = self.air.apply_to_depth(measured, truth, self.depth_sensor.min_range, dust_rng)
+        nearest, farthest = self.depth_sensor.min_range, self.depth_sensor.max_range
+        thinned = self.air.apply_to_depth(measured, truth, nearest, farthest, dust_rng)
         seen = self.air.veil(radiance(truth, self.lighting), truth, self.lighting)
         return replace(thinned, rgb=expose(seen, colour_rng))
 

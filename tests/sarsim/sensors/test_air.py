@@ -30,8 +30,10 @@ def wall(depth: float, intrinsics: Intrinsics = INTRINSICS) -> LabelledImage:
     )
 
 
-def thinned(air: Air, image: LabelledImage, seed: int = 0, min_range: float = 0.0) -> LabelledImage:
-    return air.apply_to_depth(image, image, min_range, np.random.default_rng(seed))
+def thinned(
+    air: Air, image: LabelledImage, seed: int = 0, min_range: float = 0.0, max_range: float = np.inf
+) -> LabelledImage:
+    return air.apply_to_depth(image, image, min_range, max_range, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize(("dust", "depth"), [(0.2, 1.0), (0.5, 2.0), (1.0, 1.5)])
@@ -63,10 +65,12 @@ def test_specks_lie_before_the_surface_by_the_same_law_and_have_no_label(monkeyp
     assert stats.kstest(quantile, "uniform").pvalue > 0.01
 
 
-def test_specks_nearer_than_the_sensor_sees_do_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_specks_out_of_the_sensors_range_do_not_return(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(air_module, "SPECK_RATE", 1.0)
-    result = thinned(Air(1.0), wall(2.5), min_range=0.8)
-    assert result.depth[result.depth > 0].min() >= 0.8
+    result = thinned(Air(1.0), wall(2.5), min_range=0.8, max_range=1.6)
+    specks = result.instance == -1
+    assert 0.8 <= result.depth[specks].min() < result.depth[specks].max() <= 1.6
+    assert np.all(result.depth[~specks & (result.depth != 2.5)] == 0)
 
 
 def test_where_nothing_returns_dust_still_does() -> None:

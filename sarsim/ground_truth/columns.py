@@ -15,7 +15,8 @@ from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.shapes import CUBE, SQUARE, field_triangles, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
-ENDLESS = 25.0  # m, half size assumed for an infinite plane
+ENDLESS = 25.0  # m, half size assumed for an infinite plane that is alone
+BEYOND = 1.0  # m, minimum distance to which an infinite plane extends beyond everything else
 SEGMENTS = 32  # Sides of the polygon that approximates a circle
 _GAP = 1e-3  # m; bodies with a smaller vertical gap are merged
 _GEOM = mujoco.mjtGeom
@@ -97,6 +98,38 @@ class Columns:
     owner: Indices
 
 
+def plane_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Places:
+    """(4, 3) m, the corners of a plane in its own frame, counter-clockwise from above.
+
+    An infinite plane extends beyond all other shapes that can collide, so far that it has at least the area of one
+    that is alone.
+    """
+    half = model.geom_size[geom, :2]
+    low, high = np.where(half > 0, (-half, half), (0, 0) if half.all() else _extended(model, data, geom))
+    return (SQUARE * [*(high - low), 0] + [*(high + low), 0]) / 2
+
+
+def _extended(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> NDArray[np.float64]:
+    """(2, 2) m, lowest and highest x and y of an infinite plane, in its own frame."""
+    is_plane, size = model.geom_type == _GEOM.mjGEOM_PLANE, model.geom_size
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    others = np.flatnonzero(solid & ~(is_plane & (size[:, :2] == 0).any(axis=1)))
+    if not len(others):
+        return np.array([(-ENDLESS, -ENDLESS), (ENDLESS, ENDLESS)])
+    flat = is_plane[others, None]  # MuJoCo's own boxes around planes are infinite
+    middle = np.where(flat, 0, model.geom_aabb[others, :3])
+    half = np.where(flat, size[others] * (1, 1, 0), model.geom_aabb[others, 3:])
+    corners = middle[:, None] + half[:, None] * CUBE
+    R = data.geom_xmat[others].reshape(-1, 1, 3, 3)
+    places = (R @ corners[..., None])[..., 0] + data.geom_xpos[others, None] - data.geom_xpos[plane]
+    xy = (places @ data.geom_xmat[plane].reshape(3, 3))[..., :2].reshape(-1, 2)
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    # The solution of (a + 2 beyond) · (b + 2 beyond) = (2 ENDLESS)² for sides a and b
+    a, b = high - low
+    beyond = max(BEYOND, (np.hypot(a - b, 4 * ENDLESS) - a - b) / 4)
+    return np.array([low - beyond, high + beyond])
+
+
 def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     """The columns of bodies over the cells of a grid."""
     windows = bodies.windows(grid)
@@ -126,9 +159,14 @@ class _TurnedShape:
 
 def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: Indices) -> list[_TurnedShape]:
     """The shape of each geom; an arena repeats few combinations of shape and rotation, so each is computed once."""
-    kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
+    # Where an infinite plane ends depends on its position.
+    is_plane = (model.geom_type[geoms] == _GEOM.mjGEOM_PLANE)[:, None]
+    kinds = [
+        model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms],
+        np.where(is_plane, data.geom_xpos[geoms], 0),
+    ]  # fmt: skip
     _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
-    turned = [_turned(*_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
+    turned = [_turned(*_shape(model, data, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
     return [turned[k] for k in which.ravel()]
 
 
@@ -169,10 +207,10 @@ def _offsets(lengths: list[int]) -> NDArray[np.int64]:
     return np.cumsum([0, *lengths])
 
 
-def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
+def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> _Shape:
     kind, size = _GEOM(model.geom_type[geom]), model.geom_size[geom]
     if kind == _GEOM.mjGEOM_PLANE:
-        return _plane(np.where(size[:2] > 0, size[:2], ENDLESS))
+        return _plane(plane_corners(model, data, geom))
     if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF):
         return _hull(mesh_vertices(model, geom))
     if kind in _ROUND:
@@ -180,11 +218,10 @@ def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
     return _box(model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:])
 
 
-def _plane(half: NDArray[np.float64]) -> _Shape:
-    """The prism below a rectangle, unbounded downwards."""
+def _plane(corners: NDArray[np.float64]) -> _Shape:
+    """The prism below a rectangle, unbounded downwards; ``corners``: (4, 3) m, as of :func:`plane_corners`."""
     normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
-    distances = np.array([0, half[0], half[0], half[1], half[1]])
-    return np.column_stack([normals, distances]), SQUARE * [*half, 0]
+    return np.column_stack([normals, (corners @ normals.T).max(axis=0)]), corners
 
 
 def _box(centre: NDArray[np.float64], half: NDArray[np.float64]) -> _Shape:

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Direction, Places
 from pipeline.labels import PLANAR, Label
-from sarsim.ground_truth.columns import ENDLESS
+from sarsim.ground_truth.columns import plane_corners
 from sarsim.ground_truth.meshes import DRAWN_GROUPS
-from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices
+from sarsim.ground_truth.shapes import CUBE, hull_planes, mesh_vertices
 from sarsim.sensors.camera import geom_labels
 
 
@@ -41,7 +41,7 @@ def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
     faces = []
     for geom in map(int, np.flatnonzero(np.isin(labels, PLANAR) & np.isin(model.geom_group, DRAWN_GROUPS))):
         label, R, position = Label(labels[geom]), data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
-        vertices = _vertices(model, geom)
+        vertices = _vertices(model, data, geom)
         if vertices is None:
             continue
         is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
@@ -71,11 +71,11 @@ def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64])
     return faces
 
 
-def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
+def _vertices(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> NDArray[np.float64] | None:
     """(N, 3) corners of a geom in its own frame; None unless it is a plane, box or mesh."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return SQUARE * np.where(size > 0, size, ENDLESS)
+        return plane_corners(model, data, geom)
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return CUBE * size
     return mesh_vertices(model, geom) if kind == mujoco.mjtGeom.mjGEOM_MESH else None

@@ -142,3 +142,37 @@ def test_a_height_field_takes_less_than_a_kilobyte_per_triangle():
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 1000 * len(bodies.label)
+
+
+ENDLESS_FLOOR = '<geom type="plane" size="0 0 0.1" pos="{} 0 0" user="2"/>'
+WALLS = '<geom type="box" pos="{} 0 0.5" size="0.1 2 0.5" user="1"/>'
+
+
+def ends(geoms):
+    """Lowest and highest x and y of the floor, the first body."""
+    bodies = convex_bodies(*compiled(geoms), None)
+    return [*bodies.low[0, :2], *bodies.high[0, :2]]
+
+
+def test_an_infinite_plane_is_a_square_of_50_m_if_it_is_alone():
+    assert ends(ENDLESS_FLOOR.format(3)) == [-22, -25, 28, 25]
+
+
+def test_an_infinite_plane_extends_beyond_everything_else():
+    for centre, half_length in ((100, 0.1), (0, 34.1)):
+        walls = WALLS.format(centre - half_length + 0.1) + WALLS.format(centre + half_length - 0.1)
+        low_x, low_y, high_x, high_y = ends(ENDLESS_FLOOR.format(0) + walls)
+        assert (low_x + high_x, low_y + high_y) == pytest.approx((2 * centre, 0))
+        assert (high_x - low_x) / 2 - half_length == pytest.approx(high_y - 2)
+        assert (high_x - low_x) * (high_y - low_y) == pytest.approx(2500)
+    around = WALLS.format(-30) + WALLS.format(30) + FLOOR.replace("2 2", "5 30")
+    assert ends(ENDLESS_FLOOR.format(0) + around) == pytest.approx([-31.1, -31, 31.1, 31])
+
+
+def test_infinite_planes_end_at_the_same_place_in_the_world():
+    bodies = convex_bodies(*compiled(ENDLESS_FLOOR.format(0) + ENDLESS_FLOOR.format(7) + FLOOR), None)
+    assert_allclose(bodies.low[1, :2], bodies.low[0, :2])
+    band = FLOOR.replace("2 2", "0 1").replace("/>", ' euler="0 0 90"/>')
+    low_x, low_y, high_x, high_y = ends(band + WALLS.format(60))
+    assert (low_x, high_x) == pytest.approx((-1, 1))
+    assert low_y < -2 and high_y > 2

@@ -36,3 +36,15 @@ def test_a_tetrahedron_has_four_faces():
     mujoco.mj_forward(model, data)
     areas = sorted(area(face.outline) for face in true_faces(model, data))
     assert areas == pytest.approx([0.5, 0.5, 0.5, np.sqrt(3) / 2])
+
+
+def test_the_face_of_an_infinite_plane_reaches_a_distant_wall():
+    scene = """<mujoco><size nuser_geom="1"/><worldbody><geom type="plane" size="0 0 1" user="2"/>
+    <geom type="box" pos="60 0 1" size="0.1 2 1" user="1"/></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(scene)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    (floor,) = (face for face in true_faces(model, data) if face.label == Label.TERRAIN)
+    assert floor.normal[2] == 1
+    assert floor.outline[:, 0].max() > 60.1
+    assert area(floor.outline) == pytest.approx(2500)

@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.transforms import from_yaw, yaw_of
+from sarsim.ground_truth.contacts import OBSTACLES
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
@@ -42,8 +43,10 @@ class Start(NamedTuple):
 def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw_deg: float) -> Start:
     """The start at a requested position, on the lowest ground with headroom at this position.
 
+    Whether the ground is wide and level enough depends on the robot, which is not known here.
+
     Raises:
-        InputError: the robot cannot stand there, or a number is not finite.
+        InputError: there is no free ground at the position, or a number is not finite.
     """
     if not np.isfinite((x, y, yaw_deg)).all():
         raise InputError(f"--start {x:g} {y:g} {yaw_deg:g}: all three numbers must be finite")
@@ -51,7 +54,8 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     low = np.array([x, y, survey.bodies.low[:, 2].min()])
     height = survey.ground_height_near(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
-    if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:
+    here = tuple(survey.grid.cell_of(low))
+    if ground is None or ground.label[here] in OBSTACLES or ground.to_obstacle[here] < CELL:
         raise InputError(f"the robot cannot stand at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
     return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
 

@@ -22,6 +22,7 @@ from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.arenas.start import find_start, moved_to_ground, start_at
 from sarsim.assets import asset
+from sarsim.ground_truth.meshes import drawn_geoms
 from sarsim.sensors.camera import geom_labels
 from sarsim.vetting.resolved import resolved_root
 from sarsim.vetting.trial import check_model, is_shipped, read_mjcf
@@ -129,8 +130,14 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
     without a label.
 
     Raises:
-        InputError: gravity does not point downwards.
+        InputError: gravity does not point downwards, or no shape can collide or is visible.
     """
+    if not (model.geom_contype | model.geom_conaffinity).any():
+        raise InputError("no shape can collide; give the floor contype and conaffinity of at least 1")
+    if not drawn_geoms(model).any():
+        raise InputError(
+            "no shape is visible; move the shapes that are to be seen to group 0, and give them an alpha"
+        )
     x, y, z = model.opt.gravity
     if z >= 0 or np.hypot(x, y) > -z * LEANING:
         raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")

@@ -45,3 +45,18 @@ def test_gravity_points_downwards(gravity: str, is_good: bool, tmp_path: Path) -
     else:
         with pytest.raises(InputError, match=r"room.xml: gravity .* downwards"):
             load_arena(path)
+
+
+@pytest.mark.parametrize(
+    ("floor", "said"),
+    [
+        ("", "no shape can collide"),
+        ('<geom type="plane" size="5 5 1" user="2" contype="0" conaffinity="0"/>', "no shape can collide"),
+        ('<geom type="plane" size="5 5 1" user="2" group="3"/>', "no shape is visible"),
+        ('<geom type="plane" size="5 5 1" user="2" rgba="1 1 1 0"/>', "no shape is visible"),
+    ],
+)
+def test_a_floor_carries_the_robot_and_is_seen(floor: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "room.xml").write_text(f'<mujoco><worldbody><site name="start"/>{floor}</worldbody></mujoco>')
+    with pytest.raises(InputError, match=rf"room.xml: {said}"):
+        load_arena(str(tmp_path / "room.xml"))

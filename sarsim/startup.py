@@ -4,6 +4,7 @@ import ctypes
 import os
 import stat
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -51,9 +52,13 @@ def _choose_cache() -> None:
     A user may run sarsim from another user's folder and have no home folder. numba runs the code that it finds in its
     cache, so the temporary folder must belong to the user alone.
     """
-    beside, own = Path(__file__).parent, Path.home() / ".cache"
-    nearest = next(folder for folder in (own, *own.parents) if folder.exists())
-    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(folder, os.W_OK) for folder in (beside, nearest)):
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    folders = [Path(__file__).parent]
+    with suppress(OSError, RuntimeError):  # the user has no home folder, or may not read it
+        own = Path.home() / ".cache"
+        folders.append(next(folder for folder in (own, *own.parents) if folder.exists()))
+    if not any(os.access(folder, os.W_OK) for folder in folders):
         folder = Path(tempfile.gettempdir(), f"sarsim-{os.getuid()}")
         folder.mkdir(mode=0o700, exist_ok=True)
         about = folder.lstat()

@@ -81,3 +81,18 @@ print(folder, oct(os.stat(folder).st_mode & 0o777))
         Path(shared, "sarsim-65534").chmod(0o777)  # anybody could put kernels there
         printed = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
         assert printed.split()[0] != f"{shared}/sarsim-65534"
+
+
+@pytest.mark.parametrize(
+    "error", ["RuntimeError('Could not determine home directory.')", "PermissionError(13, 'denied')"]
+)
+def test_a_home_folder_that_cannot_be_found_or_read_does_no_harm(error: str) -> None:
+    program = f"""
+import pathlib
+from unittest.mock import Mock
+from sarsim.startup import prepare_process
+pathlib.Path.home = Mock(side_effect={error})
+prepare_process()
+"""
+    for cache in ({}, {"NUMBA_CACHE_DIR": "/own"}):
+        subprocess.run([sys.executable, "-c", program], env=os.environ | cache, check=True)

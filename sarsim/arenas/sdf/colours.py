@@ -40,7 +40,7 @@ MAX_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
 SAMPLE = 64  # pixels along a texture's shorter side that suffice for the mean colour
 MAX_SCRIPTS = 100  # Maximum number of material files that are read in a folder
 _BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
-_SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(.+?)\s*$", re.MULTILINE)
+_SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(\S.*?)\s*$", re.MULTILINE)
 
 
 class Materials:

@@ -105,9 +105,8 @@ class Frames:
         return T @ inside.pose(inner)
 
     def _merged_pose(self, name: str) -> NDArray[np.float64]:
-        outer = name.partition("::")[0]
         for key, frame in self._frames.items():
-            if frame.merged and frame.inside is not None and outer in frame.inside._frames:
+            if frame.merged and frame.inside is not None and frame.inside.has(name):
                 return self._pose(key) @ frame.inside.pose(name)
         raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
 

@@ -69,6 +69,8 @@ def test_a_models_own_scripts_and_textures_give_a_colour(tmp_path):
         np.testing.assert_allclose(
             colour(tmp_path, f"<script>{uris}<name>{name}</name></script>"), expected, atol=0.01
         )
+    (scripts / "m.material").write_text("material Own/Plain\n{\n diffuse 0 1 0 1\n texture  ")  # cut off
+    np.testing.assert_allclose(colour(tmp_path, f"<script>{uris}<name>Own/Plain</name></script>"), (0, 1, 0))
     pbr = "<diffuse>0.5 0.5 0.5</diffuse><pbr><metal><albedo_map>{}</albedo_map></metal></pbr>"
     found = colour(tmp_path, pbr.format("model://m/materials/textures/t.png"))
     np.testing.assert_allclose(found, (0.1, 0.2, 0.3), atol=0.01)

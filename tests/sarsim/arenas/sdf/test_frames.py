@@ -79,6 +79,14 @@ def test_a_merged_model_gives_its_frames_to_the_scope():
     np.testing.assert_allclose(frames.pose("flag")[:3, 3], [2, 3, 1])
 
 
+def test_a_model_merged_into_a_merged_model_gives_its_frames_too():
+    frames, middle, inmost = Frames("here"), Frames("here"), Frames("here")
+    inmost.add("tip", pose("0 0 1 0 0 0"), "__model__")
+    middle.add("n", pose("0 3 0 0 0 0"), "__model__", inmost, merged=True)
+    frames.add("m", pose("2 0 0 0 0 0"), "__model__", middle, merged=True)
+    np.testing.assert_allclose(frames.pose("tip")[:3, 3], [2, 3, 1])
+
+
 def test_a_circle_and_an_unknown_frame_are_refused():
     frames = Frames("here")
     for a, b in ("ab", "bc", "ca"):

@@ -7,7 +7,6 @@ it reaches the functions that the first process has compiled.
 
 import functools
 import json
-import os
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -16,7 +15,7 @@ from importlib.resources import files
 from subprocess import DEVNULL, Popen
 from typing import Any
 
-from pipeline.processes import end_with_parent
+from pipeline.processes import end_with_parent, usable_cores
 
 Argument = str | list[Any]
 """An argument's type: the name of a scalar type, ``["array", dtype, dimensions, layout, is read-only]``,
@@ -25,11 +24,11 @@ Argument = str | list[Any]
 
 @functools.cache
 def compile_on_two_cores() -> None:
-    """Start the second process as soon as numba compiles anything, unless there is only one core."""
+    """Start the second process as soon as numba compiles anything, unless this process may use only one core."""
     from numba.core import event  # imported here, because it takes too long for --help
 
     class Starter(event.Listener):
-        is_wanted = (os.cpu_count() or 1) > 1
+        is_wanted = usable_cores() > 1
 
         def on_start(self, event: event.Event) -> None:
             if self.is_wanted:

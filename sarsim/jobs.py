@@ -23,6 +23,7 @@ from filelock import lock_descriptor
 
 from pipeline.errors import InputError, required
 from pipeline.files import atomic_write, uninterrupted
+from pipeline.processes import usable_cores
 from sarsim.startup import prepare_process
 
 ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
@@ -80,11 +81,6 @@ def locked(folder: Path) -> Iterator[FolderLock]:
                 )
             time.sleep(PAUSE)
         yield FolderLock(folder, held)
-
-
-def usable_cores() -> int:
-    """Number of cores that this process may use; macOS does not limit them."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def make_engine(name: str = "local", workers: int | None = None) -> Engine[Any]:

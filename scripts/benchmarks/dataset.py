@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.processes import usable_cores
 from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
-from sarsim.jobs import start_worker, usable_cores
+from sarsim.jobs import start_worker
 from scripts.benchmarks.common import RENDERERS, Result, at_least
 from scripts.benchmarks.settings import DatasetSettings
 

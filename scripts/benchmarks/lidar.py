@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Indices
 from pipeline.errors import InputError
+from pipeline.processes import usable_cores
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene
 from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
-from sarsim.jobs import start_worker, usable_cores
+from sarsim.jobs import start_worker
 from sarsim.plugins.lidar.config import PRESETS, LidarConfig
 from sarsim.plugins.lidar.scanner import Scanner
 from sarsim.plugins.lidar.semantic_kitti import sequence_folder

@@ -116,10 +116,6 @@ class SkidSteerRobot(composer.Robot):
         sensors = (self.encoders, self.wheel_speed, self.gyro, self.accelerometer)
         return {sensor.__name__: sensor(physics) for sensor in sensors}
 
-    def set_wheel_speed(self, physics: mjcf.Physics, left: float, right: float) -> None:
-        """Set the target speed of the wheels of each side, rad/s."""
-        physics.bind(self.actuators).ctrl = left, right
-
     def T_world_base(self, physics: mjcf.Physics) -> Pose:
         """True pose of ``base_link``."""
         base = physics.bind(self.base)

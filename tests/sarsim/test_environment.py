@@ -55,7 +55,7 @@ def test_it_steps_as_dm_control_does_and_averages_over_the_time_steps():
         robot, physics = environment.robot, environment.physics
         speed, gyro = robot.wheel_speed(physics), robot.gyro(physics)
         wheels = environment.firmware.command(Velocity(0.5, 0.5), speed, gyro[2], CONTROL_TIMESTEP)
-        robot.set_wheel_speed(physics, *wheels)
+        physics.bind(robot.actuators).ctrl = wheels
         measured = []
         for _ in range(substeps(physics.timestep())):
             physics.step()

@@ -19,13 +19,13 @@ def qr_modules(text: str) -> NDArray[np.uint8]:
     return image[top:bottom, left:right]
 
 
-def qr_picture(text: str, module: int = 8) -> NDArray[np.uint8]:
-    """(H, H) uint8 image of a QR code with its quiet zone; a module has ``module`` × ``module`` pixels."""
+def qr_picture(text: str) -> NDArray[np.uint8]:
+    """(H, H) uint8 image of a QR code with its quiet zone; a module has 8 × 8 pixels."""
     quiet = np.pad(qr_modules(text), QUIET_ZONE, constant_values=255)
-    return quiet.repeat(module, axis=0).repeat(module, axis=1)
+    return quiet.repeat(8, axis=0).repeat(8, axis=1)
 
 
-def tag_picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
-    """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` × ``module`` pixels."""
-    black = cv2.aruco.generateImageMarker(TAG_DICTIONARY, tag, MODULES * module)
-    return np.pad(black, module, constant_values=255)
+def tag_picture(tag: int) -> NDArray[np.uint8]:
+    """(160, 160) uint8 image of a tag with a white margin of one module; a module has 16 × 16 pixels."""
+    black = cv2.aruco.generateImageMarker(TAG_DICTIONARY, tag, MODULES * 16)
+    return np.pad(black, 16, constant_values=255)

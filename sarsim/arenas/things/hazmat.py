@@ -118,15 +118,6 @@ def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDA
     return cv2.resize(face, (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
-def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """(size, size, 4) uint8 RGBA, a sign that stands on its corner, transparent outside the diamond."""
-    colours = _drawn(name, FINER * size, style or SignStyle())
-    inside = np.zeros(colours.shape[:2], np.uint8)
-    far, half = len(colours) - 1, len(colours) // 2
-    cv2.fillPoly(inside, [np.array([(half, 0), (far, half), (half, far), (0, half)])], 255, cv2.LINE_AA)
-    return cv2.resize(np.dstack([colours, inside]), (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
-
-
 def _drawn(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
     """(size, size, 3) uint8 RGB, a sign that stands on its corner; its colours extend beyond the diamond's edges."""
     sign = _SIGNS[name]
@@ -191,6 +182,6 @@ def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
 
 
 @cache
-def sign_png(name: str, size: int = 512, style: SignStyle | None = None) -> bytes:
+def sign_png(name: str, style: SignStyle | None = None) -> bytes:
     """The content of a PNG file with the square sign of :func:`sign_face`; cached."""
-    return cv2.imencode(".png", cv2.cvtColor(sign_face(name, size, style), cv2.COLOR_RGB2BGR))[1].tobytes()
+    return cv2.imencode(".png", cv2.cvtColor(sign_face(name, style=style), cv2.COLOR_RGB2BGR))[1].tobytes()

@@ -106,7 +106,7 @@ class ColouredGeom:
 def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: float = 0.0) -> ThingModel:
     """A sign of class ``kind`` with sides of ``side`` m, on its corner, on paper with a margin of ``paper`` m."""
     turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # puts the picture's top left corner on top
-    content = sign_png(kind, style=style)
+    content = sign_png(kind, style)
     plate, assets, files = _printed(name, content, side / 2, turned)
     sheet = [_box(f"{name}_paper", (side / 2 + paper,) * 2, PAPER, turned)] if paper else []
     return ThingModel(name, "hazmat_sign", kind, [plate], assets, files, backing=sheet)

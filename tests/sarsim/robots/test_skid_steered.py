@@ -143,7 +143,7 @@ class Drive:
     def _step(self, velocity: Velocity) -> None:
         robot, physics, yaw = self.robot, self.physics, yaw_of(self.pose)
         wheels = self.firmware.command(velocity, robot.wheel_speed(physics), robot.gyro(physics)[2], CONTROL)
-        robot.set_wheel_speed(physics, *wheels)
+        physics.bind(robot.actuators).ctrl = wheels
         physics.step(round(CONTROL / physics.timestep()))
         self.odometry.update(robot.wheel_angle(physics), robot.gyro(physics), robot.accelerometer(physics), CONTROL)
         self.turned += wrap_angle(yaw_of(self.pose) - yaw)

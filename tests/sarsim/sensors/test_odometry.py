@@ -154,9 +154,8 @@ def driven(v: float, omega: float, seconds: float) -> list[tuple[NDArray[np.floa
     physics = mjcf.Physics.from_mjcf_model(plane.mjcf_model)
     for k in range(round((seconds + 1.0) / DT)):
         command = Velocity(v, omega) if k * DT >= 1.0 else Velocity()
-        robot.set_wheel_speed(
-            physics, *firmware.command(command, robot.wheel_speed(physics), robot.gyro(physics)[2], DT)
-        )
+        wheels = firmware.command(command, robot.wheel_speed(physics), robot.gyro(physics)[2], DT)
+        physics.bind(robot.actuators).ctrl = wheels
         physics.step(round(DT / physics.timestep()))
         if k * DT >= 0.5 and k % 10 == 0:
             sensed = robot.wheel_angle(physics), robot.gyro(physics), robot.accelerometer(physics)

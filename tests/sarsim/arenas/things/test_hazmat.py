@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.tracks.find import HAZMAT_CLASSES
-from sarsim.arenas.things.hazmat import SignStyle, sign_face, sign_upright
+from sarsim.arenas.things.hazmat import SignStyle, sign_face
 
 SIZE = 96
 
@@ -32,15 +32,6 @@ def test_a_face_has_the_top_of_the_sign_in_its_top_left_corner():
     ):
         for where, colour in ((above, top), (below, bottom)):
             assert np.abs(np.median(sign_face(name, SIZE, bare)[where], axis=(0, 1)) - colour).max() <= 3, name
-
-
-def test_an_upright_sign_is_a_diamond_and_the_same_picture():
-    upright = sign_upright("corrosive", SIZE)
-    v, u = np.mgrid[0.5:SIZE, 0.5:SIZE] / SIZE * 2 - 1
-    inside = np.abs(u) + np.abs(v)
-    assert (upright[inside < 0.95, 3] == 255).all() and (upright[inside > 1.05, 3] == 0).all()
-    assert upright[SIZE // 10, SIZE // 2, :3].min() > 200
-    assert upright[-SIZE // 10, SIZE // 2, :3].max() < 60
 
 
 def test_a_style_draws_the_same_twice_and_styles_differ():

@@ -30,7 +30,10 @@ def frame(*tags: tuple[int, int, int, int], depth: float = 2.0) -> Frame:
     """A grey wall square to the camera with tags: number, left, top, and pixels of a module."""
     rgb = np.full((480, 640, 3), 128, np.uint8)
     for tag, left, top, module in tags:
-        rgb[top : top + 10 * module, left : left + 10 * module] = tag_picture(tag, module)[..., None]
+        modules = tag_picture(tag)[8::16, 8::16]
+        rgb[top : top + 10 * module, left : left + 10 * module] = np.kron(modules, np.ones((module, module)))[
+            ..., None
+        ]
     image = np.full((480, 640), depth, np.float32)
     return Frame(0.0, rgb, image, CAMERA, T_BASE_CAMERA, np.eye(4))
 

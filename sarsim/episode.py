@@ -2,9 +2,10 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from pipeline.datasets.recorded_robot import ReportingRobot
 from pipeline.errors import InputError, required
@@ -56,7 +57,7 @@ class Episode(ExplorerRun):
             raise InputError(f"--seed {config.seed}: must not be negative")
         if config.oracle and not config.scores:
             raise InputError("--oracle: compares scores; leave out --no-scores")
-        config = replace(config, out=config.folder)
+        is_named, config = bool(config.out or config.resume), replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
         plugins = make_plugins(config)
         config = replace(config, plugins={plugin.name: plugin.settings for plugin in plugins})
@@ -84,6 +85,9 @@ class Episode(ExplorerRun):
             explorer = Explorer(robot, mapper, strategy, planner)
             self._score = EpisodeScore(self.robot, explorer, config.oracle) if config.scores else None
             estimate = _Estimate(mapper.localisation, self.robot.trajectory)
+            if not is_named:
+                self.config = config = _with_new_folder(config)
+                refused.callback(_remove_if_empty, config.folder)
             parts = compose(
                 config,
                 mapper,
@@ -165,3 +169,17 @@ class Episode(ExplorerRun):
 
     def _finish(self, sim_time: float) -> None:
         run_all(lambda: super(Episode, self)._finish(sim_time), self.robot.close)
+
+
+def _with_new_folder(config: EpisodeConfig) -> EpisodeConfig:
+    """Create the default folder for the results, or the next one if another command has created it meanwhile."""
+    while True:
+        config = replace(config, out=replace(config, out=None).folder)
+        with suppress(FileExistsError):
+            config.folder.mkdir(parents=True)
+            return config
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()

@@ -129,6 +129,31 @@ def test_a_refused_episode_closes_its_robot(tmp_path, monkeypatch):
     assert len(closed) == 1
 
 
+def test_a_default_folder_that_another_command_has_created_meanwhile_is_left_to_it(tmp_path, monkeypatch):
+    (tmp_path / "arena.xml").write_text(HOUSE)
+    config = EpisodeConfig(arena="arena.xml", labels="truth", detector=None)
+    monkeypatch.chdir(tmp_path)
+    taken, make_arena = Path("runs", "arena-0"), episode_module.make_arena
+    monkeypatch.setattr(episode_module, "make_arena", lambda *args: (taken.mkdir(parents=True), make_arena(*args))[1])
+    episode = Episode(config)
+    episode.recorder.close()
+    episode.robot.close()
+    assert episode.config.folder == episode.parts.folder == Path("runs", "arena-0-2")
+    assert not list(taken.iterdir())
+
+
+def test_a_refused_episode_leaves_no_default_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise InputError("no window")
+
+    monkeypatch.setattr(episode_module, "compose", refuse)
+    with pytest.raises(InputError, match="no window"):
+        Episode(EpisodeConfig(labels="truth", detector=None))
+    assert not list(tmp_path.glob("runs/*"))
+
+
 def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp_path):
     goals = ((0.8, 0.5), (50.0, 0.0), (2.0, 0.4))
     diary = Diary(room((-1.0, 2.0), (-1.1, 1.1)), tmp_path, goals=goals, home=True, steps=1)

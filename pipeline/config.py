@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.errors import require_at_least
+from pipeline.errors import InputError, require_at_least
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
 from pipeline.segments.config import SegmentsConfig
 from pipeline.semantic_map.config import SemanticMapConfig
-from pipeline.topological_map.config import TopologicalMapConfig
+from pipeline.topological_map.config import MAX_REACH, TopologicalMapConfig
 from pipeline.tracks.config import TracksConfig
 from pipeline.victims.config import VictimsConfig
 
@@ -67,3 +67,11 @@ class PipelineConfig:
     exploration: ExplorationConfig = ExplorationConfig()
     navigation: NavigationConfig = NavigationConfig()
     explorer: ExplorerConfig = ExplorerConfig()
+
+    def __post_init__(self) -> None:
+        cell, sight = self.elevation_map.cell, self.topological_map.sight
+        if not sight / cell <= MAX_REACH:
+            raise InputError(
+                f"topological_map.sight = {sight:g}: must be at most {MAX_REACH} times elevation_map.cell = {cell:g}"
+                "; reduce the sight or enlarge the cells"
+            )

@@ -22,7 +22,7 @@ def visible_cells(cells: Cells, target: MaskLayer, walls: MaskLayer, reach: int)
 
 
 @cache
-def ray_tree(reach: int) -> NDArray[np.int16]:
+def ray_tree(reach: int) -> NDArray[np.int32]:
     """(N, 3) the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
 
     An entry consists of the offset of a cell and of the index of the next entry that does not lie behind this cell,
@@ -50,4 +50,4 @@ def ray_tree(reach: int) -> NDArray[np.int16]:
             entry[2] = len(entries)
 
     add(root)
-    return np.array(entries, np.int16)
+    return np.array(entries, np.int32)

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from pipeline.errors import require_at_least, require_positive
 
+MAX_REACH = 250
+"""Maximum of ``sight``, cells; the time to prepare the rays and the memory grow with its square."""
+
 
 @dataclass(frozen=True)
 class TopologicalMapConfig:

@@ -161,3 +161,10 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
 def test_a_number_that_cannot_work_is_refused(config: type, field: str, wrong: object) -> None:
     with pytest.raises(InputError, match=re.escape(f"{field} = {wrong}: must be")):
         config(**{field: wrong})
+
+
+def test_nodes_may_see_as_far_as_250_cells() -> None:
+    fine = ElevationConfig(cell=0.03)
+    assert PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.5)).elevation_map == fine
+    with pytest.raises(InputError, match=r"sight = 7\.6"):
+        PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.6))

@@ -142,7 +142,9 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
             reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy
         )
         if not policy.is_flat:
-            points = points[belongs if belongs.any() else np.abs(depth - z) < GAP]
+            near = np.abs(depth - z) < GAP
+            # If half of the returns lie behind a gap, the median may be in the gap.
+            points = points[belongs if belongs.any() else near if near.any() else depth <= z]
             own = points.astype(np.float64)
             in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
             covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2

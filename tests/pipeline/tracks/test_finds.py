@@ -260,3 +260,12 @@ def test_as_many_misses_as_the_policy_allows_take_a_report_back() -> None:
             frame, T = seen_from(x)
             finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))][k:], T, k)
         assert len(finds.reported) == left
+
+
+def test_what_returns_show_half_near_and_half_far_is_near() -> None:
+    frame, _ = seen_from()
+    depth = np.full_like(frame.depth, 3.0)
+    depth[:55] = 2.0
+    corners = box_corners((70.5, 50.5, 79.5, 59.5))  # five rows of pixels are near, and five are far
+    seen = sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM)
+    np.testing.assert_allclose(seen.points[:, 0], 2.0, atol=1e-6)

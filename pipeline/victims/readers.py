@@ -111,14 +111,17 @@ def _read(
     if wrong := [reading.kind for reading in readings if not is_find_kind(reading.kind)]:
         raise InputError(f"the kind {wrong[0]!r} of a reader: must be up to 40 of a-z, 0-9 and _, beginning with a-z")
     if detector is not None and frame.thermal is not None:
-        readings = [*readings, *warm_regions(frame.thermal, len(frame.rgb), heat)]
+        readings = [*readings, *warm_regions(frame.thermal, frame.rgb.shape, heat)]
     return ReadFrame(frame, keyframe, detections, readings)
 
 
-def warm_regions(thermal: NDArray[np.float32], height: int, config: HeatConfig) -> Iterator[Reading]:
-    """The warm regions of a thermal image (h, w), °C, as readings in the colour image, ``height`` pixels high."""
+def warm_regions(thermal: NDArray[np.float32], shape: tuple[int, ...], config: HeatConfig) -> Iterator[Reading]:
+    """The warm regions of a thermal image (h, w), °C, as readings in the colour image of the given ``shape``.
+
+    Both images have the same field of view, but their pixels may differ in shape.
+    """
     warm = np.isfinite(thermal) & (thermal > np.nanmedian(thermal) + config.min_temperature_excess)
-    scale = height / thermal.shape[0]
+    scale = np.divide(shape[1::-1], thermal.shape[::-1])
     contours, _ = cv2.findContours(warm.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     for contour in contours:
         if len(contour) >= MIN_OUTLINE:

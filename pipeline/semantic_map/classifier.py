@@ -11,6 +11,8 @@ from pipeline.labels import Label
 
 CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.CEILING, Label.CLUTTER)
 """The classes of a network, in the order of its outputs."""
+TOLERANCE = 1e-3
+"""Maximum difference between 1 and the sum of a point's probabilities; rounding to float16 adds up to 0.0005."""
 
 
 class PointClassifier(Protocol):
@@ -35,18 +37,23 @@ class PointClassifier(Protocol):
 
 
 def check_probabilities(probabilities: object, points: int, classifier: object) -> None:
-    """Check that a classifier has returned finite class probabilities (points, 8), which the map can add up.
+    """Check that a classifier has returned class probabilities (points, 8) that sum to 1 for each point.
 
     Raises:
         InputError: it has returned something else.
     """
     wanted = (
-        f"{type(classifier).__name__}.classify: must return finite probabilities of shape ({points}, {len(Label)})"
+        f"{type(classifier).__name__}.classify: must return probabilities of shape ({points}, {len(Label)}), "
+        "at least 0 and with the sum 1 for each point"
     )
     if not isinstance(probabilities, np.ndarray):
         raise InputError(f"{wanted}, not {type(probabilities).__name__}")
-    if probabilities.shape != (points, len(Label)) or not np.isfinite(probabilities.sum()):
+    if probabilities.shape != (points, len(Label)):
         raise InputError(f"{wanted}, not an array of shape {probabilities.shape}")
+    sums_to_1 = np.abs(probabilities.sum(axis=1, dtype=np.float32) - 1) <= TOLERANCE
+    right = sums_to_1 & (probabilities >= 0).all(axis=1)
+    if not right.all():
+        raise InputError(f"{wanted}, not {probabilities[~right][0].tolist()}")
 
 
 class TruthClassifier(PointClassifier):

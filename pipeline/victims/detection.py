@@ -34,7 +34,7 @@ class Detector(Protocol):
 
 
 def check_detections(detections: object, detector: object) -> None:
-    """Check that a detector has returned detections of known kinds, with boxes of four finite numbers in pixels.
+    """Check that a detector has returned detections of known kinds, with finite boxes and confidences from 0 to 1.
 
     Raises:
         InputError: the detector has returned something else.
@@ -43,7 +43,9 @@ def check_detections(detections: object, detector: object) -> None:
     if not isinstance(detections, list) or not all(isinstance(found, Detection) for found in detections):
         raise InputError(f"{where}: must return a list of Detection objects, not {detections!r:.60}")
     for found in detections:
-        if np.shape(found.box) != (4,) or not np.isfinite([*found.box, found.confidence]).all():
-            raise InputError(f"{where}: the box (x0, y0, x1, y1) and the confidence must be finite, not {found}")
+        if np.shape(found.box) != (4,) or not np.isfinite(found.box).all():
+            raise InputError(f"{where}: the box must be four finite numbers, x0, y0, x1 and y1, not {found}")
+        if not 0 <= found.confidence <= 1:
+            raise InputError(f"{where}: the confidence must be from 0 to 1, not {found.confidence:g}")
         if found.kind not in KINDS:
             raise InputError(f"{where}: the kind must be one of {', '.join(KINDS)}, not {found.kind!r}")

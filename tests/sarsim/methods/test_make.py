@@ -193,12 +193,23 @@ def test_an_error_in_code_of_ones_own_is_ones_own(workplace: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "answer", [None, [[0.125] * 8] * 3, np.ones((3, 7)), np.ones((4, 8)), np.full((3, 8), np.nan)]
+    "answer", [None, [[0.125] * 8] * 3, np.full((3, 7), 1 / 7), np.full((4, 8), 0.125), np.full((3, 8), np.nan)]
 )
 def test_probabilities_that_would_spoil_the_map_are_refused(answer: object) -> None:
     check_probabilities(np.full((3, 8), 0.125), 3, object())
     with pytest.raises(InputError, match=r"^object.classify: .*\(3, 8\)"):
         check_probabilities(answer, 3, object())
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("wrong", [[0.0] * 8, [-2.1] * 8, [0.13] * 8, [1.5, -0.5, *[0.0] * 6]])
+def test_probabilities_of_each_point_are_not_negative_and_sum_to_1(kind: type, wrong: list[float]) -> None:
+    answer: np.ndarray = np.random.default_rng(0).dirichlet(np.ones(8), 100_000).astype(kind)
+    check_probabilities(answer, len(answer), object())
+    check_probabilities(answer[:0], 0, object())
+    answer[500] = wrong
+    with pytest.raises(InputError, match=r"^object.classify: .*the sum 1"):
+        check_probabilities(answer, len(answer), object())
 
 
 @pytest.mark.parametrize(
@@ -208,12 +219,14 @@ def test_probabilities_that_would_spoil_the_map_are_refused(answer: object) -> N
         [(0, 0, 1, 1)],
         [Detection((0, 0, 1), 0.5)],  # type: ignore[arg-type]
         [Detection((0, 0, 1, np.nan), 0.5)],
-        [Detection((0, 0, 1, 1), np.inf)],
+        [Detection((0, 0, 1, 1), np.nan)],
+        [Detection((0, 0, 1, 1), 1.01)],
+        [Detection((0, 0, 1, 1), -0.01)],
         [Detection((0, 0, 1, 1), 0.5, "cat")],
     ],
 )
 def test_detections_that_would_spoil_the_map_are_refused(answer: object) -> None:
-    check_detections([Detection((0, 0, 1, 1), 0.5)], object())
+    check_detections([Detection((0, 0, 1, 1), sure) for sure in (0, 0.5, 1)], object())
     with pytest.raises(InputError, match=r"^object.detect: "):
         check_detections(answer, object())
 

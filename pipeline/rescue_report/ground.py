@@ -213,7 +213,9 @@ def find_unseen(
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= FROM_WALL
     # A partly seen wall has gaps; ground is expected to extend only through wide gaps.
-    ahead = ndimage.binary_dilation(reachable, iterations=round(config.expected_extent / grid.cell), mask=is_clear)
+    steps = round(config.expected_extent / grid.cell)
+    # With 0 iterations, SciPy dilates until nothing changes.
+    ahead = ndimage.binary_dilation(reachable, iterations=steps, mask=is_clear) if steps else reachable
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
     is_reachable = bool(reachable.any())

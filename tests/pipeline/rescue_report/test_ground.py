@@ -88,12 +88,12 @@ WALLS = [
 LAST_WALL = wall_points((1.98, -1.5), (1.98, 1.5))
 
 
-def unseen(*clouds: NDArray[np.float32]) -> Unseen:
+def unseen(*clouds: NDArray[np.float32], config: RescueReportConfig = RescueReportConfig()) -> Unseen:
     """The unseen ground in a room with three walls and these clouds."""
     elevation_map = surface_of(*clouds, *WALLS)
     traversability = assess_map(elevation_map)
     reachable = PosePaths(traversability, (-1.5, 0.0)).reachable
-    return find_unseen(traversability, elevation_map.measured, reachable, RescueReportConfig())
+    return find_unseen(traversability, elevation_map.measured, reachable, config)
 
 
 def without(low: float, high: float) -> NDArray[np.float32]:
@@ -144,3 +144,7 @@ def test_ground_is_expected_ahead_where_no_wall_is() -> None:
 def test_no_ground_is_expected_through_a_gap_in_what_was_seen_of_a_wall() -> None:
     gap = LAST_WALL[np.abs(LAST_WALL[:, 1]) > 0.05]
     assert unseen(ground_points(flat, *ROOM), gap).places == []
+
+
+def test_no_ground_is_expected_ahead_within_half_a_cell() -> None:
+    assert unseen(ground_points(flat, *ROOM), config=RescueReportConfig(expected_extent=0.02)).area == 0

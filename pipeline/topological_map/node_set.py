@@ -175,8 +175,9 @@ class NodeSet:
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)
-        low = self.cover.grid.centre_of(cells.min(axis=0))
-        high = self.cover.grid.centre_of(cells.max(axis=0))
+        half = self.cover.grid.cell / 2
+        low = self.cover.grid.centre_of(cells.min(axis=0)) - half
+        high = self.cover.grid.centre_of(cells.max(axis=0)) + half
         ids = np.array(list(self.nodes))
         places = np.array([self.nodes[n].position for n in ids])
         i, j = np.triu_indices(len(ids), 1)

@@ -40,7 +40,7 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float, highest: f
     Args:
         path: the image, ``.pgm``.
         metric_map: the map.
-        lowest, highest: heights in ``map``, m.
+        lowest, highest: heights in ``map``, m; infinite if there is no limit.
 
     Returns:
         The files that were written.
@@ -50,8 +50,9 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float, highest: f
     """
     lower, upper = metric_map.bounds()
     size = metric_map.voxel_size
-    layers = metric_map.voxel_index([(0, 0, lowest), (0, 0, highest)])[:, 2]
-    lower[2], upper[2] = layers[0], layers[1] + 1
+    first, last = np.floor((np.array([lowest, highest]) - metric_map.corner[2]) / size)
+    lower[2], upper[2] = np.clip([first, last + 1], lower[2], upper[2])
+    upper[:2] = np.maximum(upper[:2], lower[:2] + 1)  # A map without known voxels is one unknown cell
     log_odds = metric_map.log_odds(lower, upper)
     cells = np.where((log_odds > 0).any(axis=2), PGM_OCCUPIED, PGM_UNKNOWN)
     cells[(log_odds < 0).any(axis=2) & (cells != PGM_OCCUPIED)] = PGM_FREE

@@ -53,3 +53,20 @@ def test_what_no_voxel_shows_is_unknown(tmp_path):
     save_map_server(tmp_path / "map.pgm", metric_map, 0.25, 0.65)
     image = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
     assert image[0, -1] == 0 and image[-1, 0] == 254 and image[0, 0] == 205
+
+
+def test_a_slice_may_extend_beyond_the_map(wall_and_step, tmp_path):
+    inf = float("inf")
+    for name, heights in (("map", (-0.5, 1.5)), ("far", (-1e9, 1e9)), ("unlimited", (-inf, inf))):
+        save_map_server(tmp_path / f"{name}.pgm", wall_and_step, *heights)
+    expected = (tmp_path / "map.pgm").read_bytes()
+    assert (tmp_path / "far.pgm").read_bytes() == (tmp_path / "unlimited.pgm").read_bytes() == expected
+    save_map_server(tmp_path / "above.pgm", wall_and_step, 50.0, inf)
+    image = cv2.imread(str(tmp_path / "above.pgm"), cv2.IMREAD_UNCHANGED)
+    assert (image == 205).all()
+    assert image.shape == cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED).shape
+
+
+def test_a_map_without_known_voxels_is_one_unknown_cell(tmp_path):
+    save_map_server(tmp_path / "map.pgm", MetricMap(), 0.25, 0.65)
+    assert cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED).tolist() == [[205]]

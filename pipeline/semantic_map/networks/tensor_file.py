@@ -20,8 +20,9 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     check_regular(path)
     try:
         with path.open("rb") as start:
-            magic = start.read(2)
-        if magic in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
+            length, header = start.read(8), start.read(1)
+        # The length of a safetensors header may look like the first bytes of a pickle.
+        if length[:2] in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05") and header != b"{":
             raise InputError(f"{path}: a pickle file can run code and is not accepted; convert it to safetensors")
         with safe_open(path, framework="pt") as file:
             names = file.keys()

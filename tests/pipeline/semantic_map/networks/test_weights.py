@@ -1,5 +1,6 @@
 """Weights from files: this project's, published ones, and files that hold no DGCNN."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from pipeline.errors import InputError
+from pipeline.semantic_map.networks.tensor_file import read_tensors
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from tests.pipeline.semantic_map.networks.small_network import block, network, plain
 
@@ -86,6 +88,15 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes | None, complain
     path.write_bytes(path.read_bytes()[:-1] if content is None else content)
     with pytest.raises(InputError, match=complaint):
         load_weights(path)
+
+
+@pytest.mark.parametrize("magic", [b"\x80\x02", b"\x80\x05", b"PK"])
+def test_a_header_may_be_as_long_as_a_pickle_begins(tmp_path: Path, magic: bytes) -> None:
+    header = json.dumps({"x": {"dtype": "F32", "shape": [1], "data_offsets": [0, 4]}})
+    content = header.ljust(int.from_bytes(magic, "little")).encode() + b"\0\0\x80?"
+    (tmp_path / "w.safetensors").write_bytes(magic.ljust(8, b"\0") + content)
+    tensors, _ = read_tensors(tmp_path / "w.safetensors")
+    assert tensors["x"].tolist() == [1.0]
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

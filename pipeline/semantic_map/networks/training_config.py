@@ -24,6 +24,14 @@ class BlockAugmentation:
     dark: float = 0.2
     thinnest: float = 0.5
 
+    def __post_init__(self) -> None:
+        """Raise InputError for settings out of range."""
+        if not 0 <= self.jitter < float("inf"):
+            raise InputError(f"augmentation.jitter = {self.jitter:g}: must be finite and at least 0")
+        for name in ("rare", "dark", "thinnest"):
+            if not 0 <= (fraction := getattr(self, name)) <= 1:
+                raise InputError(f"augmentation.{name} = {fraction:g}: must be from 0 to 1")
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:

@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.training import RISE, Training, TrainingWorker, class_weights, cross_entropy, rate
-from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 pytestmark = pytest.mark.training
@@ -208,6 +208,14 @@ def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, 
 def test_settings_that_no_training_can_have_are_refused(change: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         TrainingConfig(**change)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("jitter", -0.1), ("jitter", float("inf")), ("rare", 1.1), ("dark", -0.1), ("thinnest", 2.0)]
+)
+def test_an_augmentation_that_no_training_can_have_is_refused(name: str, wrong: float) -> None:
+    with pytest.raises(InputError, match=f"{name} = {wrong:g}: must be"):
+        BlockAugmentation(**{name: wrong})
 
 
 def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:

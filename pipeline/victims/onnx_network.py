@@ -118,13 +118,14 @@ def _fields(message: bytes) -> Iterator[tuple[int, Any]]:
     def whole_number() -> int:
         nonlocal at
         result = shift = 0
-        while True:
+        while shift < 64:
             byte = message[at]
             at += 1
             result |= (byte & 127) << shift
             shift += 7
             if byte < 128:
                 return result
+        raise ValueError
 
     while at < len(message):
         number, kind = divmod(whole_number(), 8)

@@ -10,6 +10,7 @@ from torch.nn import functional
 
 from pipeline.errors import InputError
 from pipeline.victims.detector import VictimDetector
+from pipeline.victims.onnx_network import input_size
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
@@ -149,3 +150,14 @@ def test_damaged_files_are_refused(file: Path, tmp_path: Path) -> None:
     path.with_name("n.onnx.sha256").write_text("0" * 64 + "  n.onnx\n")
     with pytest.raises(InputError, match="SHA-256"):
         VictimDetector.load(path)
+
+
+def test_a_number_of_more_than_64_bits_is_refused() -> None:
+    dimensions = [b"\x08" + bytes([length]) for length in (1, 3, 64, 96)]
+    content = b"".join(b"\x0a" + bytes([len(dimension)]) + dimension for dimension in dimensions)
+    for number in (2, 1, 2, 11, 7):  # from the shape to the graph
+        content = bytes([8 * number + 2, len(content)]) + content
+    version = b"\x08" + b"\x81" * 9
+    assert input_size(version + b"\x00" + content, Path("n.onnx")) == (96, 64)
+    with pytest.raises(InputError, match=r"n\.onnx"):
+        input_size(version + b"\x80\x00" + content, Path("n.onnx"))

@@ -92,7 +92,8 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         """The location of a person, from the voxels and the information of both tracks."""
         a, b = cast(PersonBody, one.where), cast(PersonBody, other.where)
         voxels = PersonVoxels.joined([a.voxels, b.voxels])
-        information = self.fused_information(a.information, b.information)
+        # The order is that of `locate`, because the result depends on it.
+        information = reduce(self.fused_information, [seen.information for seen in other.placed], a.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":

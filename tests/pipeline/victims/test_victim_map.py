@@ -286,3 +286,17 @@ def test_a_person_that_drift_has_doubled_is_one_after_the_correction() -> None:
     victims.place(np.tile(np.eye(4), (2, 1, 1)))
     assert len(victims.all) == 1
     assert victims.all[0].position == pytest.approx(PERSON[:3], abs=0.16)
+
+
+def test_a_person_merged_from_two_tracks_stays_the_same_when_no_keyframe_moves() -> None:
+    victims, drift, poses = Victims(), from_rotation(np.eye(3), (0, 2.5, 0)), np.tile(np.eye(4), (4, 1, 1))
+    for keyframe, (x, y) in enumerate([(0, 0), (0.4, 0.3), (0.2, -0.3), (0.6, 0)]):
+        T = camera_at(x, y)
+        pose = T if keyframe < 2 else drift @ T
+        victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], pose, keyframe)
+    assert [len(victim.seen) for victim in victims.all] == [2, 2]
+    victims.place(poses)
+    (merged,) = victims.all
+    before = merged.covariance
+    victims.place(poses)
+    np.testing.assert_allclose(merged.covariance, before, rtol=1e-12)

@@ -113,9 +113,11 @@ class Recorder(Sink):
             T_odom_base: pose from the odometry, which is transformed to ``map`` by the newest keyframe's correction.
         """
         self._move(T_odom_base)
-        # Times are sums of many control periods, so rounding errors are removed by rounding to the millisecond.
-        if self._moved is not None and round(time - self._moved[0], 3) < self._config.motion_period:
-            return False
+        if self._moved is not None:
+            # Times are sums of many control periods, so rounding errors are removed by rounding to the millisecond.
+            passed = time - self._moved[0]
+            if passed <= 0 or round(passed, 3) < self._config.motion_period:
+                return False
         self._set_time(time, on_a_step=False)
         self._log_robot_pose()
         if self._mapper is not None:

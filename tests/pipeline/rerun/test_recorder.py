@@ -381,3 +381,11 @@ def test_a_full_disk_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder.stream, "flush", flush)
     with pytest.raises(InputError, match=r"episode\.rrd"):
         recorder.close()
+
+
+def test_of_two_poses_at_one_time_the_first_is_logged(tmp_path):
+    recorder = Recorder(tmp_path / "episode.rrd", config=RerunConfig(motion_period=0.0))
+    assert recorder.log_pose(0.2, np.eye(4))
+    assert not recorder.log_pose(0.2, from_yaw(0.1, 0, 0, 0))
+    assert recorder.log_pose(0.2001, from_yaw(0.1, 0, 0, 0))
+    recorder.close()

@@ -107,7 +107,7 @@ def finds_data(situation: Situation) -> list[Row]:
             "text": find.text,
             "position": _plain(find.position),
             "covariance": _plain(find.covariance),
-            "time_s": _plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # NaN: found in an earlier run
+            "time_s": _plain(find.time_s) if np.isfinite(find.time_s) else None,  # NaN: found in an earlier run
             "confidence": round(find.confidence, 4),
             "photo": photo,
         }

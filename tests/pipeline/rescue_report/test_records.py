@@ -43,7 +43,7 @@ def test_finds_come_back_as_json_with_the_confirmed_people(situation: Situation,
     assert (person["kind"], person["text"], person["photo"]) == ("victim", "", "victim_1.jpg")
     assert (sign["kind"], sign["text"], sign["time_s"]) == ("hazmat_sign", "poison", 2.5)
     assert sign["position"] == [1.5, 0.2, 0.7] and np.shape(sign["covariance"]) == (3, 3)
-    assert code["text"] == SCRIPT and code["time_s"] == 0
+    assert code["text"] == SCRIPT and code["time_s"] is None
     assert (tmp_path / sign["photo"]).stat().st_size > 0 and not (tmp_path / "victim_1.jpg").exists()
 
 

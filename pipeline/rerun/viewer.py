@@ -30,6 +30,8 @@ LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsa
 """Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that the proxy does not forward."""
+PATIENCE = 30.0
+"""Maximum time until a viewer accepts connections, s."""
 
 
 class Viewer:
@@ -39,13 +41,12 @@ class Viewer:
         page: address of a ``web`` viewer; None for a window.
     """
 
-    def __init__(self, kind: ViewerKind, *recordings: Path, patience: float = 30.0):
+    def __init__(self, kind: ViewerKind, *recordings: Path):
         """Start a viewer of recordings and of data logged to the viewer's sink; print the address of a page.
 
         Args:
             kind: window or page.
             recordings: recordings to show.
-            patience: maximum time until the viewer accepts connections, s.
 
         Raises:
             InputError: there is no display for a window, or the viewer does not start.
@@ -57,7 +58,7 @@ class Viewer:
         self.page: str | None = None
         self._local: LocalPage | None = None
         self._process = self._start(kind, recordings)
-        self._await_port(patience)
+        self._await_port()
         if self.page:
             print(f"Open in a browser: {self.page}", flush=True)
 
@@ -100,8 +101,8 @@ class Viewer:
             atexit.register(process.terminate)
         return process
 
-    def _await_port(self, patience: float) -> None:
-        deadline = time.monotonic() + patience
+    def _await_port(self) -> None:
+        deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline and self._process.poll() is None:
             try:
                 socket.create_connection((HOST, self._port), timeout=1).close()
@@ -113,7 +114,7 @@ class Viewer:
         status = self._process.poll()
         self.close()
         what = (
-            f"did not respond within {patience:g} s" if status is None else f"failed to start: exit status {status}"
+            f"did not respond within {PATIENCE:g} s" if status is None else f"failed to start: exit status {status}"
         )
         raise InputError(f"the Rerun viewer {what}")
 

@@ -154,10 +154,6 @@ class Segments:
         """The segments, oldest first."""
         return iter(self._segments)
 
-    def __getitem__(self, id: int) -> Segment:
-        """The segment with this id; KeyError if the segment never existed or was merged into an older segment."""
-        return {segment.id: segment for segment in self}[id]
-
     def of(self, *labels: Label) -> list[Segment]:
         """The segments of these classes, oldest first."""
         return [segment for segment in self if segment.label in labels]

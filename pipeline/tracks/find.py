@@ -23,6 +23,8 @@ HAZMAT_CLASSES = (
     "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
 )  # fmt: skip
 """The classes of hazmat signs, as rescue teams name them."""
+MAX_TEXT = 40
+"""Maximum length of a code's text where it is displayed, characters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
     return common / max(sum(areas) - common, 1), common / max(min(areas), 1)
 
 
-def plain_text(text: str, max_length: int = 40) -> str:
-    """A code's text on one line of at most ``max_length`` printable characters; "…" replaces the rest."""
-    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: max_length + 1])
-    return shown if len(shown) <= max_length else shown[: max_length - 1] + "…"
+def plain_text(text: str) -> str:
+    """A code's text on one line of at most ``MAX_TEXT`` printable characters; "…" replaces the rest."""
+    shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: MAX_TEXT + 1])
+    return shown if len(shown) <= MAX_TEXT else shown[: MAX_TEXT - 1] + "…"

@@ -26,15 +26,14 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 
 
 MAX_BOXES = 3000
-"""Maximum number of boxes that are compared; if a network sees people everywhere, comparing all takes minutes."""
+"""Maximum number of boxes that are compared; the best boxes are chosen.
+
+If a network sees people everywhere, comparing all takes minutes.
+"""
 
 
 def best_boxes(
-    boxes: NDArray[np.float32],
-    scores: NDArray[np.float32],
-    min_confidence: float,
-    overlap: float,
-    max_boxes: int = MAX_BOXES,
+    boxes: NDArray[np.float32], scores: NDArray[np.float32], min_confidence: float, overlap: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
 
@@ -43,13 +42,12 @@ def best_boxes(
         scores: (N,) confidences.
         min_confidence: minimum confidence, greater than 0.
         overlap: intersection over union with a better box above which a box is dropped.
-        max_boxes: maximum number of boxes that are compared; the best boxes are chosen.
     """
     good = (scores >= min_confidence) & (_areas(boxes) > 0)
     boxes = boxes[good]
     scores = scores[good]
     corner_and_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1)
-    kept = np.array(cv2.dnn.NMSBoxes(corner_and_size.tolist(), scores.tolist(), 0, overlap, top_k=max_boxes), np.intp)
+    kept = np.array(cv2.dnn.NMSBoxes(corner_and_size.tolist(), scores.tolist(), 0, overlap, top_k=MAX_BOXES), np.intp)
     return boxes[kept], scores[kept]
 
 

@@ -7,6 +7,9 @@ from scipy.special import chdtri
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 
+PROBABILITY = 0.95
+"""Probability with which a position lies in its ellipsoid."""
+
 
 def confirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The confirmed victims with their ids: "1", "2", …"""
@@ -24,13 +27,11 @@ def letters(k: int) -> str:
     return (letters(head - 1) if head else "") + chr(ord("A") + last)
 
 
-def ellipsoids(
-    covariances: NDArray[np.float64], probability: float = 0.95
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The ellipsoids that contain positions with a given probability, from their (..., n, n) covariances, m².
+def ellipsoids(covariances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The ellipsoids that contain positions with :data:`PROBABILITY`, from their (..., n, n) covariances, m².
 
     Returns:
         (..., n) semi-axes, m, the shortest first, and (..., n, n) their directions as columns.
     """
     variances, directions = np.linalg.eigh(covariances)
-    return np.sqrt(chdtri(variances.shape[-1], 1 - probability) * variances), directions
+    return np.sqrt(chdtri(variances.shape[-1], 1 - PROBABILITY) * variances), directions

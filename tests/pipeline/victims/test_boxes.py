@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.boxes import best_boxes, overlaps
+from pipeline.victims.boxes import MAX_BOXES, best_boxes, overlaps
 from pipeline.victims.yolo import decode
 
 
@@ -49,9 +49,15 @@ def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -
             assert kept_scores[over].max() >= score
 
 
-def test_only_boxes_with_an_area_and_enough_confidence_are_kept_and_only_the_best_compared() -> None:
+def test_only_boxes_with_an_area_and_enough_confidence_are_kept() -> None:
     boxes = np.array([[0, 0, 4, 4], [10, 0, 14, 4], [20, 4, 24, 0], [30, 0, 34, 4]], np.float32)
     kept, scores = best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5)
     np.testing.assert_array_equal(kept, boxes[[3, 1]])
     assert scores.tolist() == [np.float32(0.7), 0.5]
-    assert len(best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.1, 0.5, 2)[0]) == 2
+
+
+def test_only_the_best_of_very_many_boxes_are_compared() -> None:
+    left = 2 * np.arange(MAX_BOXES + 1)
+    boxes = np.stack([left, 0 * left, left + 1, 0 * left + 1], axis=1).astype(np.float32)
+    kept, _ = best_boxes(boxes, np.linspace(0.2, 0.9, len(boxes), dtype=np.float32), 0.1, 0.5)
+    np.testing.assert_array_equal(kept, boxes[:0:-1])

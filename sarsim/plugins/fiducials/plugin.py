@@ -8,10 +8,12 @@ import numpy as np
 import tyro
 
 from pipeline.arrays import Poses
+from pipeline.errors import InputError
 from pipeline.plugin import Plugin, RunContext
 from pipeline.sink import Sink
 from sarsim.plugins.fiducials.score import FiducialScore
 from sarsim.plugins.fiducials.tags import hang_fiducials
+from sarsim.settings import SimulatorConfig
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class Fiducials(Plugin):
 
     def __init__(self, settings: FiducialsConfig, command: Any) -> None:
         super().__init__(settings, command)
+        if not isinstance(command, SimulatorConfig):
+            raise InputError(
+                f"--fiducials {settings.number}: only episodes and sarsim-ros-robot have these tags; leave it out"
+            )
         self._T_world_tag: Poses = np.zeros((0, 4, 4))
 
     def add_to_arena(self, arena: Any) -> None:

@@ -11,7 +11,7 @@ from tyro.conf import Fixed
 
 from pipeline.arrays import Pose
 from pipeline.datasets.recorded_robot import Joints
-from pipeline.errors import required
+from pipeline.errors import InputError, required
 from pipeline.mapper import Mapper
 from pipeline.plugin import Plugin, RunContext
 from pipeline.plugins.ros.config import RosConfig
@@ -20,6 +20,7 @@ from pipeline.plugins.ros.topics import ImageFormat
 from pipeline.robot import Robot
 from pipeline.sink import Sink
 from sarsim.robots.skid_steered import WHEELS
+from sarsim.settings import EpisodeConfig, TeleopConfig
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,12 @@ class BagOfEpisode(Plugin):
     """Records the robot's sensor data, commands and maps in a bag."""
 
     Settings = BagConfig
-    _bag: ExplorerBag | None = None
+
+    def __init__(self, settings: BagConfig, command: Any) -> None:
+        super().__init__(settings, command)
+        if not isinstance(command, EpisodeConfig | TeleopConfig):
+            raise InputError("--bag: only episodes and drives by hand are written as bags; leave it out")
+        self._bag: ExplorerBag | None = None
 
     def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
         """The robot, wrapped so that the bag records it; InputError if the bag cannot be written."""

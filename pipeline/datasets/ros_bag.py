@@ -35,7 +35,9 @@ from pipeline.sensor import XTION
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"  # Type of the keyframes and the true poses in sarsim's own bags
 DEVICE_TYPE = "diagnostic_msgs/msg/KeyValue"  # Camera properties recorded by RealSense's viewer, such as the name
+MAX_DELAY = 3.0  # s, maximum delay of an image in a bag relative to images of the same time
 INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # Found in the names of topics with infrared images
 
 
@@ -257,20 +259,26 @@ class _NonImageData:
         self.devices: list[str] = []
         self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
+        poses: dict[str, Callable[[Any, float], None]] = {
+            KEYFRAME_TOPIC: lambda message, time: self.keyframes.append(time),
+            TRUTH: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
+        }
         takers: dict[str | None, Callable[[Any, float], None]] = {
             topics.odometry: self._take_odometry,
             topics.imu: self._take_imu,
             **dict.fromkeys(topics.transforms, self._take_tf),
-            KEYFRAME_TOPIC: lambda message, time: self.keyframes.append(time),
             LABELLED_TOPIC: lambda message, time: self.labelled.add(time),
             STEP_TOPIC: lambda message, time: self.steps.add(time),
             **{name: self._take_device for name, kind in topics.kinds.items() if kind == DEVICE_TYPE},
-            TRUTH: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
+            **{name: take for name, take in poses.items() if topics.kinds.get(name) == POSE_TYPE},
         }
         connections = [c for c in reader.connections if c.topic in takers]
         for connection, received, raw in reader.messages(connections) if connections else ():
             message: Any = reader.deserialize(raw, connection.msgtype)
             takers[connection.topic](message, _time(message, received))
+        if self.keyframes and set(self.keyframes).isdisjoint(_times(reader, topics.depth)):
+            self.notes.append(f"ignoring {KEYFRAME_TOPIC}, because no depth image has one of its times")
+            self.keyframes.clear()
 
     def sources(self, topics: Topics) -> tuple[ImageSource, ImageSource | None]:
         """The sources of the depth and colour images, each with its first camera_info and its frame."""
@@ -353,6 +361,12 @@ def _first(reader: AnyReader, topic: str) -> Message:
     return reader.deserialize(raw, connection.msgtype)
 
 
+def _times(reader: AnyReader, topic: str) -> Iterator[float]:
+    """The times of a topic's messages, s."""
+    for connection, received, raw in reader.messages([c for c in reader.connections if c.topic == topic]):
+        yield _time(reader.deserialize(raw, connection.msgtype), received)
+
+
 def _time(message: Message, received: int) -> float:
     """The time of a message, s: its timestamp or, without one, the time ``received`` at which it was recorded, ns."""
     return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NANO
@@ -396,7 +410,8 @@ Found = Callable[[str | None], Message | None]
 
 def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple[float, Message, Found]]:
     """Depth images with their times, each with a function that returns the matching image of another topic."""
-    wanted = [c for c in reader.connections if c.topic in (topics.depth, topics.colour, LABELS)]
+    names = topics.depth, topics.colour, LABELS
+    wanted = [c for c in reader.connections if c.topic in names and c.msgtype in IMAGE_TYPES]
     depths: list[tuple[float, int, Message]] = []
     others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABELS: {}}
 
@@ -415,11 +430,13 @@ def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple
             heapq.heappush(depths, (time, number, message))
         else:
             others[connection.topic][time] = message
-        if len(depths) > buffered:
+        needed = late = time - MAX_DELAY
+        while depths and (len(depths) > buffered or depths[0][0] < late):
             first, _, depth = heapq.heappop(depths)
             yield first, depth, finder(first)
-            for images in others.values():
-                for old in [t for t in images if t < first - SAME_TIME]:
-                    del images[old]
+            needed = max(needed, first)
+        for images in others.values():
+            for old in [t for t in images if t < needed - SAME_TIME]:
+                del images[old]
     for first, _, depth in (heapq.heappop(depths) for _ in range(len(depths))):
         yield first, depth, finder(first)

@@ -6,6 +6,7 @@ Serialised messages are the same in a bag and on a network.
 import struct
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from math import floor
 from typing import Any
 
 import numpy as np
@@ -60,8 +61,9 @@ def time_of(data: bytes) -> float:
 
 
 def nanoseconds(time: float) -> int:
-    """A time given in s, in whole ns."""
-    return round(time * NANO)
+    """A time given in s, in whole ns; :func:`pipeline.datasets.messages.seconds` returns the same time again."""
+    whole = floor(time)  # times since 1970 in ns have more digits than a float
+    return whole * NANO + round((time - whole) * NANO)
 
 
 def stamp(time: float) -> Message:

@@ -1,6 +1,8 @@
 """Bags: what is read of them, and what is wrong with them."""
 
+import weakref
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
 from typing import Any
@@ -12,12 +14,15 @@ from rosbags.convert import convert
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
+from pipeline.datasets import ros_bag
+from pipeline.datasets.messages import seconds
 from pipeline.datasets.recording import Recording
 from pipeline.datasets.ros_bag import LABELS, read_ros_bag
 from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.topics import ImageFormat
+from pipeline.robot import Velocity
 from pipeline.transforms import from_rotation, inverse, transform_points
 from tests.pipeline.datasets import recorded_room
 from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without
@@ -567,3 +572,75 @@ def test_a_bag_names_its_camera(tmp_path: Path) -> None:
 def test_a_bag_may_name_no_camera(tmp_path: Path) -> None:
     change = renamed(str, lambda frame: frame.replace("camera_optical", "lens"))
     assert read_ros_bag(write_bag(tmp_path / "room", change=change)).sensor is None
+
+
+def test_keyframes_are_found_at_times_since_1970(tmp_path: Path) -> None:
+    nanoseconds = (210_000, 250_000_000, 500_290_000, 999_790_000)
+
+    def since_1970(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        stamp = messages.make("builtin_interfaces/Time", 1_700_000_000, nanoseconds[round(time / 0.1)])
+        for part in (*getattr(message, "transforms", ()), message):
+            if hasattr(part, "header"):
+                part.header.stamp = stamp
+        yield topic, time, message
+        if topic == DEPTH:
+            yield "/keyframe", time, messages.pose_stamped(seconds(stamp), "map", np.eye(4))
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=since_1970))
+    assert recording.keyframes == {frame.time: False for frame in recording.frames()}
+
+
+def with_foreign(topic: str, foreign: Any) -> Change:
+    """A message of another origin on one of the topics of sarsim's own bags."""
+
+    def change(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name not in (topic, "/ground_truth/pose"):
+            yield name, time, message
+        if name == DEPTH:
+            yield topic, time, foreign
+
+    return change
+
+
+@pytest.mark.parametrize("topic", ["/ground_truth/pose", "/keyframe", LABELS])
+def test_a_topic_of_sarsims_name_but_of_another_type_is_ignored(topic: str, tmp_path: Path) -> None:
+    foreign = messages.velocity_stamped(0.0, Velocity())
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=with_foreign(topic, foreign)))
+    assert recording.truth is None and recording.keyframes is None
+    assert len(list(recording.frames())) == NUMBER
+
+
+def test_keyframes_that_belong_to_no_image_are_ignored_and_it_is_said(tmp_path: Path) -> None:
+    foreign = messages.pose_stamped(7.5, "map", np.eye(4))
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=with_foreign("/keyframe", foreign)))
+    assert recording.keyframes is None
+    (note,) = recording.notes
+    assert "/keyframe" in note
+
+
+def test_images_are_not_kept_while_none_of_the_other_kind_arrives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def goes_on(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        yield topic, time, message
+        if topic == COLOUR and time == 0:
+            for later in range(1, 41):
+                yield topic, later, replace(message, header=messages.header(later, message.header.frame_id))
+
+    path = write_bag(tmp_path / "room", change=goes_on)
+    images: list[Any] = []
+    kept: list[int] = []
+
+    class Watched(ros_bag.AnyReader):
+        """Counts the images that still exist whenever one is read."""
+
+        def deserialize(self, raw: Any, msgtype: str) -> Any:
+            message = super().deserialize(raw, msgtype)
+            images.append(weakref.ref(message))
+            kept.append(sum(image() is not None for image in images))
+            return message
+
+    recording = read_ros_bag(path)
+    monkeypatch.setattr(ros_bag, "AnyReader", Watched)
+    assert [frame.time for frame in recording.frames()] == [frame.time for frame in frames()[:NUMBER]]
+    assert len(images) > 40 and max(kept) < 20

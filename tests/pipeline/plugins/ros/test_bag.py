@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from pipeline.datasets.messages import pose_matrix
+from pipeline.datasets.messages import pose_matrix, seconds
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.plugins.ros import messages
@@ -92,6 +92,13 @@ def test_times_and_poses_come_back() -> None:
     np.testing.assert_allclose(pose_matrix(found.position, found.orientation), T, atol=1e-12)
     found.orientation.w = found.orientation.z = 0.0
     assert np.isnan(pose_matrix(found.position, found.orientation)).all()
+
+
+def test_a_time_of_a_message_is_the_same_once_it_is_sent_again() -> None:
+    rng = np.random.default_rng(0)
+    for whole, nanosec in zip([0, 3600, 1_700_000_000] * 300, rng.integers(0, 10**9, 900).tolist(), strict=True):
+        time = seconds(messages.make("builtin_interfaces/Time", whole, nanosec))
+        assert seconds(messages.stamp(time)) == time
 
 
 def test_intrinsics_are_those_of_ros() -> None:

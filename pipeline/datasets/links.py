@@ -1,5 +1,6 @@
 """The transforms between the frames of a robot."""
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -56,22 +57,30 @@ class FrameTree:
         base: name of the robot's frame according to its odometry messages; empty if they do not name a frame.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, kept: int | None = None) -> None:
+        """Start without transforms; ``kept``: maximum number of poses in the odometry of a frame, by default all."""
         self.base = ""
         self._links: dict[str, dict[str, Pose]] = {}  # by child and parent, the newest parent last
+        self._first: dict[tuple[str, str], Pose] = {}  # by child and parent
         self._moving: set[str] = set()
-        self._odometry: dict[str, list[tuple[float, Pose]]] = {}
+        self._kept = kept
+        self._odometry: dict[str, deque[tuple[float, Pose]]] = {}
 
     def take(self, message: Message, time: float = 0.0) -> None:
-        """Store a TransformStamped; ``time``, s, is used if it has no stamp."""
+        """Store a TransformStamped; ``time``, s, is used if it has no stamp.
+
+        A transform that is not finite only counts as a pose of the odometry.
+        """
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
-        before = self._links.get(child, {}).get(parent)
-        if before is not None and not np.allclose(before, T, rtol=0, atol=STILL):
+        if _matches(parent, ODOM):
+            poses = self._odometry.setdefault(child, deque(maxlen=self._kept))
+            poses.append((seconds(message.header.stamp) or time, T))
+        if not np.isfinite(T).all():
+            return
+        if not np.allclose(self._first.setdefault((child, parent), T), T, rtol=0, atol=STILL):
             self._moving.add(child)
         self.set_transform(child, parent, T)
-        if _matches(parent, ODOM):
-            self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
 
     def set_transform(self, child: str, parent: str, T_parent_child: Pose) -> None:
         """Store the pose of a frame in its parent."""
@@ -81,7 +90,7 @@ class FrameTree:
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
         """Times, s, and poses in ``odom`` of the frame that carries a camera and whose parent is ``odom``."""
-        return self._odometry.get(self._driven(camera), [])
+        return list(self._odometry.get(self._driven(camera), ()))
 
     def _driven(self, camera: str) -> str:
         """The child of ``odom`` that carries the camera, or else the only child; empty if there is none."""

@@ -11,14 +11,19 @@ from pipeline.datasets.links import FrameTree, tf_topics
 def tree(*links: tuple[str, str, float]) -> FrameTree:
     """Frames that hang on others, so many m along x; a second link of a frame moves it."""
     made = FrameTree()
-    for parent, child, x in links:
-        place, turn = Message(x=x, y=0.0, z=0.0), Message(x=0.0, y=0.0, z=0.0, w=1.0)
-        header, transform = (
-            Message(frame_id=parent, stamp=Message(sec=0, nanosec=0)),
-            Message(translation=place, rotation=turn),
-        )
-        made.take(Message(header=header, child_frame_id=child, transform=transform))
+    for link in links:
+        take(made, *link)
     return made
+
+
+def take(made: FrameTree, parent: str, child: str, x: float, w: float = 1.0) -> None:
+    """Let a tree take a transform whose quaternion is 0 0 0 ``w``."""
+    place, turn = Message(x=x, y=0.0, z=0.0), Message(x=0.0, y=0.0, z=0.0, w=w)
+    header, transform = (
+        Message(frame_id=parent, stamp=Message(sec=0, nanosec=0)),
+        Message(translation=place, rotation=turn),
+    )
+    made.take(Message(header=header, child_frame_id=child, transform=transform))
 
 
 def test_frames_of_one_device_are_known_to_each_other_without_a_robot() -> None:
@@ -138,3 +143,24 @@ def test_a_frame_that_was_handed_over_hangs_where_it_hung_last() -> None:
     T = found.between("base_link", "cup")
     assert T is not None
     assert T[0, 3] == pytest.approx(3.5)
+
+
+def test_slow_motion_at_a_high_rate_is_noticed() -> None:
+    found = tree(*(("base_link", "lens", 1 + 1e-4 * k) for k in range(100)))
+    assert found.moves and "lens moves" in found.mount("lens").note
+
+
+@pytest.mark.parametrize(("x", "w"), [(np.nan, 1.0), (2.0, 0.0)])
+def test_a_transform_that_is_none_changes_nothing(x: float, w: float) -> None:
+    found = tree(("base_link", "lens", 2.0))
+    take(found, "base_link", "lens", x, w)
+    T, _, note = found.mount("lens")
+    assert T is not None and T[0, 3] == 2 and not note
+    assert not found.moves
+
+
+def test_no_more_poses_are_kept_than_asked() -> None:
+    found = FrameTree(kept=2)
+    for k in range(5):
+        take(found, "odom", "base_link", float(k))
+    assert [T[0, 3] for _, T in found.odometry("lens")] == [3, 4]

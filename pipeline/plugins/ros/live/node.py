@@ -11,7 +11,7 @@ from typing import Any
 from warnings import filterwarnings
 
 from pipeline.datasets.messages import Message
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.plugins.ros.bag import LATCHED
 from pipeline.plugins.ros.config import LiveConfig
 from pipeline.plugins.ros.live.actions import Action
@@ -48,6 +48,7 @@ class RosNode:
         self.now, self._config = monotonic, config
         self._publishers: dict[str, Any] = {}
         self.received, self._closing = Condition(), Event()
+        self._failure: Exception | None = None  # of the listening thread, for the thread that waits
         context = rclpy.Context()
         context.init(args=[])
         with ExitStack() as stack:
@@ -67,8 +68,13 @@ class RosNode:
 
     def _listen(self) -> None:
         while not self._closing.is_set():
-            self._executor.spin_once(timeout_sec=self._config.idle)
-            self.idle()
+            try:
+                self._executor.spin_once(timeout_sec=self._config.idle)
+                self.idle()
+            except Exception as error:
+                # This thread stops a robot that gets no commands, so it must go on.
+                self._failure = error
+                self._closing.wait(self._config.idle)
 
     def close(self) -> None:
         """Leave the network, after waiting briefly until sent messages are acknowledged."""
@@ -121,7 +127,10 @@ class RosNode:
 
         def heard(data: bytes) -> None:
             with self.received:
-                take(data)
+                try:
+                    take(data)
+                except Exception as error:
+                    raise InputError(f"{topic}: a message is not a valid {name}: {one_line(error)}") from error
                 self.received.notify_all()
 
         self._node.create_subscription(kind, topic, heard, profile, raw=True)
@@ -140,10 +149,16 @@ class RosNode:
         """Wait until a condition holds; False if it does not hold within ``seconds``.
 
         The condition is checked after every message.
+
+        Raises:
+            InputError: a message could not be read. Any other error of the listening thread is raised as well.
         """
         end = self.now() + seconds
         with self.received:
             while not until():
+                failure, self._failure = self._failure, None
+                if failure is not None:
+                    raise failure
                 left = end - self.now()
                 if left <= 0:
                     return False

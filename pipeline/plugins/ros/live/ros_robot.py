@@ -21,8 +21,9 @@ from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
 ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-STAMPED = "geometry_msgs/msg/TwistStamped"
-TRANSFORM = "/camera/transform"  # Used where tf2_msgs is not installed
+TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+TRANSFORM, TRANSFORM_TYPE = "/camera/transform", "geometry_msgs/msg/TransformStamped"
+"""Topic of a transform, used where tf2_msgs is not installed, and its type."""
 
 
 class RosRobot:
@@ -60,7 +61,7 @@ class RosRobot:
             config: settings of robots on a network.
 
         Raises:
-            InputError: a necessary topic, subscriber or transform is missing.
+            InputError: a necessary topic, subscriber or transform is missing, or a topic has the wrong type.
         """
         self.model, self.topics = model, topics
         self._on_motion, self._config = on_motion, config
@@ -71,14 +72,15 @@ class RosRobot:
         self._frame_time = -np.inf
         self._anchor, self._ignored_for = np.eye(4), 0.0
         self._find(wait)
-        self._camera = self._senses.camera(topics.depth, topics.color)
+        with node.received:
+            self._camera, period = self._senses.camera(topics.depth, topics.color), self._senses.period
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
         self.sensor = self._senses.sensor
         if self.sensor is not None:
             _log.warning("using depths from %g to %g m", self.sensor.nearest, self.sensor.farthest)
         if self._camera.note:
             _log.warning("%s", self._camera.note)
-        self.control_period = round(max(config.min_period, self._senses.period), 4)
+        self.control_period = round(max(config.min_period, period), 4)
         node.idle = self._rest
 
     def _find(self, wait: float) -> None:
@@ -99,21 +101,28 @@ class RosRobot:
             if len(publishers := node.publishers(topic)) > 1:
                 raise InputError(f"{topic}: several nodes publish it ({', '.join(publishers)}); stop all but one")
         self._prepare_commands()
-        types = node.types()
-        self._subscribe(topics.depth, senses.take_depth(types[topics.depth][0]))
-        self._subscribe(topics.color, senses.take_colour(types[topics.color][0]))
-        self._subscribe(topics.camera_info, senses.take_info)
-        self._subscribe(topics.odom, senses.take_odometry)
+        depth, colour = self._type_of(topics.depth, *IMAGE_TYPES), self._type_of(topics.color, *IMAGE_TYPES)
+        self._subscribe(topics.depth, senses.take_depth(depth), depth)
+        self._subscribe(topics.color, senses.take_colour(colour), colour)
+        self._subscribe(topics.camera_info, senses.take_info, self._type_of(topics.camera_info, INFO_TYPE))
+        self._subscribe(topics.odom, senses.take_odometry, self._type_of(topics.odom, ODOMETRY))
         self._subscribe_to_others()
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+
+    def _type_of(self, topic: str, *expected: str) -> str:
+        """The type of a topic's messages, the first of the ``expected`` types; InputError if it has none of them."""
+        kinds = self._node.types()[topic]
+        if not (usable := [kind for kind in expected if kind in kinds]):
+            rule = f"must have the type {' or '.join(expected)}, not {' and '.join(kinds)}"
+            raise InputError(f"{topic}: {rule}; choose another topic with the --topics flags")
+        return usable[0]
 
     def _missing_receivers(self) -> list[str]:
         """One text for each missing receiver of the robot's commands."""
         return [] if self._node.subscribers(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
-        kinds = self._node.types()[self.topics.cmd_vel]
-        self._kind = STAMPED if STAMPED in kinds else "geometry_msgs/msg/Twist"
+        self._kind = self._type_of(self.topics.cmd_vel, STAMPED, TWIST)
         self._node.advertise(self.topics.cmd_vel, self._kind)
 
     def _subscribe_to_others(self) -> None:
@@ -122,7 +131,9 @@ class RosRobot:
 
         def places() -> list[str]:
             sent = {topic: names[0] for topic, names in node.types().items() if node.publishers(topic)}
-            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (TRANSFORM in sent)
+            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (
+                sent.get(TRANSFORM) == TRANSFORM_TYPE
+            )
 
         # These topics may not be discovered yet.
         node.wait(lambda: bool(node.publishers(topics.imu)) and bool(places()), self._config.discovery)
@@ -131,7 +142,9 @@ class RosRobot:
         if of_colour not in (None, topics.camera_info):
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
-        if not node.publishers(topics.imu) and (imus := self._sent(IMU)):
+        if node.publishers(topics.imu):
+            self._type_of(topics.imu, IMU)
+        elif imus := self._sent(IMU):
             _log.warning("nothing publishes %s; to use %s instead, set --topics.imu", topics.imu, " or ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
@@ -150,18 +163,19 @@ class RosRobot:
             topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.publishers(topic)
         )
 
-    def _subscribe(self, topic: str, take: Callable[[bytes], None]) -> None:
+    def _subscribe(self, topic: str, take: Callable[[bytes], None], kind: str | None = None) -> None:
         def heard(data: bytes) -> None:
             self._heard[topic] = self._node.now()
             take(data)
 
-        self._node.subscribe(topic, heard)
+        self._node.subscribe(topic, heard, kind)
         self._heard.setdefault(topic, -np.inf)
 
     def _camera_pose(self) -> Pose:
         frame_tree, frame = self._senses.frame_tree, self._camera.frame
         self._node.wait(lambda: frame_tree.mount(frame).T_base_camera is not None, self._patience)
-        T, self._senses.T_driven_base, note = frame_tree.mount(frame)
+        with self._node.received:
+            T, self._senses.T_driven_base, note = frame_tree.mount(frame)
         if T is None:
             raise InputError(f"{note}; give the camera's pose with --camera-pose X Y Z ROLL PITCH YAW, m and °")
         if note:
@@ -213,7 +227,8 @@ class RosRobot:
     @property
     def has_map(self) -> bool:
         """Whether any node publishes the pose of the robot's ``odom`` in a map."""
-        return self._senses.frame_tree.has_parent(self._senses.odom_frame)
+        with self._node.received:
+            return self._senses.frame_tree.has_parent(self._senses.odom_frame)
 
     def stop(self) -> None:
         """Command the robot to stop."""

@@ -40,7 +40,7 @@ class SensorReceiver:
 
     def __init__(self, half_width: float, config: LiveConfig):
         """Start without messages; ``half_width``: half the width of the robot's footprint, m."""
-        self.frame_tree = FrameTree()
+        self.frame_tree = FrameTree(kept=1)  # the poses are those of the topic of the odometry
         self.info: Message | None = None
         self.colour_info: Message | None = None
         self.sensor: SensorModel | None = None

@@ -69,6 +69,26 @@ def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
     assert explorer.wait(lambda: bool(got), LONG)
 
 
+def test_a_message_that_cannot_be_read_is_an_error_while_the_node_goes_on(pair: tuple[RosNode, RosNode]) -> None:
+    robot, explorer = pair
+    robot.publish("/odom", 0.0, messages.odometry(1.5, np.eye(4), Velocity()))
+    assert explorer.wait(lambda: "/odom" in explorer.types(), LONG)
+    explorer.subscribe("/odom", lambda data: decode(data[:9], "nav_msgs/msg/Odometry"))
+
+    def until() -> bool:
+        robot.publish("/odom", 0.0, messages.odometry(1.5, np.eye(4), Velocity()))
+        return False
+
+    with pytest.raises(InputError, match=r"/odom: .*nav_msgs/msg/Odometry"):
+        explorer.wait(until, LONG)
+    idle: list[bool] = []
+    explorer.idle = lambda: idle.append(True)
+    end = monotonic() + LONG
+    while not idle and monotonic() < end:
+        sleep(0.01)
+    assert idle
+
+
 class Sleeper:
     """Serves an action whose goals say what to do: 1 succeeds, 2 is aborted, 3 is refused, any other goes on."""
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.constants import g
 
+from pipeline.datasets.links import FrameTree
 from pipeline.errors import InputError
 from pipeline.plugins.ros import messages
 from pipeline.plugins.ros.config import LiveConfig
@@ -336,3 +337,73 @@ def test_two_robots_or_none_that_listens_are_refused() -> None:
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
     with pytest.raises(InputError, match="/drive"):
         RosRobot(end, PIONEER, TopicNames(cmd_vel="/drive"), T_BASE_CAMERA, patience=2.0)
+
+
+def clouds(wrong: str) -> Change:
+    """Point clouds on a topic of something else."""
+
+    def change(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+        cloud = messages.cloud(time, "lens", {"x": np.zeros(1, np.float32)})
+        return [(topic, time, cloud if topic == wrong else message)]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind"),
+    [(DEPTH, "Image"), (COLOUR, "Image"), (INFO, "CameraInfo"), (ODOM, "Odometry"), ("/imu", "Imu")],
+)
+def test_a_topic_of_another_type_is_refused(topic: str, kind: str) -> None:
+    wire = Wire()
+    wire.change = clouds(topic)
+    _, end = met_on(wire)
+    with pytest.raises(InputError, match=f"{topic}: .*{kind}.*PointCloud2.*--topics"):
+        RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
+
+
+def test_a_listener_to_commands_of_another_type_is_refused() -> None:
+    with pytest.raises(InputError, match=r"/cmd_vel: .*Twist.*std_msgs/msg/String"):
+        Pair("std_msgs/msg/String")
+
+
+def test_another_use_of_the_name_of_the_camera_transform_is_ignored() -> None:
+    wire = Wire()
+    _, end = met_on(wire)
+    end.publish("/camera/transform", 0.0, messages.velocity(Velocity()))
+    assert RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0).drive(Velocity()).time > 0
+
+
+class Held:
+    """A lock that knows whether it is held."""
+
+    count = 0
+
+    def __enter__(self) -> None:
+        self.count += 1
+
+    def __exit__(self, *error: object) -> None:
+        self.count -= 1
+
+
+def test_transforms_are_read_while_no_message_is_handled(monkeypatch: pytest.MonkeyPatch) -> None:
+    wire, lock = Wire(), Held()
+    _, end = met_on(wire)
+    end.received = lock  # type: ignore[assignment]
+    seen: list[bool] = []
+    for name in ("mount", "has_parent", "between"):
+        read = getattr(FrameTree, name)
+        monkeypatch.setattr(FrameTree, name, lambda *args, read=read: (seen.append(lock.count > 0), read(*args))[1])
+    wait = End.wait
+
+    def waiting(end: End, until: Any, seconds: float) -> bool:
+        def held() -> bool:
+            with lock:
+                return until()
+
+        return wait(end, held, seconds)
+
+    monkeypatch.setattr(End, "wait", waiting)
+    robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    robot.drive(Velocity())
+    assert not robot.has_map
+    assert seen and all(seen)

@@ -90,6 +90,11 @@ class EstimatedTrajectory(Generic[Sample]):
         """Add the newest keyframe, by default at the newest pose of the odometry."""
         self._keyframes.append(keyframe or self._odometry[-1])
 
+    @property
+    def begin(self) -> float:
+        """Time of the first pose or keyframe of this run, s; there must be one."""
+        return min(pose.time for pose in (*self._odometry[:1], *self._keyframes[:1]))
+
     def estimated(self) -> list[Pose]:
         """``T_map_base`` of each odometry pose, obtained by odometry from the last keyframe before it."""
         if not self._keyframes:

@@ -36,10 +36,12 @@ class LeagueFiles(Sink):
     def finish(self, result: Result) -> None:
         """Write the files, even if one of them fails; InputError if one cannot be written."""
         if result.steps:
-            mapper, driven = result.mapper, np.array(result.trajectory.estimated())
+            mapper, begin = result.mapper, result.trajectory.begin
+            # A robot that never moved has no odometry between keyframes.
+            driven = np.array(result.trajectory.estimated() or mapper.keyframes.poses)
             finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
             maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
-            hand_in(result.folder, self._brief, driven, finds, *maps, config=self._config)
+            hand_in(result.folder, self._brief, driven, finds, *maps, begin=begin, config=self._config)
 
 
 def hand_in(
@@ -51,6 +53,7 @@ def hand_in(
     semantic_map: SemanticMap,
     ground: Traversability,
     *,
+    begin: float = 0.0,
     config: LeagueConfig = LeagueConfig(),
 ) -> list[Path]:
     """Write ``handed_in/`` into the folder of a run; if a file fails, the others are written nevertheless.
@@ -63,6 +66,7 @@ def hand_in(
         metric_map: determines the confidence of points and of the ground.
         semantic_map: its points form the 3D map; if it is empty, the occupied voxels do.
         ground: traversability of the robot's elevation map.
+        begin: time of the start of the run on the robot's clock, s.
         config: parameters of the files.
 
     Returns:
@@ -78,7 +82,7 @@ def hand_in(
         raise InputError(f"{target}: the folder cannot be created: {error.strerror or error}") from error
     way, robot = driven[:, :3, 3], ground.robot
     cameras, T = way + np.array([0.0, 0.0, robot.headroom]), league_frame(driven[0], robot.half_length)
-    pois = points_of_interest(finds, T, brief.start)
+    pois = points_of_interest(finds, T, brief.start, begin)
     map_2d, cloud, listed = files = [target / name for name in (brief.map_2d_name, brief.cloud_name, brief.pois_name)]
     neighbours = config.normal_neighbours
     if codes := codes_among(finds, T):

@@ -71,24 +71,27 @@ class PoiFile:
     errors: list[str] = field(default_factory=list)
 
 
-def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetime) -> list[PointOfInterest]:
+def points_of_interest(
+    finds: Iterable[Find], T_map_league: Pose, start: datetime, begin: float = 0.0
+) -> list[PointOfInterest]:
     """The finds that the league lists, in order of time; of each object, only the most confident find is kept.
 
     Args:
         finds: all finds, confirmed people included.
         T_map_league: pose of the frame of the 3D map.
         start: start of the mission, which is also the time of finds from an earlier run.
+        begin: time of the start on the robot's clock, s.
     """
-    kept: list[PointOfInterest] = []
+    kept: list[tuple[datetime, PointOfInterest]] = []
     for find in sorted(finds, key=lambda find: -find.confidence):
         if find.kind in TYPE_OF:
             place = transform_points(inverse(T_map_league), find.position[None])[0].astype(float)
-            time = f"{start + timedelta(seconds=float(np.nan_to_num(find.time_s))):%H:%M:%S}"
+            time = start + timedelta(seconds=int(np.nan_to_num(find.time_s - begin)))
             poi = PointOfInterest(
-                time, TYPE_OF[find.kind], name_of(find.kind, find.text), place.round(2)
+                f"{time:%H:%M:%S}", TYPE_OF[find.kind], name_of(find.kind, find.text), place.round(2)
             )  # rounded as in the file
-            kept += [] if any(is_same_object(poi, other) for other in kept) else [poi]
-    return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
+            kept += [] if any(is_same_object(poi, other) for _, other in kept) else [(time, poi)]
+    return [poi for _, poi in sorted(kept, key=lambda found: (found[0], found[1].type, found[1].name))]
 
 
 def name_of(kind: str, text: str) -> str:

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
 from pipeline.plugins.league.cloud import read_cloud
-from pipeline.plugins.league.hand_in import hand_in, league_frame
+from pipeline.plugins.league.hand_in import LeagueFiles, hand_in, league_frame
 from pipeline.plugins.league.pois import read_pois
 from pipeline.plugins.league.validation import validate
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Result
+from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw, transform_points
 from tests.pipeline.plugins.league.handed_in_room import BRIEF, found
 from tests.pipeline.polygon_scene import floor, look, pose, wall
@@ -21,14 +24,19 @@ DRIVEN = np.array([from_yaw(0.1 * k, 0, 0, 0) for k in range(5)])
 SIGN = found("hazmat_sign", "poison", [2.2, 0.5, 0.6], 61.0, 0.9)
 
 
-@pytest.fixture(scope="module")
-def mapper():
-    """One of a robot that looked along x from the origin at a wall 2.2 m away."""
-    mapper = Mapper(PIONEER, TruthClassifier())
+def look_ahead(mapper, time=0.0):
+    """Let a mapper take the frame of a robot that looks along x from the origin at a wall 2.2 m away."""
     T_base_camera = pose(0.1, 0, 0.65, 0, 0.3)
     frame = look([floor(-2, 6, -3, 3), wall((2.2, 2.3), (2.2, -2.3))], T_base_camera, 0.0, 0)
-    frame = replace(frame, T_base_camera=T_base_camera, T_odom_base=np.eye(4))
+    frame = replace(frame, time=time, T_base_camera=T_base_camera, T_odom_base=np.eye(4))
     mapper.add_frame(mapper.localise(frame), set_down=True)
+    return frame
+
+
+@pytest.fixture(scope="module")
+def mapper():
+    mapper = Mapper(PIONEER, TruthClassifier())
+    look_ahead(mapper)
     return mapper
 
 
@@ -76,3 +84,14 @@ def test_what_can_be_written_is(mapper, tmp_path):
     with pytest.raises(InputError, match=BRIEF.map_2d_name):
         handed_in(tmp_path, mapper)
     assert {path.suffix for path in in_the_way.parent.iterdir() if path.is_file()} == {".csv", ".ply"}
+
+
+def test_a_robot_that_never_moved_hands_in_what_it_found_since_its_run_began(tmp_path, monkeypatch):
+    mapper, begin = Mapper(PIONEER, TruthClassifier()), 1.7e9
+    trajectory = EstimatedTrajectory(mapper.localisation, [])
+    trajectory.add(look_ahead(mapper, begin))
+    monkeypatch.setattr(Finds, "reported", [replace(SIGN, time_s=begin + 61)])
+    LeagueFiles(BRIEF).finish(Result(tmp_path, mapper, trajectory, 1, 0.0, 0.0))
+    assert {path.suffix for path in (tmp_path / "handed_in").iterdir()} == {".csv", ".ply", ".tiff"}
+    (poi,) = read_pois(tmp_path / "handed_in" / BRIEF.pois_name).pois
+    assert poi.time == "14:31:01"

@@ -84,3 +84,9 @@ def test_no_list_of_ones_own_has_an_object_twice_once_it_is_rounded(tmp_path, ap
     finds = [replace(FINDS[1], position=np.array([x, 1.0, 0.3])) for x in (-1.0021, -1.0021 - apart)]
     write_pois(tmp_path / "pois.csv", BRIEF, points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start))
     assert read_pois(tmp_path / "pois.csv").errors == []
+
+
+def test_times_begin_with_the_run_and_go_on_past_midnight():
+    finds = [found("heat", "", [x, 1.0, 0.2], time, 0.9) for x, time in ((0.0, 1000.0 + 36000), (2.0, 1060.0))]
+    pois = points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start, 1000.0)
+    assert [poi.time for poi in pois] == ["14:31:00", "00:30:00"]

@@ -73,12 +73,20 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
 def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
     """Set the recording's camera from the flags and, if it names no camera, from the robot's file or the defaults.
 
+    The robot's file also gives the range in sarsim's own recordings.
+
     Raises:
         InputError: the flags give a range or noise that no camera can have.
     """
     from pipeline.datasets.depth_cameras import UNNAMED, with_flags
+    from pipeline.sensor import XTION
     from sarsim.robots.model import robot_sensor
 
+    if recording.sensor is XTION and (own := robot_sensor(config.robot)) is not None:
+        recording.sensor = own
+        if config.depth_range is None:
+            depths = f"depths from {own.nearest:g} to {own.farthest:g} m"
+            recording.note(f"using {depths}, as in the file of --robot; to change them, use --depth-range")
     if recording.sensor is None:
         recording.sensor = robot_sensor(config.robot) or UNNAMED
         if config.depth_range is None:

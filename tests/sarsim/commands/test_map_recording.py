@@ -420,11 +420,19 @@ def test_a_pose_that_cannot_be_completed_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(hall: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def far_sighted(tmp_path: Path) -> str:
+    """The file of a robot whose camera measures depths from 0.4 to 6 m."""
     robot = tmp_path / "robot.xml"
     custom = '<custom><numeric name="depth_range" data="0.4 6"/>'
     robot.write_text(robot_file("jackal").read_text().replace("<custom>", custom, 1))
-    config = MapRecordingConfig(path=hall, out=tmp_path / "out", robot=str(robot))
+    return str(robot)
+
+
+def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(
+    far_sighted: str, hall: Path, tmp_path: Path
+) -> None:
+    config = MapRecordingConfig(path=hall, out=tmp_path / "out", robot=far_sighted)
     recording = open_recording(config)
     set_sensor(recording, config)
     assert recording.sensor is not None
@@ -432,3 +440,17 @@ def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(hall: Path, 
     assert any("0.4 to 6 m" in note for note in recording.notes)
     set_sensor(recording, replace(config, depth_range=(0.5, 4.0)))
     assert (recording.sensor.nearest, recording.sensor.farthest) == (0.5, 4.0)
+
+
+@pytest.mark.parametrize("name", ["tum", "bag"])
+def test_the_robots_file_gives_the_range_in_sarsims_own_recordings(
+    name: str, far_sighted: str, ways_in: dict[str, Path], tmp_path: Path
+) -> None:
+    config = MapRecordingConfig(path=ways_in[name], out=tmp_path / "out")
+    recording = open_recording(config)
+    set_sensor(recording, config)
+    assert recording.sensor == XTION and not recording.notes
+    set_sensor(recording, replace(config, robot=far_sighted))
+    assert recording.sensor is not None
+    assert (recording.sensor.nearest, recording.sensor.farthest) == (0.4, 6.0)
+    assert any("0.4 to 6 m" in note for note in recording.notes)

@@ -21,6 +21,7 @@ NUMBER = re.compile(
 )  # In file names: a decimal that is not part of 1.2.3, or a whole number
 ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
 TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
+OWN = "keyframes.txt", "label.txt"  # Files that only sarsim writes, whose times are in s
 MAX_STEP = 2.0  # s, maximum plausible median interval between images whose times have no date
 MAX_STEP_OF_DATES = 3600.0  # s, maximum median interval between dates; numbers farther apart are not dates
 UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
@@ -71,6 +72,8 @@ def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values
     dates, step = _dates(times), float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
     if dates is not None:
         return dates
+    if any((file.parent / name).exists() for name in OWN):
+        return times
     if step == 1 and not np.any(times % 1):
         if fps is not None:
             return times / fps

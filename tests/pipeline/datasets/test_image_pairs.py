@@ -217,3 +217,15 @@ def test_an_image_that_is_listed_twice_counts_once(tmp_path: Path) -> None:
         images(tmp_path / kind, range(3))
         (tmp_path / f"{kind}.txt").write_text("".join(2 * f"{k / 10} {kind}/{k}.png\n" for k in range(3)))
     assert paired(tmp_path) == [("0", "0"), ("1", "1"), ("2", "2")]
+
+
+@pytest.mark.parametrize("own", ["keyframes.txt", "label.txt"])
+def test_times_that_sarsim_wrote_are_in_seconds(own: str, tmp_path: Path) -> None:
+    times = [3.125 * k for k in range(4)]
+    for kind in ("depth", "rgb"):
+        images(tmp_path / kind, range(4))
+        lines = (f"{time} {kind}/{k}.png" for k, time in enumerate(times))
+        (tmp_path / f"{kind}.txt").write_text("\n".join(lines))
+    assert [pair.time for pair in image_pairs(tmp_path, None)] == [time / 1000 for time in times]
+    (tmp_path / own).touch()
+    assert [pair.time for pair in image_pairs(tmp_path, None)] == times

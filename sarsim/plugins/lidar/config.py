@@ -126,7 +126,8 @@ class LidarConfig:
         rate: turns per second. A simulated robot gives at most one scan per control period, 25 a second.
         rolling: measure each column at the robot's pose at the column's time, not at the pose where the scan begins.
         noise: simulate noise of the ranges, and beams without return.
-        sigma: standard deviation of a range at distance 0 and at the farthest distance, m.
+        sigma: standard deviation of a range at distance 0 and at the farthest distance, m; by default, that of the
+            sensor at these distances.
         detection_range: distance, m, from which a beam returns with ``detection_probability``.
         detection_probability: fraction of the beams that returns from ``detection_range``.
     """
@@ -153,12 +154,16 @@ class LidarConfig:
             rows, columns = self._size()
             elevations = spread(rows, ANY.elevations[0], ANY.elevations[-1]) if rows <= MAX_BEAMS else (0.0,) * rows
             model = replace(ANY, elevations=elevations, columns=columns)
+        near, far = model.sigma
+        noise = self.sigma
+        if self.range is not None and noise is None:  # another range does not change the noise at a distance
+            noise = near, near + (far - near) * self.range[1] / model.range[1]
         given: dict[str, Any] = {
             "range": self.range,
             "field_of_view": self.horizontal,
             "elevations": self._elevations(len(model.elevations)),
             "rate": self.rate,
-            "sigma": self.sigma,
+            "sigma": noise,
             "detection_range": self.detection_range,
             "detection_probability": self.detection_probability,
         }

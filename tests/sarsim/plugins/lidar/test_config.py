@@ -35,6 +35,13 @@ def test_flags_change_a_preset():
     assert LidarConfig("3x8", vertical=(5, -20, 0)).model().elevations == (5, -20, 0)
 
 
+def test_another_range_does_not_change_the_noise_at_a_distance():
+    # The noise of the OS1-64 grows from 0.015 m by 0.085 m in 120 m.
+    assert LidarConfig("os1-64", range=(0.5, 60)).model().sigma == pytest.approx((0.015, 0.0575))
+    assert LidarConfig("os1-64", range=(0.5, 240)).model().sigma == pytest.approx((0.015, 0.185))
+    assert LidarConfig("os1-64", range=(0.5, 60), sigma=(0.0, 0.1)).model().sigma == (0.0, 0.1)
+
+
 def test_the_planar_scanner_has_a_beam_every_quarter_degree():
     azimuths = np.degrees(PRESETS["utm-30lx"].azimuths)
     assert_allclose(np.diff(azimuths), 0.25)

@@ -1,5 +1,6 @@
 """Map a recording (a TUM RGB-D folder, a ROS bag or a scene): ``map_recording.py PATH --out DIR``."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError, require_package
@@ -51,9 +52,8 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
         raise InputError(f"{path}: no such file or folder")
     if calibration and min(calibration) <= 0:
         raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: all four values must be positive")
-    is_scene = path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5)
-    is_bag = not is_scene and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
-    if is_scene:
+    is_bag = not _is_scene(path) and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
+    if _is_scene(path):
         return _without(read_scene(path), config, "a scene", "topics", "intrinsics", "depth_scale", "fps")
     if is_bag:
         require_package("rosbags", "bags", f"{path}: reading a ROS bag")
@@ -73,7 +73,7 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
 def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
     """Set the recording's camera from the flags and, if it names no camera, from the robot's file or the defaults.
 
-    The robot's file also gives the range in sarsim's own recordings.
+    The robot's file also gives the range in sarsim's own recordings, except scenes, which always have the Xtion's.
 
     Raises:
         InputError: the flags give a range or noise that no camera can have.
@@ -82,7 +82,8 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
     from pipeline.sensor import XTION
     from sarsim.robots.model import robot_sensor
 
-    if recording.sensor is XTION and (own := robot_sensor(config.robot)) is not None:
+    is_own = recording.sensor is XTION and not _is_scene(recording.path)
+    if is_own and (own := robot_sensor(config.robot)) is not None:
         recording.sensor = own
         if config.depth_range is None:
             depths = f"depths from {own.nearest:g} to {own.farthest:g} m"
@@ -95,6 +96,11 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
                 f"the recording does not name its camera; using {depths}; to change them, use --depth-range"
             )
     recording.sensor = with_flags(recording.sensor, config.depth_range, config.depth_noise)
+
+
+def _is_scene(path: Path) -> bool:
+    """Whether a path is that of a dataset's scene."""
+    return path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5)
 
 
 def _without(recording: "Recording", config: MapRecordingConfig, kind: str, *useless: str) -> "Recording":

@@ -442,9 +442,9 @@ def test_the_robots_file_gives_the_range_of_a_camera_without_a_name(
     assert (recording.sensor.nearest, recording.sensor.farthest) == (0.5, 4.0)
 
 
-@pytest.mark.parametrize("name", ["tum", "bag"])
-def test_the_robots_file_gives_the_range_in_sarsims_own_recordings(
-    name: str, far_sighted: str, ways_in: dict[str, Path], tmp_path: Path
+@pytest.mark.parametrize(("name", "depths"), [("tum", (0.4, 6.0)), ("bag", (0.4, 6.0)), ("scene", (0.8, 3.5))])
+def test_the_robots_file_gives_the_range_in_sarsims_own_recordings_but_scenes(
+    name: str, depths: tuple[float, float], far_sighted: str, ways_in: dict[str, Path], tmp_path: Path
 ) -> None:
     config = MapRecordingConfig(path=ways_in[name], out=tmp_path / "out")
     recording = open_recording(config)
@@ -452,5 +452,5 @@ def test_the_robots_file_gives_the_range_in_sarsims_own_recordings(
     assert recording.sensor == XTION and not recording.notes
     set_sensor(recording, replace(config, robot=far_sighted))
     assert recording.sensor is not None
-    assert (recording.sensor.nearest, recording.sensor.farthest) == (0.4, 6.0)
-    assert any("0.4 to 6 m" in note for note in recording.notes)
+    assert (recording.sensor.nearest, recording.sensor.farthest) == depths
+    assert any("0.4 to 6 m" in note for note in recording.notes) == (name != "scene")

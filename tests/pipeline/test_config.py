@@ -23,7 +23,7 @@ from pipeline.localisation.config import (
 )
 from pipeline.navigation.config import ObstacleCheckConfig, SpeedLimitConfig
 from pipeline.planning.stretches import ArcConfig
-from pipeline.plugins.finds.config import FindsConfig
+from pipeline.plugins.finds.config import CodesConfig, FindsConfig, HazmatConfig, ShapesConfig, SquaresConfig
 from pipeline.rerun.config import RerunConfig
 from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.segments.config import SegmentsConfig
@@ -154,6 +154,14 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (ObjectConfig, "readable", 0.0),
         (PeopleConfig, "evidence_to_look", -0.1),
         (ReobservationConfig, "max_tries", -1),
+        (SquaresConfig, "hue_step", 0),
+        (SquaresConfig, "window", 50),
+        (SquaresConfig, "small_window", 1),
+        (SquaresConfig, "tolerances", ()),
+        (HazmatConfig, "sizes", ()),
+        (CodesConfig, "read_side", 0),
+        (ShapesConfig, "stride", 0),
+        (ShapesConfig, "spreads", 0),
         (RerunConfig, "point_spacing", 0.0),
         (RescueReportConfig, "drop", 0),
     ],
@@ -168,3 +176,7 @@ def test_nodes_may_see_as_far_as_250_cells() -> None:
     assert PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.5)).elevation_map == fine
     with pytest.raises(InputError, match=r"sight = 7\.6"):
         PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.6))
+@pytest.mark.parametrize("kind", ["fire_extinguisher", "door_lever"])
+def test_a_kind_that_is_sought_by_its_extents_must_have_some(kind: str) -> None:
+    with pytest.raises(InputError, match=rf"{kind}\.extents = \(\): must be"):
+        FindsConfig(**{kind: ObjectConfig()})

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pipeline.errors import InputError, require_at_least, require_positive
 from pipeline.tracks.config import Confirmation, ObjectConfig
 
 
@@ -51,6 +52,16 @@ class SquaresConfig:
     smallest: float = 0.05
     largest: float = 0.5
 
+    def __post_init__(self) -> None:
+        require_positive("squares", self, "filled", "max_side_ratio", "oblong", "largest")
+        require_at_least(1, "squares", self, "max_pixels", "min_side", "hue_step")
+        require_at_least(0, "squares", self, "same", "smallest", "faint_edge", "sure_edge")
+        for name in ("small_window", "window"):
+            side = getattr(self, name)
+            if side < 3 or side % 2 == 0:
+                raise InputError(f"squares.{name} = {side}: must be odd and at least 3")
+        _require_all_positive("squares.tolerances", self.tolerances)
+
 
 @dataclass(frozen=True)
 class HazmatConfig:
@@ -69,6 +80,10 @@ class HazmatConfig:
     prior_odds_ratio: float = 9.0
     alike: float = 0.5
     sizes: tuple[float, ...] = (0.97, 1.0, 1.03)
+
+    def __post_init__(self) -> None:
+        require_positive("hazmat", self, "prior_odds_ratio")
+        _require_all_positive("hazmat.sizes", self.sizes)
 
 
 @dataclass(frozen=True)
@@ -91,6 +106,10 @@ class CodesConfig:
     min_area: float = 1.0
     undecoded: float = 0.5
 
+    def __post_init__(self) -> None:
+        require_at_least(2, "codes", self, "checked_side", "read_side")
+        require_at_least(0, "codes", self, "min_area")
+
 
 @dataclass(frozen=True)
 class ShapesConfig:
@@ -112,6 +131,17 @@ class ShapesConfig:
     min_saturation: int = 127
     spreads: float = 2.0
     confidence: float = 0.5
+
+    def __post_init__(self) -> None:
+        require_positive("shapes", self, "spreads")
+        require_at_least(1, "shapes", self, "stride")
+        require_at_least(0, "shapes", self, "noise", "hue", "min_saturation")
+
+
+def _require_all_positive(name: str, values: tuple[float, ...]) -> None:
+    """Raise InputError unless there are ``values`` and all of them are greater than 0."""
+    if not values or not min(values) > 0:
+        raise InputError(f"{name} = {values}: must be at least one number, and all must be greater than 0")
 
 
 SHAPE = Confirmation(confidence=0.5, baseline=0.3)
@@ -138,6 +168,11 @@ class FindsConfig:
     door_lever: ObjectConfig = ObjectConfig(
         confirmation=SHAPE, max_person_distance=0.15, extents=((0.22, 0.14, 0.06),)
     )
+
+    def __post_init__(self) -> None:
+        for name in ("fire_extinguisher", "door_lever"):
+            if not getattr(self, name).extents:
+                raise InputError(f"{name}.extents = (): must be at least one form, because regions are sought by it")
 
     @property
     def kinds(self) -> dict[str, ObjectConfig]:

@@ -1,5 +1,6 @@
 """The 3D map in the league's format: an ASCII PLY in metres, with colours, normals and confidence."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | d
 """Type of each property. It is an assumption that ``confidence`` is between 0 and 1."""
 WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
 ALIASES = {"float32": "float", "uint8": "uchar"}
+COUNT = re.compile(r"\d{1,18}")  # A number of vertices
 COMMENTS = ("team", "start time", "mission")
 
 
@@ -127,7 +129,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     """Number of vertices, which must be the first element, and names of their properties."""
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
-    if not elements or elements[0][1][1:-1] != ["vertex"] or not elements[0][1][-1].isdecimal():
+    if not elements or elements[0][1][1:-1] != ["vertex"] or not COUNT.fullmatch(elements[0][1][-1]):
         read.errors.append("the first element must be declared as: element vertex NUMBER")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)

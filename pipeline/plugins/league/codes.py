@@ -61,7 +61,7 @@ def read_codes(path: Path) -> list[ReadCode]:
     """Read codes written by sarsim or another program; InputError if the file cannot be read or is invalid."""
     try:
         return [_code(row) for row in _rows(json.loads(read_text(path)))]
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
         raise InputError(
             f"{path}: must be a JSON list of QR codes with finite positions, each like {EXAMPLE}"
         ) from error

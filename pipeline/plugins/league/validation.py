@@ -140,13 +140,13 @@ def map_errors(path: Path, types: set[str], config: ValidationConfig) -> list[st
     """The errors in a 2D map, on which finds of all ``types`` must be drawn."""
     try:
         with Image.open(path, formats=["TIFF"]) as picture:
-            tags, image = dict(picture.tag_v2), np.asarray(picture)  # type: ignore[attr-defined]
+            scale = np.atleast_1d(np.asarray(picture.tag_v2.get(GeoTag.PIXEL_SCALE, ()), np.float64))  # type: ignore[attr-defined]
+            image = np.asarray(picture)
     except Exception as error:  # of many types: about the file, its compression or its size
         return [f"not a readable TIFF file: {' '.join(str(error).split())}"]
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
         return ["must be an RGB or RGBA image with 8 bits per channel"]
     image = image[..., :3]
-    scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
     return [*_wrong_scale(image, scale), *_missing_elements(image, types, config.rarest)]
 
 

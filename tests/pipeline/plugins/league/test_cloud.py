@@ -55,6 +55,7 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float
         (PLY.replace("float y", "double y") + "0 0 0\n1 1 1\n", "property y must have the type float, not double"),
         (PLY.replace("float z", "float w") + "0 0 0\n1 1 1\n", "float z"),
         (PLY.replace("vertex 2", "face 2") + "0 0 0\n", "element vertex"),
+        (PLY.replace("vertex 2", "vertex " + 5000 * "9") + "0 0 0\n", "element vertex"),
         (PLY.replace("vertex 2", "vertex x 2") + "0 0 0\n", "element vertex"),
         (PLY + "0 0 0\n", "2 vertices with 3 numbers each, but the file has 1 with 3"),
         (PLY + "0 0 0\n0 a 0\n", "vertex must be a line of numbers"),

@@ -28,6 +28,7 @@ def test_what_is_written_is_read(tmp_path):
     [
         "", "{}", "[1]", '[{"text": "A"}]', '[{"text": "A", "position": [1, 2]}]', "[" * 9999,
         '[{"text": 1, "position": [1, 2, 3]}]', '[{"text": "A", "position": [1, 2, NaN]}]',
+        '[{"text": "A", "position": [1, 2, 1%s]}]' % ("0" * 400),
     ],
 )  # fmt: skip
 def test_other_files_are_refused_in_one_line(tmp_path, text):

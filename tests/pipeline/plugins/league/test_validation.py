@@ -111,11 +111,11 @@ def picture(good):
         return np.array(file)
 
 
-def saved(path, image, pixel=(0.01, 0.01, 0.0)):
-    """Write an image with the given sides of a pixel, m."""
+def saved(path, image, pixel=(0.01, 0.01, 0.0), kind=TiffTags.DOUBLE):
+    """Write an image with the given sides of a pixel, m, as numbers of a type of TIFF."""
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     if pixel:
-        tags.tagtype[33550], tags[33550] = TiffTags.DOUBLE, pixel
+        tags.tagtype[33550], tags[33550] = kind, pixel
     Image.fromarray(image).save(path, "TIFF", tiffinfo=tags)
     return path
 
@@ -130,6 +130,11 @@ def test_a_wrong_size_of_pixels_is_reported(picture, tmp_path):
     path = saved(tmp_path / "a.tiff", picture, (0.02, 0.02, 0.0))
     (fault,) = map_errors(path, set(), ValidationConfig())
     assert "100 pixels of 0.02 m" in fault
+
+
+def test_a_size_of_pixels_in_fractions_is_read(picture, tmp_path):
+    path = saved(tmp_path / "a.tiff", picture, (0.01, 0.01, 0.0), TiffTags.RATIONAL)
+    assert map_errors(path, set(), ValidationConfig()) == []
 
 
 @pytest.mark.parametrize(

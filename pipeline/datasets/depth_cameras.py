@@ -49,9 +49,9 @@ KNOWN = (
     # Range and noise in the narrow mode, binned: Microsoft's hardware specification.
     _camera("an Azure Kinect", r"azure[-_]?kinect|k4a|femto", 0.5, 5.46, DepthNoise(0.017, 0.0)),
     # Nearest depths, fields of view and baselines of RealSense cameras: Intel's data sheet of the D400 family.
-    _camera("a RealSense D455", r"d45[0-9]", 0.5, 5.1, stereo(447, 0.095)),
-    _camera("a RealSense D415", r"d41[0-9]", 0.3, 4.8, stereo(665, 0.055)),
-    _camera("a RealSense D435", r"d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo(424, 0.05)),
+    _camera("a RealSense D455", r"(?<![a-z])d45[0-9]", 0.5, 5.1, stereo(447, 0.095)),
+    _camera("a RealSense D415", r"(?<![a-z])d41[0-9]", 0.3, 4.8, stereo(665, 0.055)),
+    _camera("a RealSense D435", r"(?<![a-z])d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo(424, 0.05)),
     # Range: Khoshelham & Elberink, Sensors 2012. All these cameras have the same chip or a copy of it.
     _camera(
         "a Kinect or Xtion", r"kinect|xtion|primesense|openni|astra|freiburg[123]", *(0.5, 5.0, STRUCTURED_LIGHT)

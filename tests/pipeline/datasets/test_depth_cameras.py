@@ -18,6 +18,7 @@ from pipeline.sensor import XTION, DepthNoise
         ("/k4a/depth_to_rgb/image_raw", "Azure"),
         ("Intel RealSense D455", "D455"),
         ("d415_depth_optical_frame", "D415"),
+        ("front_d435i_link", "D435"),
         ("/device_0/sensor_0/Depth_0/image/data", "D435"),
     ],
 )
@@ -27,7 +28,18 @@ def test_a_name_gives_the_camera(name: str, camera: str) -> None:
     assert camera in found[0].name and found[1] == name
 
 
-@pytest.mark.parametrize("name", ["camera_optical", "/camera/depth/image_raw", "office_2024-05-01", "scene_d4"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "camera_optical",
+        "/camera/depth/image_raw",
+        "office_2024-05-01",
+        "scene_d4",
+        "recorded412",
+        "world456",
+        "fjord430",
+    ],
+)
 def test_other_names_give_none(name: str) -> None:
     assert camera_named([name]) is None
 

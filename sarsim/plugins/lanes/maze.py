@@ -52,7 +52,7 @@ class MazeConfig:
         lumber: thickness and height of a 2×4 on edge; a diagonal consists of two side by side.
         cross: length of the 2×4s that cross in a room.
         tarp: height of the dark tarp that covers the maze; that it also closes the entrances is assumed.
-        codes, signs: numbers of QR codes and hazmat signs on the panels; assumed.
+        things: number of QR codes and hazmat signs, which alternate on the panels; assumed.
         code_side, sign_side: sides of the squares of codes and signs; assumed, as elsewhere in the league.
         eye: height of the centres of codes and signs, visible to a low robot; assumed.
     """
@@ -66,8 +66,7 @@ class MazeConfig:
     lumber: tuple[float, float] = (0.038, 0.089)
     cross: float = 1.3
     tarp: float = 2.2
-    codes: int = 10
-    signs: int = 10
+    things: int = 20
     code_side: float = 0.16
     sign_side: float = 0.2
     eye: float = 0.5
@@ -197,9 +196,8 @@ def _add_beam(builder: ArenaBuilder, middle: Pair, yaw: float, long: float, thic
 def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: Pair) -> None:
     """Hang QR codes and hazmat signs alternately, evenly spread over the inner faces of the outer panels."""
     around = sorted(panels, key=lambda p: atan2(*(config.cell * np.array([p.y, p.x]) - size[::-1] / 2)))
-    number = config.codes + config.signs
-    for n in range(number):
-        panel = around[n * len(around) // number]
+    for n in range(config.things):
+        panel = around[n * len(around) // config.things]
         middle = config.cell * np.array([panel.x, panel.y]) - size / 2
         inwards = np.array([-np.sign(middle[0]), 0.0]) if panel.is_upright else np.array([0.0, -np.sign(middle[1])])
         normal = np.array([*inwards, 0.0])

@@ -6,7 +6,7 @@ import pytest
 
 from sarsim.arenas.things.thing import things_of, things_of_kind
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.plugins.lanes.maze import MazePlan
+from sarsim.plugins.lanes.maze import MazeConfig, MazePlan, build_maze
 from sarsim.plugins.lanes.plugin import lane_arena
 
 CELL, HALF = 1.22, 1.22 * np.array([9, 5]) / 2
@@ -67,6 +67,10 @@ def test_codes_and_signs_hang_on_the_inner_faces(world):
     assert len({code.text for code in codes}) == len(codes) == len(signs) == 10
     for thing in (*codes, *signs):
         assert (np.abs(thing.centre[:2]) < HALF).all() and thing.normal[:2] @ thing.centre[:2] < 0
+
+
+def test_codes_and_signs_alternate_until_there_are_enough():
+    assert build_maze(MazeConfig(things=3)).next_thing == build_maze(MazeConfig(things=0)).next_thing + 3
 
 
 def test_a_dark_tarp_covers_it(world):

@@ -259,11 +259,17 @@ class RosRobot:
             raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")
 
     def _wait(self, until: Callable[[], bool]) -> None:
-        """Wait until messages fulfil a condition; if this takes too long, stop the robot and raise InputError."""
-        if self._node.wait(until, self._patience):
-            return
-        self.stop()
-        raise InputError(f"{self._complaint()}; the robot was stopped")
+        """Wait until messages fulfil a condition.
+
+        Raises:
+            InputError: this takes too long, or a message cannot be read; the robot was stopped.
+        """
+        try:
+            if not self._node.wait(until, self._patience):
+                raise InputError(f"{self._complaint()}; the robot was stopped")
+        except Exception:
+            self.stop()
+            raise
 
     def _complaint(self) -> str:
         """The reason why waiting for messages failed."""

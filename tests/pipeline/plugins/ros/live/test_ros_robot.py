@@ -296,6 +296,18 @@ def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(
     assert pair.commands[-1] == Velocity()
 
 
+def test_a_message_that_cannot_be_read_stops_the_robot(pair: Pair) -> None:
+    pair.robot.drive(Velocity(0.2))
+
+    def unreadable() -> None:
+        raise InputError(f"{ODOM}: ")
+
+    pair.end.work = unreadable
+    with pytest.raises(InputError, match=ODOM):
+        pair.robot.drive(Velocity(0.2))
+    assert pair.commands[-1] == Velocity()
+
+
 def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
     pair.wire.takers["/cmd_vel"] = [("robot", lambda data: None)]
     with pytest.raises(InputError, match="/cmd_vel: "):

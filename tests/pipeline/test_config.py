@@ -176,6 +176,8 @@ def test_nodes_may_see_as_far_as_250_cells() -> None:
     assert PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.5)).elevation_map == fine
     with pytest.raises(InputError, match=r"sight = 7\.6"):
         PipelineConfig(elevation_map=fine, topological_map=TopologicalMapConfig(sight=7.6))
+
+
 @pytest.mark.parametrize("kind", ["fire_extinguisher", "door_lever"])
 def test_a_kind_that_is_sought_by_its_extents_must_have_some(kind: str) -> None:
     with pytest.raises(InputError, match=rf"{kind}\.extents = \(\): must be"):

@@ -32,18 +32,19 @@ from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import POSE, are_poses
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
-FORMAT, VERSION = "sarsim keyframes", 8
+FORMAT, VERSION = "sarsim keyframes", 9
 
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]
-"""Type and shape. A capital letter stands for a length that all rows share. A small letter, which may only come
-first, stands for a length that differs from row to row; fields of a row with the same letter have the same length."""
+"""Type and shape. A letter, which may only come first, stands for a length that differs from row to row; fields of a
+row with the same letter have the same length."""
 POINTS: Field = ("f4", "n", 3)
 NOTHING = np.zeros(0)
 
 LAYOUT: dict[str, dict[str, Field]] = {
     "keyframe": {
-        "depth": ("u2", "H", "W"),
+        "depth": ("u2", "p"),
+        "depth_shape": ("i8", 2),  # Differs between cameras, and with the voxel size and range of the metric map
         "camera": ("f8", 4),  # fx, fy, cx, cy
         "T_base_camera": ("f8", 4, 4),
         "T_map_base": ("f8", 4, 4),
@@ -110,7 +111,7 @@ OF_KEYFRAMES = "keyframe", "missed", "tried_from"
 
 def varies(field: Field) -> bool:
     """Whether the length of a field differs from row to row."""
-    return len(field) > 1 and str(field[1]).islower()
+    return any(isinstance(size, str) for size in field[1:])
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
@@ -220,7 +221,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
 def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
     columns: dict[str, list[Any]] = {}
-    sizes: dict[int | str, Any] = {}  # For each letter: a length, or the lengths of all rows
+    sizes: dict[int | str, Any] = {}  # For each letter, the lengths of all rows
     for name, field in layout.items():
         dtype, *shape = field
         array = arrays.get(f"{kind}.{name}", NOTHING)
@@ -228,8 +229,7 @@ def _rows(arrays: dict[str, NDArray[Any]], kind: str, layout: dict[str, Field]) 
             raise ValueError(f"{kind}.{name} is missing, or has the wrong type or number of dimensions")
         if not np.isfinite(array).all():
             raise ValueError(f"{kind}.{name} contains non-finite numbers")
-        sized = zip(shape[varies(field) :], array.shape[1:], strict=True)
-        fits = all(size == (n if isinstance(n, int) else sizes.setdefault(n, size)) for n, size in sized)
+        fits = array.shape[1:] == tuple(shape[varies(field) :])
         if varies(field):
             lengths = arrays.get(f"{kind}.{name}.lengths", NOTHING)
             fits &= lengths.dtype == np.int64 and lengths.ndim == 1 and bool((lengths >= 0).all())
@@ -284,6 +284,8 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
         shares = seen.shares or ClassShares(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
         yield {
             **vars(seen),
+            "depth": seen.depth.ravel(),
+            "depth_shape": seen.depth.shape,
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
             "T_map_base": surfaces.poses[k],  # The estimated pose; the pose in the maps may differ unnoticeably
             "up": surfaces.ups[k],
@@ -307,10 +309,11 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
     for k, row in enumerate(rows["keyframe"]):
         if row["is_labelled"] and len(row["classes"]) != len(row["points"]):
             raise ValueError("a keyframe has different numbers of points and classes")
-        height, width = row["depth"].shape
+        depth = row["depth"].reshape(row["depth_shape"])
+        height, width = depth.shape
         shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
         seen = KeyframeObservation(
-            **_fields_of(KeyframeObservation, row),
+            **_fields_of(KeyframeObservation, row | {"depth": depth}),
             intrinsics=Intrinsics(width, height, *row["camera"].tolist()),
             shares=shares,
         )

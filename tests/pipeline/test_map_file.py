@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.frame import Frame
+from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import Label
 from pipeline.localisation.localisation import LocalisedFrame
@@ -30,8 +30,8 @@ T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 POSES = [from_yaw(0.3 * k, 0.02, 0, 0.2 * (k % 2)) for k in range(4)]
 
 
-def seen_from(T_map_base: np.ndarray, T_odom_base: np.ndarray, seed: int = 0) -> Frame:
-    frame = look(SCENE, T_map_base @ T_BASE_CAMERA, 0.004, seed, camera=HALF)
+def seen_from(T_map_base: np.ndarray, T_odom_base: np.ndarray, seed: int = 0, camera: Intrinsics = HALF) -> Frame:
+    frame = look(SCENE, T_map_base @ T_BASE_CAMERA, 0.004, seed, camera=camera)
     return replace(frame, T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)
 
 
@@ -126,6 +126,22 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     assert abs(y) < 0.04  # along the wall it is where it was set down
 
 
+def test_a_map_that_was_continued_with_a_larger_image_is_saved_too(mapper, file, tmp_path):
+    loaded = new_mapper()
+    load_keyframes(file, loaded)
+    T = mapper.keyframes.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
+    loaded.localisation.set_pose(T)
+    loaded.add_frame(loaded.localise(seen_from(T, np.eye(4), camera=Intrinsics(400, 300, 300, 300, 200, 150))))
+    save_keyframes(loaded, tmp_path / "both.npz")
+    both = new_mapper()
+    load_keyframes(tmp_path / "both.npz", both)
+    depths = [[seen.depth for seen in m.keyframes.seen] for m in (loaded, both)]
+    assert depths[0][-1].shape != depths[0][0].shape
+    for before, after in zip(*depths, strict=True):
+        np.testing.assert_array_equal(after, before)
+    np.testing.assert_array_equal(both.metric_map.occupied_centres(), loaded.metric_map.occupied_centres())
+
+
 @cache
 def entries_of(file: Path) -> dict[str, np.ndarray]:
     with np.load(file) as content:
@@ -158,7 +174,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "changed.npz"),
-        ("version", 3, "version 8"),
+        ("version", 3, "version 9"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
         ("track.tried_from", 4, "keyframe"),

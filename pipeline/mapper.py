@@ -205,8 +205,9 @@ class Mapper:
                 to this ground.
 
         Raises:
-            InputError: the pose is so far from the other poses that the maps would take too much memory. The maps do
-                not change.
+            InputError: the pose is so far from the other poses that the maps would take too much memory, or the
+                classifier, the detector or a reader has given an invalid result. The frame has then become a keyframe
+                only if the invalid result is of the detector or a reader for this frame.
         """
         frame = localised.frame
         T_map_base = localised.T_map_base
@@ -218,17 +219,16 @@ class Mapper:
             self._set_down = T_map_base
             self._start_height = float(T_map_base[2, 3])
 
-        # Add the keyframe to the pose graph only once the elevation map is sure to have room for it.
+        # A pose far away is refused before any map changes. The frame is added to the pose graph and to the keyframes
+        # only after everything that may refuse it, so that both always have the same keyframes.
         self.elevation_map.cover(T_map_base[None, :3, 3])
-        with self.stopwatch("localisation"):
-            self.localisation.add(localised)
 
         # Collect the detections in the last keyframe, and start the networks that find people and objects on this
         # one.
         self._add_detections()
         self._background.begin(frame, index, self.detector, self.readers)
 
-        # Label the points, and store the observations of this keyframe relative to its pose.
+        # Label the points, and thin the observations of this keyframe.
         points = frame.points(frame.T_base_camera)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
         probabilities = None
@@ -242,13 +242,21 @@ class Mapper:
             seen = KeyframeObservation.of(
                 frame, points, probabilities, stride, voxel, self.elevation_map.config, robot
             )
-            self.keyframes.add(seen, T_map_base)
 
         # Occupied and free space, and the height of the ground.
         with self.stopwatch("metric_map"):
             seen.add_to_metric_map(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
-            self._add_ground(frame, points)
+            ground: list[GroundEvidence] = [*self._assumed_ground(frame, points, T_map_base), seen]
+            for evidence in ground:
+                evidence.add_to_elevation_map(self.elevation_map, T_map_base)
+
+        # The pose graph, and the observations relative to the keyframe's pose.
+        with self.stopwatch("localisation"):
+            self.localisation.add(localised)
+        self.keyframes.add(seen, T_map_base)
+        for evidence in ground:
+            self.keyframes.add_ground(index, evidence)
 
         # Classes, and the planes among the points of each class.
         labels = np.zeros(0, np.uint8)
@@ -261,11 +269,15 @@ class Mapper:
             with self.stopwatch("segments"):
                 patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
                 self.segments.update(patches, index, T_map_base)
-            detections = self._add_detections()
 
-        keyframe = Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
-        for observer in self.observers:
-            observer.on_keyframe(keyframe)
+        # People and objects in a labelled frame. Observers hear of every keyframe, even if the detector has failed.
+        try:
+            if labelled:
+                detections = self._add_detections()
+        finally:
+            keyframe = Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
+            for observer in self.observers:
+                observer.on_keyframe(keyframe)
         return keyframe
 
     def add_if_new(
@@ -309,7 +321,10 @@ class Mapper:
             own = on_ground[is_own], obstacles[near_obstacles == k], felt[near_felt == k]
             if any(map(len, own)):
                 here, *met = (transform_points(inverse(T), points) for points in own)
-                self._put(first + k, DrivenTrack(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
+                drive = DrivenTrack(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met)
+                # This comes first, because it may raise InputError.
+                drive.add_to_elevation_map(self.elevation_map, T)
+                self.keyframes.add_ground(first + k, drive)
 
     def apply_corrections(self, waits: bool = False) -> Moves | None:
         """Correct the keyframes of the localisation, and all maps with them; return None if the maps are unchanged.
@@ -391,26 +406,20 @@ class Mapper:
                 if is_met[k]:
                     evidence.add_to_elevation_map(self.elevation_map, keyframes.poses[k])
 
-    def _add_ground(self, frame: Frame, points: NDArray[np.float32]) -> None:
-        """Add the ground that a new keyframe shows to the elevation map; ``points``: its returns in ``base_link``, m.
+    def _assumed_ground(self, frame: Frame, points: NDArray[np.float32], T_map_base: Pose) -> Sequence[AssumedGround]:
+        """The ground near a new keyframe that is assumed to be level while the robot stands where it was set down.
 
-        While the robot stands where it was set down, the ground near it is assumed to be level.
+        ``points``: the frame's returns in ``base_link``, m.
         """
-        robot, config, keyframes = self.elevation_map.robot, self.elevation_map.config, self.keyframes
-        k = len(keyframes) - 1
-        if self._set_down is not None:
-            T_base_start = inverse(keyframes.poses[k]) @ self._set_down
-            if np.linalg.norm(T_base_start[:2, 3]) > START_RADIUS:
-                self._set_down = None
-            else:
-                self._put(k, AssumedGround.under(T_base_start, robot, config))
-                self._put(k, AssumedGround.before(frame, points, robot, config))
-        self._put(k, keyframes.seen[k])
-
-    def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        # This comes first, because it may raise InputError.
-        evidence.add_to_elevation_map(self.elevation_map, self.keyframes.poses[keyframe])
-        self.keyframes.add_ground(keyframe, evidence)
+        if self._set_down is None:
+            return ()
+        T_base_start = inverse(T_map_base) @ self._set_down
+        if np.linalg.norm(T_base_start[:2, 3]) > START_RADIUS:
+            self._set_down = None
+            return ()
+        robot, config = self.elevation_map.robot, self.elevation_map.config
+        under = AssumedGround.under(T_base_start, robot, config)
+        return under, AssumedGround.before(frame, points, robot, config)
 
     def update_topological_map(self, keyframe: Keyframe, paths: PosePaths | None = None) -> None:
         """Update the topological map with the planes of a keyframe and the ground that ``paths`` reach.
@@ -438,7 +447,7 @@ class Mapper:
         """Add the results of the background detection, if any, to the maps; return the people detected."""
         with self.stopwatch("reading"):
             read = self._background.end()
-        if read is None:
+        if read is None or read.keyframe == len(self.keyframes):  # That frame was refused
             return []
         frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
         with self.stopwatch("victims"):

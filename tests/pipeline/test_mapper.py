@@ -16,9 +16,12 @@ from pipeline.keyframes import Moves
 from pipeline.labels import Label
 from pipeline.localisation.localisation import LocalisedFrame, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.planning.pose_paths import heading_mask
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Sink
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.transforms import from_yaw, yaw_of
 from tests.pipeline.polygon_scene import HALF, RANGE, floor, look, pose, wall, wedge
@@ -305,6 +308,80 @@ def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
         mapper.add_frame(mapper.localise(replace(FRAMES[2], T_odom_base=far)))
     assert len(mapper.keyframes) == len(mapper.localisation.poses) == 2
     assert mapper.apply_corrections() is None
+
+
+class Broken(TruthClassifier):
+    """A classifier, detector and reader, one of which gives an invalid result for every frame after the first."""
+
+    def __init__(self, part: str):
+        self.part, self.seen = part, 0
+
+    def _fails(self, part: str) -> bool:
+        self.seen += part == self.part
+        return part == self.part and self.seen > 1
+
+    def classify(self, frame, points, T_map_camera):
+        return super().classify(frame, points, T_map_camera) * (np.nan if self._fails("classifier") else 1)
+
+    def detect(self, rgb):
+        return None if self._fails("detector") else []
+
+    def read(self, frame, detections):
+        return [Reading("No Kind", "", np.zeros((4, 2)), 0.9)] if self._fails("reader") else []
+
+
+def refused(mapper: Mapper, labelled: bool) -> int:
+    """The number of keyframes when a mapper has refused the second or third frame."""
+    trajectory = EstimatedTrajectory(mapper.localisation, FRAMES)
+
+    class Watch(Sink):
+        def on_keyframe(self, keyframe):
+            trajectory.add(keyframe.frame)
+
+    mapper.observers.append(Watch())
+    mapper.add_frame(LocalisedFrame(FRAMES[0], POSES[0]), set_down=True)
+    with pytest.raises(InputError):
+        for k in (1, 2):
+            mapper.add_frame(LocalisedFrame(FRAMES[k], from_yaw(30.0, 0, 0, 0) @ POSES[k]), labelled)
+    assert mapper.apply_corrections() is None
+    mapper.correct(mapper.localisation.poses @ from_yaw(0.1, 0, 0, 0))
+    assert len(trajectory.estimated()) == len(FRAMES)
+    return len(mapper.keyframes)
+
+
+@pytest.mark.parametrize(
+    ("part", "labelled", "keyframes"),
+    [("classifier", True, 1), *((part, how, 2) for part in ("detector", "reader") for how in (True, False))],
+)
+def test_an_invalid_result_leaves_the_keyframes_and_poses_whole(part, labelled, keyframes):
+    broken = Broken(part)
+    mapper = Mapper(PIONEER, broken, broken, localisation=OdometryLocalisation(), readers=broken)
+    assert refused(mapper, labelled) == keyframes
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_full_metric_map_leaves_the_keyframes_and_poses_whole(labelled):
+    full = MetricMapConfig(max_bytes=TRUE.metric_map.nbytes)
+    config = PipelineConfig(metric_map=full)
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), config=config)
+    assert refused(mapper, labelled) == 1
+
+
+def test_a_full_elevation_map_leaves_the_keyframes_and_poses_whole(monkeypatch):
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    update, calls = mapper.elevation_map.update, []
+
+    def refuse(points, *args):
+        calls.append(points)
+        if len(calls) == 2:
+            raise InputError("the elevation map is full")
+        update(points, *args)
+
+    monkeypatch.setattr(mapper.elevation_map, "update", refuse)
+    with pytest.raises(InputError):
+        for frame, T in zip(FRAMES[:2], POSES, strict=False):
+            mapper.add_frame(LocalisedFrame(frame, T))
+    assert len(mapper.keyframes) == len(mapper.localisation.poses) == 1
 
 
 def test_a_drive_to_far_away_is_not_kept():

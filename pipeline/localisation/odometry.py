@@ -1,5 +1,7 @@
 """Localisation with odometry alone, for comparison."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.arrays import Points, Pose, Poses
@@ -33,7 +35,9 @@ class OdometryLocalisation(Localisation):
         self.T_map_odom = np.eye(4)
         self.loops: list[Loop] = []
         self.belief = Belief(config.belief)
-        self._config, self._poses = config, np.zeros((0, 4, 4))
+        self._poses, nothing = np.zeros((0, 4, 4)), np.zeros((0, 3))
+        odometry = OdometryErrors.expected(config.odometry)
+        self._loaded = SavedKeyframes(self._poses, nothing, nothing, nothing, np.zeros(0, np.int64), odometry)
 
     @property
     def poses(self) -> Poses:
@@ -63,10 +67,10 @@ class OdometryLocalisation(Localisation):
         return np.zeros((0, 3), np.float32)
 
     def keyframes(self) -> SavedKeyframes:
-        """All keyframes so far; here without points."""
-        nothing, odometry = np.zeros((0, 3)), OdometryErrors.expected(self._config.odometry)
-        return SavedKeyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64), odometry)
+        """All keyframes so far; only those of an earlier run have points."""
+        ups = np.concatenate([self._loaded.ups, self.poses[len(self._loaded.ups) :, 2, :3]])
+        return replace(self._loaded, poses=self.poses, ups=ups)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
         """Start with the keyframes of an earlier run, whose poses stay fixed."""
-        self._poses = keyframes.poses
+        self._poses, self._loaded = keyframes.poses, keyframes

@@ -216,6 +216,24 @@ def test_files_that_are_none_are_refused(file, tmp_path):
         assert "\n" not in str(error.value)
 
 
+def test_a_map_continued_with_odometry_alone_keeps_its_surfaces_and_can_be_continued_with_slam(
+    mapper, file, tmp_path
+):
+    taken = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    load_keyframes(file, taken)
+    T = mapper.keyframes.poses[-1] @ from_yaw(0.1, 0, 0, 0.05)
+    taken.add_frame(LocalisedFrame(seen_from(T, T), T))
+    save_keyframes(taken, tmp_path / "taken.npz")
+    again = new_mapper()
+    load_keyframes(tmp_path / "taken.npz", again)
+    before, after = mapper.localisation.keyframes(), again.localisation.keyframes()
+    assert len(after.poses) == len(after.ups) == len(before.poses) + 1
+    np.testing.assert_allclose(after.ups[-1], T[2, :3], atol=1e-6)
+    np.testing.assert_array_equal(after.points.astype(np.float32), before.points.astype(np.float32))
+    np.testing.assert_array_equal(after.owner, before.owner)
+    np.testing.assert_array_equal(after.odometry.errors, before.odometry.errors)
+
+
 def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     taken = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     taken.add_frame(LocalisedFrame(seen_from(POSES[0], POSES[0]), POSES[0]))

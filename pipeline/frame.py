@@ -55,7 +55,14 @@ class Intrinsics:
         return float(min(np.arctan2(self.cx, self.fx), np.arctan2(self.width - self.cx, self.fx)))
 
     def points(self, depth: Depth, T_target_camera: Pose) -> Points:
-        """All returns of a depth image, row-major, in the target frame."""
+        """All returns of a depth image, row-major, in the target frame.
+
+        Raises:
+            InputError: the image does not have the size of these intrinsics.
+        """
+        if depth.shape != (self.height, self.width):
+            size = " × ".join(map(str, depth.shape[::-1]))
+            raise InputError(f"a depth image of {size} pixels: its intrinsics are for {self.width} × {self.height}")
         T = T_target_camera.astype(np.float32)
         x, y = self.rays[0, :, 0], self.rays[:, 0, 1]
         return _points_of(np.ascontiguousarray(depth, np.float32), x, y, T[:3, :3], T[:3, 3])

@@ -1,7 +1,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.transforms import from_yaw
 
@@ -44,6 +46,12 @@ def test_what_is_no_positive_finite_depth_is_no_return():
 def test_points_are_in_the_target_frame():
     step = frame([[0, 0, 0, 0], [1, 0, 0, 0]])
     np.testing.assert_allclose(step.points(from_yaw(10, 0, 0, 0)), [(9.25, 0.25, 1)])
+
+
+@pytest.mark.parametrize("shape", [(1, 2), (4, 8), (4, 2), (2, 3), (8,)])
+def test_an_image_of_another_size_than_its_intrinsics_is_refused(shape):
+    with pytest.raises(InputError, match="4 × 2"):
+        INTRINSICS.points(np.ones(shape, np.float32), np.eye(4))
 
 
 def test_an_empty_image_has_no_points():

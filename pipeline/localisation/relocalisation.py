@@ -278,10 +278,6 @@ class Relocalisation:
         self._model, self._config = model, config
         self.frames: list[Frame] = []
 
-    def clear(self) -> None:
-        """Forget all frames."""
-        self.frames = []
-
     def add(self, frame: Frame) -> None:
         """Add a frame; its odometry gives its pose relative to the other frames."""
         self.frames.append(frame)

@@ -67,10 +67,3 @@ def test_a_robot_that_sees_nothing_or_has_no_map_is_nowhere() -> None:
     relocalisation.add(seen(ROOM, from_yaw(0.5, 2.0, 0, 0.0)))
     empty = Maps()
     assert relocalisation.find(empty.metric_map, empty.elevation_map, np.zeros((0, 3), np.float32)) is None
-
-
-def test_frames_from_before_it_was_set_down_are_forgotten() -> None:
-    relocalisation = Relocalisation(PIONEER)
-    relocalisation.add(seen(ROOM, from_yaw(0.5, 2.0, 0, 0.0)))
-    relocalisation.clear()
-    assert relocalisation.frames == []

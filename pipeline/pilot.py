@@ -95,6 +95,8 @@ class Pilot:
                 if not self.navigator.drive_back(self._move):
                     raise
                 last, localised = None, self._note(self._mapper.localise(self.sense()))
+                if self._T_odom_left is not None:  # The robot drove here by itself
+                    self._T_odom_left = localised.frame.T_odom_base
         return self.pose_check.confirm(localised, last, self._turn)
 
     def _turn(self, angle: float) -> LocalisedFrame | None:
@@ -206,5 +208,7 @@ class Pilot:
             self.faults.note("camera", time, f"the camera delivered no frame: {error or type(error).__name__}")
         try:
             return self.robot.sense()
+        except InputError:
+            raise
         except Exception as error:
             raise LostError(f"the camera twice delivered no frame: {error or type(error).__name__}") from error

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.config import PipelineConfig
+from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.localisation import LostError
@@ -208,6 +209,22 @@ def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_ha
         assert robot.T[0, 3] == START[0, 3]
 
 
+def test_a_robot_that_drove_back_by_itself_was_not_carried(outlook, monkeypatch):
+    outlook.confirm()
+    monkeypatch.setattr(outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), freed=True)])
+    in_doubt = [True, True, False]  # Until the robot has driven back twice
+
+    def confirm(localised, last, turn):
+        turn(0.2)
+        if in_doubt.pop(0):
+            raise LostError
+        return ConfirmedPose(localised, None)
+
+    monkeypatch.setattr(outlook.pilot.pose_check, "confirm", confirm)
+    assert not outlook.confirm().was_carried
+    assert outlook.robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.05)
+
+
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
 def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
     outlook = Outlook()
@@ -265,6 +282,17 @@ def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
         assert robot.T[0, 3] < 2.5 + 3 * 0.4
         (halt,) = outlook.pilot.navigator.halts
         assert halt.T_map_base[0, 3] == pytest.approx(2.5, abs=0.1)
+
+
+def test_invalid_input_from_the_camera_is_reported_as_such_at_every_attempt():
+    outlook, errors = Outlook(), [OSError("timeout"), InputError("the image is too large")]
+
+    def sense():
+        raise errors.pop(0)
+
+    outlook.robot.sense = sense
+    with pytest.raises(InputError, match="too large"):
+        outlook.pilot.sense()
 
 
 @pytest.mark.parametrize("place", [np.nan, 1e6])

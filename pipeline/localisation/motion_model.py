@@ -19,6 +19,8 @@ from pipeline.localisation.config import OdometryConfig
 from pipeline.localisation.localisation import OdometryErrors
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
+MIN_UPRIGHT = np.cos(np.pi / 4)
+"""Minimum cosine between a turn's axis and the vertical for the robot to have turned about this axis."""
 POSE, ERRORS = slice(6), slice(6, None)
 """Slices of the pose and of the systematic errors in their joint covariance (11, 11)."""
 
@@ -40,11 +42,24 @@ class MeasuredMotion:
     turned: float = 0.0
 
     @cached_property
+    def _shortest_turn(self) -> NDArray[np.float64]:
+        """(3,) rotation vector without full turns, rad."""
+        return Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
+
+    @cached_property
     def turn(self) -> NDArray[np.float64]:
-        """(3,) rotation vector, rad; its length exceeds π after more than half a turn."""
-        turn = Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
-        whole = 2 * np.pi * np.round((self.turned - turn @ self.up) / (2 * np.pi))
-        return turn + whole * turn / np.copysign(np.linalg.norm(turn), turn @ self.up) if whole else turn
+        """(3,) rotation vector, rad; its length exceeds π after more than half a turn.
+
+        Full turns are about the axis of the shortest turn or, if this axis is far from vertical, about the vertical:
+        after a full turn, the shortest turn may be zero, or only the change of the robot's tilt.
+        """
+        turn = self._shortest_turn
+        length, upwards = np.linalg.norm(turn), turn @ self.up
+        whole = 2 * np.pi * np.round((self.turned - upwards) / (2 * np.pi))
+        if not whole:
+            return turn
+        is_upright = abs(upwards) > MIN_UPRIGHT * length
+        return turn + whole * (turn / np.copysign(length, upwards) if is_upright else self.up)
 
     @cached_property
     def translation_jacobian(self) -> NDArray[np.float64]:
@@ -61,7 +76,7 @@ class MeasuredMotion:
 
     def without(self, errors: Values) -> Pose:
         """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (5,)."""
-        R = Rotation.from_rotvec(self.turn + self.rotation_jacobian @ errors).as_matrix()
+        R = Rotation.from_rotvec(self._shortest_turn + self.rotation_jacobian @ errors).as_matrix()
         return from_rotation(R, self.T[:3, 3] + self.translation_jacobian @ errors)
 
     @cached_property

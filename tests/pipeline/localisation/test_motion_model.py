@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.config import OdometryConfig
 from pipeline.localisation.localisation import OdometryErrors
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel
 from pipeline.localisation.registration import logarithm
-from pipeline.transforms import from_yaw, inverse, yaw_of
+from pipeline.transforms import from_rotation, from_yaw, inverse, yaw_of
 
 EXACT = 1e10 * np.eye(6)
 CONFIG = OdometryConfig()
@@ -89,6 +90,17 @@ def test_more_than_half_a_turn_on_a_slope_is_the_same_turn(slope_deg: float) -> 
     up = np.array([np.sin(slope), 0.0, np.cos(slope)])
     motion = MeasuredMotion(from_yaw(0, 0, 0, turned), up, 5.0, turned * np.cos(slope))
     np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 0.1])
+@pytest.mark.parametrize("turned", [2 * np.pi, -2 * np.pi])
+def test_a_full_turn_is_about_the_vertical_although_it_ends_at_the_same_heading(tilt: float, turned: float) -> None:
+    T = from_rotation(Rotation.from_rotvec([tilt, 0, 0]).as_matrix(), np.zeros(3))
+    motion = MeasuredMotion(T, np.array([0.0, 0.0, 1.0]), 20.0, turned)
+    np.testing.assert_allclose(motion.turn, [tilt, 0, turned], atol=1e-9)
+    after = believing([0, 0.002, 0, 0, 0]).predict(np.eye(4), motion).T_map_base
+    assert yaw_of(after) == pytest.approx(0.002 * turned, rel=0.01)
+    np.testing.assert_allclose(after[2, :3], T[2, :3], atol=1e-3)
 
 
 def test_after_a_restart_a_pose_is_as_sure_as_given() -> None:

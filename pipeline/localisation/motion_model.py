@@ -42,7 +42,7 @@ class MeasuredMotion:
     turned: float = 0.0
 
     @cached_property
-    def _shortest_turn(self) -> NDArray[np.float64]:
+    def shortest_turn(self) -> NDArray[np.float64]:
         """(3,) rotation vector without full turns, rad."""
         return Rotation.from_matrix(self.T[:3, :3]).as_rotvec()
 
@@ -53,7 +53,7 @@ class MeasuredMotion:
         Full turns are about the axis of the shortest turn or, if this axis is far from vertical, about the vertical:
         after a full turn, the shortest turn may be zero, or only the change of the robot's tilt.
         """
-        turn = self._shortest_turn
+        turn = self.shortest_turn
         length, upwards = np.linalg.norm(turn), turn @ self.up
         whole = 2 * np.pi * np.round((self.turned - upwards) / (2 * np.pi))
         if not whole:
@@ -76,7 +76,7 @@ class MeasuredMotion:
 
     def without(self, errors: Values) -> Pose:
         """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (5,)."""
-        R = Rotation.from_rotvec(self._shortest_turn + self.rotation_jacobian @ errors).as_matrix()
+        R = Rotation.from_rotvec(self.shortest_turn + self.rotation_jacobian @ errors).as_matrix()
         return from_rotation(R, self.T[:3, 3] + self.translation_jacobian @ errors)
 
     @cached_property

@@ -67,7 +67,7 @@ class Constraints(NamedTuple):
         first, second: indices of the keyframes.
         T: measured pose of the second in the frame of the first.
         whitening: (N, 6, 6) square root of the information, which scales every residual's standard deviation to 1.
-        turn: (N, 3) rotation vector of ``T``, rad; for a motion from odometry, its length may exceed π.
+        turn: (N, 3) rotation vector of ``T``, rad.
         translation_jacobian, rotation_jacobian, jacobian: Jacobians of the :class:`MeasuredMotion` from odometry; 0
             for other constraints.
     """
@@ -232,7 +232,7 @@ class PoseGraph:
         """Add a constraint from the odometry's motion between the previous keyframe and the newest one."""
         k, whitening = len(self) - 1, np.linalg.inv(np.linalg.cholesky(motion.noise(self._config.odometry)))
         self._append(
-            k - 1, k, motion.T, whitening, motion.turn,
+            k - 1, k, motion.T, whitening, motion.shortest_turn,
             motion.translation_jacobian, motion.rotation_jacobian, motion.jacobian, kind=ConstraintKind.MOTION,
         )  # fmt: skip
 

@@ -50,6 +50,14 @@ def test_a_square_closes() -> None:
     np.testing.assert_allclose(graph.poses[0], np.eye(4), atol=1e-6)
 
 
+def test_a_full_turn_after_which_the_robot_leans_fits_the_poses_that_it_joins() -> None:
+    graph, T = PoseGraph(CONFIG), tilted(5, 3)
+    graph.add(np.eye(4), UP)
+    graph.add(T, T[2, :3])
+    graph.add_motion(MeasuredMotion(T, UP, 20.0, 2 * np.pi))
+    assert graph.chi2().max() < 1e-6
+
+
 @given(st.integers(2, 6), st.floats(0.97, 1.03), st.floats(0.1, 10))
 def test_what_a_loop_contradicts_is_spread_evenly(edges: int, length: float, ratio: float) -> None:
     """Of n edges d with information 1 and a loop of n m with information r the mean is d + nr (1 - d) / (1 + nr)."""

@@ -120,12 +120,15 @@ class LoopCloser:
         """
         graph, poses = self._graph, self._graph.poses
         T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
+        # All covariances are moved to the tangent space of the second candidate's pose.
+        (onward,) = adjoints(inverse(T)[None])
+        registered = onward @ first.covariance @ onward.T + second.covariance
         off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)
         new = graph.covariance(second.keyframe, first.keyframe)
         (back,) = adjoints(inverse(second.T_first_base)[None])
         old = back @ graph.covariance(second.first, first.first) @ back.T
         least = np.diag(pose_sigmas(self._config.tolerance, self._typical_range) ** 2)
-        return self._accepts(off, first.covariance + second.covariance + new + old + least)
+        return self._accepts(off, registered + new + old + least)
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         poses = self._graph.poses

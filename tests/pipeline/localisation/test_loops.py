@@ -1,5 +1,7 @@
 """Loops that a second keyframe confirms, and that later constraints remove."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -74,6 +76,22 @@ def test_keyframes_that_contradict_each_other_close_none(off: float, direction: 
         moved = n * off * np.array([np.cos(direction), np.sin(direction)])
         propose(loops, graph, keyframe, owner, from_yaw(x + moved[0], moved[1], 0, 0))
     assert not loops.is_due
+
+
+@pytest.mark.parametrize("turned", [0.0, np.pi / 2])
+def test_a_candidate_may_be_off_where_its_registration_is_weak_whichever_way_the_robot_turns_afterwards(
+    turned: float,
+) -> None:
+    """The first candidate is 0.2 m off along the direction in which its keyframe was registered to only 5 cm."""
+    graph = PoseGraph(CONFIG)
+    for T in (np.eye(4), from_yaw(5, 0, 0, 0), from_yaw(5, 0.6, 0, turned)):
+        graph.add(T, UP)
+    loops = LoopCloser(graph, replace(CONFIG, loops=replace(CONFIG.loops, min_agreeing=2)))
+    registered = np.diag(np.square([0.01, 0.01, 0.01, 0.05, 0.02, 0.02]))
+    loops.propose(Candidate(1, 0, from_yaw(5.2, 0, 0, 0), registered))
+    sure = np.diag(np.square([0.01, 0.01, 0.01, 0.02, 0.02, 0.02]))
+    loops.propose(Candidate(2, 0, graph.poses[2], sure))
+    assert loops.is_due
 
 
 def test_keyframes_at_one_place_count_as_one() -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from importlib.util import find_spec
-from operator import ge, gt
+from operator import ge, gt, lt
 from typing import TypeVar
 
 Value = TypeVar("Value")
@@ -38,6 +38,13 @@ def require_positive(section: str, config: object, *fields: str) -> None:
 def require_at_least(minimum: float, section: str, config: object, *fields: str) -> None:
     """Raise InputError unless the given ``fields`` of a ``section`` of the settings are all at least ``minimum``."""
     _require(section, config, fields, ge, minimum, f"at least {minimum:g}")
+
+
+def require_between(low: float, high: float, section: str, config: object, *fields: str) -> None:
+    """Raise InputError unless the given ``fields`` of a ``section`` of the settings are all between two bounds."""
+    rule = f"greater than {low:g} and less than {high:g}"
+    _require(section, config, fields, gt, low, rule)
+    _require(section, config, fields, lt, high, rule)
 
 
 def _require(

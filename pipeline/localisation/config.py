@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 
 from pipeline.arrays import Pose
-from pipeline.errors import require_at_least, require_positive
+from pipeline.errors import require_at_least, require_between, require_positive
 from pipeline.labels import RAMP_TILT
 from pipeline.transforms import angle_of, inverse
 
@@ -57,6 +57,7 @@ class RegistrationConfig:
         section = "localisation.registration"
         require_positive(section, self, "voxel", "widest", "coarse", "fine", "surface_sigma", "typical_range")
         require_at_least(1, section, self, "limit_pixels", "normal_neighbours", "iterations", "min_points")
+        require_between(0, 1, section, self, "chance_overlap", "confidence")
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,8 @@ class OdometryConfig:
         section = "localisation.odometry"
         require_positive(section, self, "gravity_sigma", "turn_sigma", "translation_sigma", "distance_scale_sigma")
         require_positive(section, self, "rotation_scale_sigma", "centre_sigma", "slide_sigma", "bias_sigma")
-        require_positive(section, self, "distance_between_slips")
-        require_at_least(0, section, self, "turn_sigma_per_rad", "added_distance", "slide_noise")
+        require_positive(section, self, "added_distance", "distance_between_slips")
+        require_at_least(0, section, self, "turn_sigma_per_rad", "slide_noise")
 
 
 @dataclass(frozen=True)
@@ -150,8 +151,9 @@ class BeliefConfig:
     lift_time: float = 3600.0
 
     def __post_init__(self) -> None:
-        """Raise InputError if a rate would be infinite."""
+        """Raise InputError if a rate or an observation's weight would be infinite."""
         require_positive("localisation.belief", self, "distance_between_faults", "lift_time")
+        require_between(0.5, 1, "localisation.belief", self, "confidence")
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,7 @@ class LoopConfig:
         require_positive(section, self, "min_fit", "pinned_deviation", "sigma", "see_through_margin")
         require_positive(section, self, "tolerance", "contradiction")
         require_at_least(1, section, self, "min_agreeing", "max_candidate_age")
+        require_between(0, 1, section, self, "confidence")
 
 
 @dataclass(frozen=True)
@@ -225,6 +228,12 @@ class SlamConfig:
     max_speed: float = 1.0
     max_connections: int = 6
 
+    def __post_init__(self) -> None:
+        """Raise InputError if no frame could be localised with these settings."""
+        require_positive("localisation.slam", self, "local_deviation")
+        require_at_least(0, "localisation.slam", self, "jump", "max_speed")
+        require_at_least(1, "localisation.slam", self, "max_connections")
+
 
 @dataclass(frozen=True)
 class TrajectoryConfig:
@@ -237,6 +246,10 @@ class TrajectoryConfig:
 
     max_time_offset: float = 0.02
     longest_gap: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Raise InputError if a period is negative."""
+        require_at_least(0, "localisation.trajectory", self, "max_time_offset", "longest_gap")
 
 
 @dataclass(frozen=True)
@@ -256,8 +269,8 @@ class PoseCheckConfig:
     min_carried_turn: float = radians(15)
 
     def __post_init__(self) -> None:
-        """Raise InputError if the robot would not look around."""
-        require_at_least(1, "localisation.pose_check", self, "views_per_turn")
+        """Raise InputError if a turn would have too few views to find the robot on the map."""
+        require_at_least(3, "localisation.pose_check", self, "views_per_turn")
 
 
 @dataclass(frozen=True)
@@ -287,9 +300,13 @@ class KeyframePolicy:
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
         """Whether a pose is so far from the last keyframe's that a new keyframe must be taken."""
         moved = inverse(T_odom_keyframe) @ T_odom_base
-        tilt = np.arccos(min(T_odom_keyframe[2, 2], T_odom_base[2, 2], 1.0))
-        spacing = self.on_ramps if tilt > RAMP_TILT else 1.0
-        return bool(np.linalg.norm(moved[:3, 3]) >= spacing * self.distance or angle_of(moved) >= spacing * self.turn)
+        distance, turn = self.spacing(min(T_odom_keyframe[2, 2], T_odom_base[2, 2]))
+        return bool(np.linalg.norm(moved[:3, 3]) >= distance or angle_of(moved) >= turn)
+
+    def spacing(self, upright: float) -> tuple[float, float]:
+        """Distance, m, and rotation, rad, between keyframes of a robot whose tilt has the cosine ``upright``."""
+        factor = self.on_ramps if np.arccos(min(upright, 1.0)) > RAMP_TILT else 1.0
+        return factor * self.distance, factor * self.turn
 
     def is_labelled(self, keyframes: int) -> bool:
         """Whether the next keyframe of a drive is labelled, given the number of ``keyframes`` before it."""

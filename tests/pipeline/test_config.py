@@ -17,9 +17,12 @@ from pipeline.frame import Frame
 from pipeline.localisation.config import (
     BeliefConfig,
     KeyframePolicy,
+    LoopConfig,
     OdometryConfig,
     PoseCheckConfig,
     RegistrationConfig,
+    SlamConfig,
+    TrajectoryConfig,
 )
 from pipeline.navigation.config import ObstacleCheckConfig, SpeedLimitConfig
 from pipeline.planning.stretches import ArcConfig
@@ -123,9 +126,17 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (KeyframePolicy, "labelled_every", 0),
         (RegistrationConfig, "iterations", 0),
         (OdometryConfig, "translation_sigma", 0.0),
-        (OdometryConfig, "added_distance", -0.1),
+        (RegistrationConfig, "confidence", 1.0),
+        (RegistrationConfig, "chance_overlap", 0.0),
+        (OdometryConfig, "added_distance", 0.0),
         (BeliefConfig, "distance_between_faults", 0.0),
-        (PoseCheckConfig, "views_per_turn", 0),
+        (BeliefConfig, "confidence", 1.0),
+        (BeliefConfig, "confidence", 0.5),
+        (LoopConfig, "confidence", 1.0),
+        (SlamConfig, "local_deviation", 0.0),
+        (SlamConfig, "max_connections", -1),
+        (TrajectoryConfig, "longest_gap", -0.1),
+        (PoseCheckConfig, "views_per_turn", 2),
         (VisibilityConfig, "stride", 0),
         (VisibilityConfig, "rays", 12),
         (ExplorationConfig, "more_time", 1.0),

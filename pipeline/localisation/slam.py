@@ -263,10 +263,10 @@ class Slam(Localisation):
 
     def _repeated(self, T_map_base: Pose) -> int | None:
         """Index of the nearest keyframe within the spacing of keyframes; None if there is none or it is uncertain."""
-        spacing = self._config.keyframes
+        distance, turn = self._config.keyframes.spacing(T_map_base[2, 2])
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
         cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
-        same = (way < spacing.distance) & (cosine > np.cos(spacing.turn))
+        same = (way < distance) & (cosine > np.cos(turn))
         nearest = int(np.where(same, way, np.inf).argmin())
         return nearest if same.any() and self._deviations[nearest] < REPEATED_DEVIATION else None
 

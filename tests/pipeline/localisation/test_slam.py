@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
@@ -17,7 +18,7 @@ from pipeline.localisation.motion_states import log_likelihoods
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
 from pipeline.localisation.slam import Slam, certainty
-from pipeline.transforms import from_yaw, inverse, transform_points
+from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
 from tests.pipeline.polygon_scene import floor, wall
 
@@ -103,12 +104,18 @@ def test_a_frame_that_repeats_a_keyframe_is_passed_by_and_the_odometry_goes_on_f
     assert distance(slam.poses[-1], slam.poses[0] @ from_yaw(0.01, 0, 0, 0)) < 0.005
 
 
-@pytest.mark.parametrize(("way", "repeats"), [(0.3, True), (0.15, False)])
-def test_a_frame_from_which_a_new_keyframe_is_due_repeats_none(way: float, repeats: bool) -> None:
+@pytest.mark.parametrize(
+    ("way", "tilt", "on_ramps", "repeats"),
+    [(0.3, 0, 0.5, True), (0.15, 0, 0.5, False), (0.3, -15, 0.5, False), (0.3, -15, 1.0, True)],
+)
+def test_a_frame_from_which_a_new_keyframe_is_due_repeats_none(
+    way: float, tilt: float, on_ramps: float, repeats: bool
+) -> None:
     """Halfway between two keyframes, the robot sees nothing that neither of them saw."""
-    slam = Slam(config=LocalisationConfig(keyframes=KeyframePolicy(distance=way)))
+    slam = Slam(config=LocalisationConfig(keyframes=KeyframePolicy(distance=way, on_ramps=on_ramps)))
+    leaning = from_rotation(Rotation.from_euler("y", tilt, degrees=True).as_matrix(), np.zeros(3))
     for k, x in enumerate((0.0, 0.4, 0.2)):
-        T = AROUND[0] @ from_yaw(x, 0.0, 0.0, 0.0)
+        T = AROUND[0] @ from_yaw(x, 0.0, 0.0, 0.0) @ leaning
         match = slam.localise(seen(T, T, time=k))
         if k < 2:
             slam.add(match)

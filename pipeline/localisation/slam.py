@@ -59,7 +59,7 @@ has jumped."""
 MIN_EXTENT = 1.0
 """Minimum size assumed for the map, m, when the robot may be anywhere in it."""
 STOPPED_WAY = 0.05
-"""Distance driven, m, after which a camera that still returns the same depth image is assumed to have stopped."""
+"""Distance driven, m, after which a camera that still returns the same images is assumed to have stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
 MAX_REGISTERED = 4000
@@ -320,18 +320,17 @@ class Slam(Localisation):
         Between keyframes, the rotation may exceed half a turn, for example when the robot looks around.
 
         Raises:
-            LostError: the depth image has not changed at all although the robot has moved, so the camera has stopped;
-                noise makes all images of a working camera different.
+            LostError: neither image has changed at all although the robot has moved, so the camera has stopped; noise
+                makes all images of a working camera different. Without noise, the depth along a plain corridor stays
+                the same, but its colours change.
         """
         if (last := self._last) is None:
             return
         moved = inverse(last.T_odom_base) @ frame.T_odom_base
         way = float(np.linalg.norm(moved[:3, 3]))
-        is_same = np.array_equal(last.depth, frame.depth) and frame.returns.any()
-        if is_same and way > STOPPED_WAY:
-            raise LostError(
-                f"the depth image at {frame.time:.2f} s equals the previous one although the robot has moved"
-            )
+        is_same = np.array_equal(last.depth, frame.depth) and np.array_equal(last.rgb, frame.rgb)
+        if is_same and frame.returns.any() and way > STOPPED_WAY:
+            raise LostError(f"the images at {frame.time:.2f} s equal the previous ones although the robot has moved")
         self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
         self.belief.predict(way, max(0.0, frame.time - last.time))
 

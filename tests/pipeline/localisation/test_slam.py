@@ -184,6 +184,13 @@ def test_a_camera_that_has_stopped_is_noticed() -> None:
         slam.localise(stopped)
 
 
+def test_a_camera_without_noise_in_a_plain_corridor_has_not_stopped() -> None:
+    """The depth stays the same, but the colours change."""
+    slam = driven(3)
+    frame = replace(frames()[3], depth=frames()[2].depth.copy(), rgb=frames()[3].rgb + np.uint8(1))
+    slam.localise(frame)
+
+
 def test_a_camera_that_sees_the_same_while_the_robot_stands_has_not_stopped() -> None:
     slam = driven(3)
     T = slam.localise(replace(frames()[2], time=2.5)).T_map_base

@@ -12,11 +12,11 @@ from pipeline.transforms import transform_points
 
 def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.PointCloud | None:
     """The frame's returns in ``base_link``, thinned and with normals; None if there are too few."""
-    depth = frame.depth[::2, ::2]
-    returns = depth > 0
+    returns = frame.returns[::2, ::2]
+    depth = np.where(returns, frame.depth[::2, ::2], 0)
     farthest = frame.sensor.farthest
     farthest_around = cv2.dilate(depth, np.ones((config.limit_pixels, config.limit_pixels)))
-    returns &= farthest_around < farthest - frame.sensor.sigma(farthest)
+    returns = returns & (farthest_around < farthest - frame.sensor.sigma(farthest))
     if np.count_nonzero(returns) < config.min_points:
         return None
     points = frame.intrinsics.rays[::2, ::2][returns] * depth[returns, None]

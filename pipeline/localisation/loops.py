@@ -162,5 +162,6 @@ def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[In
     in_camera = transform_points(inverse(T_map_base @ frame.T_base_camera), points)
     pixels, inside = frame.intrinsics.project(in_camera)
     pixels, z = pixels[inside], in_camera[inside, 2]
-    depth = frame.depth[tuple(pixels.T)]
-    return pixels[depth > 0], z[depth > 0], depth[depth > 0]
+    is_return = frame.returns[tuple(pixels.T)]
+    pixels, z = pixels[is_return], z[is_return]
+    return pixels, z, frame.depth[tuple(pixels.T)]

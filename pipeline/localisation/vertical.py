@@ -71,8 +71,7 @@ def T_floor_camera(frame: Frame) -> Pose:
     Raises:
         InputError: the frame shows no floor, or has too few returns.
     """
-    depth, rays = (image[::STRIDE, ::STRIDE] for image in (frame.depth, frame.intrinsics.rays))
-    shown = depth > 0
+    depth, rays, shown = (image[::STRIDE, ::STRIDE] for image in (frame.depth, frame.intrinsics.rays, frame.returns))
     points = rays[shown].astype(np.float64) * depth[shown, None]
     if len(points) < MIN_POINTS:
         needed = f"at least {MIN_POINTS} to find the floor"

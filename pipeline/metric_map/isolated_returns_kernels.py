@@ -16,7 +16,7 @@ def remove_isolated_returns(depth, reach, tolerance, least):
     for v in range(height):
         for u in range(width):
             z, alike = depth[v, u], -1
-            if not z > 0:
+            if not 0 < z < np.inf:
                 continue
             for j in range(max(v - reach, 0), min(v + reach + 1, height)):
                 for i in range(max(u - reach, 0), min(u + reach + 1, width)):

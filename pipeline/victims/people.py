@@ -138,8 +138,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
             return False
         pixels, inside = frame.intrinsics.project(points)
         depth, (row, column) = depth[inside], pixels[inside].T
-        measured = frame.depth[row, column]
-        is_open = (measured > 0) & (measured > depth - TOUCH)
+        is_open = frame.returns[row, column] & (frame.depth[row, column] > depth - TOUCH)
         return bool(is_open.sum() > OPEN_SHARE * len(points))
 
     def is_worth_a_look(self, track: Track) -> bool:

@@ -146,6 +146,12 @@ def test_a_frame_looks_through_walls_where_it_is_believed_too_far_back(place: Ta
     assert seen_through_fraction(frame, from_yaw(0.5, 0, 0, 0), points, 0.7) == 0
 
 
+def test_an_infinite_depth_shows_nothing(place: Target) -> None:
+    frame = seen(np.eye(4), np.eye(4))
+    endless = replace(frame, depth=np.full_like(frame.depth, np.inf))
+    assert seen_through_fraction(endless, np.eye(4), place.points, 0.1) == 0
+
+
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3))
 def test_moving_the_map_with_the_robot_changes_nothing(place: Target, x: float, y: float, yaw: float) -> None:
     frame = seen(np.eye(4), np.eye(4), 0, [floor(-5, 5, -5, 5), wall((2.0, -2), (2.0, 2))])

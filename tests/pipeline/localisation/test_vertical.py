@@ -54,6 +54,14 @@ def test_the_floor_shows_how_a_camera_looks() -> None:
     np.testing.assert_allclose(T[:3, 3], [0, 0, 0.6], atol=0.01)
 
 
+def test_infinite_depth_is_no_part_of_the_floor() -> None:
+    frame = seen(HERE, HERE)
+    hole = np.zeros(frame.depth.shape, np.bool_)
+    hole[150:180, 100:200] = True
+    alike = [T_floor_camera(replace(frame, depth=np.where(hole, empty, frame.depth))) for empty in (0, np.inf)]
+    np.testing.assert_array_equal(*alike)
+
+
 def test_a_table_is_no_floor() -> None:
     table = [floor(2.9, 3.6, 0.3, 1.6, z=0.3), wall((2.9, 0.3), (2.9, 1.6), 0.0, 0.3)]
     frame = seen(HERE, HERE, faces=[*ROOM, *table])

@@ -32,7 +32,16 @@ def test_a_surface_seen_at_a_grazing_angle_stays_whole() -> None:
 def test_pixels_without_a_return_confirm_nothing(nothing: float) -> None:
     depth = np.full((5, 5), nothing, np.float32)
     depth[2, 2] = 1.0
-    assert not (kernel(depth, 2, SHARE, 2) > 0)[np.isfinite(depth)].any()
+    assert not kernel(depth, 2, SHARE, 2).any()
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.nan, np.inf])
+def test_returns_make_no_return_of_a_pixel_without_one(nothing: float) -> None:
+    depth = np.ones((5, 5), np.float32)
+    depth[2, 2] = nothing
+    expected = np.ones_like(depth)
+    expected[2, 2] = 0
+    np.testing.assert_array_equal(kernel(depth, 2, SHARE, 2), expected)
 
 
 def test_dust_leaves_surfaces_and_loses_its_specks() -> None:

@@ -168,6 +168,15 @@ def test_a_victim_hidden_or_out_of_sight_is_not_missed() -> None:
     assert not victims.all[0].missed
 
 
+@pytest.mark.parametrize("empty", [0, np.nan, np.inf])
+def test_a_victim_is_not_missed_by_a_frame_without_returns(empty: float) -> None:
+    victims, T = Victims(), camera_at(0, 0)
+    walk(victims, [(0, 0)], [PERSON], [PERSON])
+    frame = step(T, [PERSON])
+    victims.update(replace(frame, depth=np.full_like(frame.depth, empty)), [], T, 1)
+    assert not victims.all[0].missed
+
+
 def test_refusals_have_reasons() -> None:
     victims = Victims()
     T = camera_at(0, 0)

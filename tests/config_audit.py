@@ -11,6 +11,7 @@ from types import FrameType, FunctionType, MethodType
 from typing import Any
 
 import pipeline
+import sarsim.plugins.finds.plugin  # noqa: F401 - imported while calls are watched, it would make default settings
 from pipeline.semantic_map.networks.blocks import BlockConfig
 
 CODE = str(Path(pipeline.__file__).parent)

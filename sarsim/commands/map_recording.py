@@ -52,8 +52,9 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
         raise InputError(f"{path}: no such file or folder")
     if calibration and min(calibration) <= 0:
         raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: all four values must be positive")
-    is_bag = not _is_scene(path) and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
-    if _is_scene(path):
+    is_scene = _is_scene(path)
+    is_bag = not is_scene and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
+    if is_scene:
         return _without(read_scene(path), config, "a scene", "topics", "intrinsics", "depth_scale", "fps")
     if is_bag:
         require_package("rosbags", "bags", f"{path}: reading a ROS bag")

@@ -28,7 +28,7 @@ from sarsim.sensors.lighting import Lighting, set_lighting
 from sarsim.sensors.odometry import WheelOdometry
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.thermal import ThermalCamera
-from sarsim.sensors.xtion import Xtion
+from sarsim.sensors.xtion import MAX_INCIDENCE, Xtion
 from sarsim.settings import CAMERA_SIZE
 from sarsim.trial_drive import warn_of_symptoms
 
@@ -68,7 +68,7 @@ class TrueFrame:
 
     Attributes:
         T_world_base: 4×4 true pose of the robot.
-        image: noise-free image, clipped to the sensor's range.
+        image: noise-free image, which shows depth only where the sensor's range and angles allow a return.
     """
 
     T_world_base: NDArray[np.float64]
@@ -86,6 +86,7 @@ class SimulatedRobot:
         arena: the arena that contains the robot.
         model: the robot's size and abilities.
         sensor: range and noise of the robot's camera; the sensor named in each frame is limited to precise depths.
+        limits: range and smallest angle of the noise-free frames' returns.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
         object_of_geom: (ngeom + 1,) int32, id of each geom's object, from
@@ -103,8 +104,10 @@ class SimulatedRobot:
         lighting = Lighting[config.lighting]
         self.sensor = robot_sensor(config.robot) or XTION
         nearest, farthest = self.sensor.nearest, self.sensor.farthest
-        self._ideal = replace(SENSORS["ideal"], min_range=nearest, max_range=farthest)
         sensor = replace(SENSORS[config.sensor], min_range=nearest, max_range=farthest)
+        # Without noise, the sensor still gets no return at grazing angles, so no robot could see such ground.
+        self._noise_free = replace(SENSORS["ideal"], min_range=nearest, max_range=farthest, grazing=sensor.grazing)
+        self.limits = replace(self.sensor, grazing=np.radians(90 - MAX_INCIDENCE) if sensor.grazing else 0.0)
         self._conditions = Conditions(sensor, lighting, Air(config.dust))
         warn_of_symptoms(config.robot)
         self._environment = RescueEnvironment(arena, config.robot)
@@ -177,9 +180,9 @@ class SimulatedRobot:
         """Take a frame at the robot's current pose."""
         truth = self._camera.capture(self.physics.data.ptr)
         image = self._conditions.sense(truth, self._sensor_rng)
-        clipped = self._ideal.apply(truth, self._sensor_rng)
+        noise_free = self._noise_free.apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
-        self.true_frame = TrueFrame(pose.T_world_base, clipped)
+        self.true_frame = TrueFrame(pose.T_world_base, noise_free)
         thermal = self._thermal.image(truth, self._thermal_rng)
         return replace(image.frame(pose.time, pose.T_odom_base), thermal=thermal, sensor=self.sensor.precise)
 

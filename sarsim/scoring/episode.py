@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -189,7 +190,7 @@ class EpisodeScore(Sink):
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
         start = np.array([*T[:2, 3], yaw_of(T)])
-        sight = Sight(self.surface, ground, scene, frame)
+        sight = Sight(self.surface, ground, scene, replace(frame, sensor=robot.limits))
         oracle = Oracle(ground, sight, start, EXPLORED_FRACTIONS["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:

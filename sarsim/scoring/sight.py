@@ -28,7 +28,7 @@ class Sight:
             surface: the true ground.
             ground: the ground on the same grid, which gives the tilt of a robot that stands there.
             scene: Open3D's RaycastingScene of all visible surfaces, in the world frame, m.
-            frame: any frame of the camera; only its intrinsics, camera pose and ranges are used.
+            frame: any frame of the camera; only its intrinsics, its camera's pose and its sensor's limits are used.
         """
         self._grid, self._ground, self._scene, self._frame = surface.grid, ground, scene, frame
         self.cells = np.argwhere(surface.drivable)

@@ -46,7 +46,7 @@ class VictimScore:
         return self._visibility.visible
 
     def add(self, image: LabelledImage) -> None:
-        """Mark the victims in a noise-free image, clipped to the sensor's range."""
+        """Mark the victims in a noise-free image, which has depth only where there is a return."""
         self._visibility.add(image)
 
     def matches(self, confirmed: Places) -> Values:

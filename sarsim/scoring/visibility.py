@@ -10,7 +10,7 @@ from pipeline.arrays import Indices
 from sarsim.sensors.camera import LabelledImage
 
 MIN_VISIBLE_PIXELS = 400
-"""Minimum number of pixels with depths within the sensor's range of 3.5 m for an object to be visible in a frame."""
+"""Minimum number of pixels with a noise-free return for an object to be visible in a frame."""
 
 
 class HasGeoms(Protocol):
@@ -37,6 +37,6 @@ class Visibility:
             self._object_of_geom[one.geoms] = number
 
     def add(self, image: LabelledImage) -> None:
-        """Mark the objects visible in a noise-free image, clipped to the sensor's range."""
+        """Mark the objects visible in a noise-free image, which has depth only where there is a return."""
         shown = self._object_of_geom[image.instance[image.depth > 0]]
         self.visible |= np.bincount(shown, minlength=len(self.visible) + 1)[:-1] >= MIN_VISIBLE_PIXELS

@@ -45,7 +45,7 @@ class RecordedFrames:
 
     Attributes:
         intrinsics: intrinsics of all depth images.
-        ideal: (N, H, W) float32 noise-free depth, m, clipped to the sensor's range.
+        ideal: (N, H, W) float32 noise-free depth, m, where the sensor's range and angles allow a return.
         xtion: (N, H, W) float32 depth with the Xtion's noise, m.
         T_map_camera: (N, 4, 4) true poses of ``camera_optical``.
     """

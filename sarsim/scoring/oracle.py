@@ -134,11 +134,11 @@ class Oracle(ViewTours):
         return self._from[view]
 
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """(M,) s, driving time from one viewpoint to each of the others, including the keyframe at the end."""
+        """(M,) s, driving time from one viewpoint to each of the others."""
         poses = self.poses[there]
         cells, heading = self.ground.grid.cell_of(poses), np.cos(HEADING_ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
-        return self.config.keyframe_time + seconds.astype(np.float64)
+        return seconds.astype(np.float64)
 
     def leg(self, here: int, there: int) -> Leg:
         """The drive between two viewpoints, with keyframes as frequent as the robot's."""
@@ -148,7 +148,7 @@ class Oracle(ViewTours):
             shown[self.sight.views(np.array([*keyframes, self.poses[there]])).indices] = True
             metres = float(np.linalg.norm(np.diff(drive.stops, axis=0), axis=1).sum())
             x, y, heading = self.poses[there]
-            seconds = self.config.keyframe_time + self.paths(here).seconds_at([x, y], nearest_heading(heading))
+            seconds = self.paths(here).seconds_at([x, y], nearest_heading(heading))
             self._legs[here, there] = Leg(seconds, metres, shown)
         return self._legs[here, there]
 
@@ -162,7 +162,7 @@ class Oracle(ViewTours):
 
     @cached_property
     def physical_seconds(self) -> float:
-        """Lower bound on the time of the tour for any robot with this drive, even without stops for images, s."""
+        """Lower bound on the time of the tour for any robot with this drive, even without stops at viewpoints, s."""
         return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
 
     def figures(self) -> dict[str, float]:

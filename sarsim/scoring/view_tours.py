@@ -35,7 +35,7 @@ class Leg:
     """A drive from one viewpoint to the next.
 
     Attributes:
-        seconds, metres: duration and length of the drive, including the keyframe at its end.
+        seconds, metres: duration and length of the drive; its keyframes take no time, as in the simulation.
         seen: (N,) bool, cells that the keyframes of the drive show.
     """
 
@@ -69,7 +69,7 @@ class ViewTours(ABC):
 
     @abstractmethod
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """(M,) s, driving time from one viewpoint to each of the others, greater than 0."""
+        """(M,) s, driving time from one viewpoint to each of the others."""
 
     @abstractmethod
     def leg(self, here: int, there: int) -> Leg:
@@ -94,7 +94,9 @@ class ViewTours(ABC):
         """Viewpoints from which enough is seen; each shows the most new ground per second of the drive to it."""
         seen, order = self.at_start.copy(), list[int]()
         while seen.sum() < self.required_count:
-            rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
+            # A viewpoint in the cell of the last one takes no time if the two have almost the same heading.
+            seconds = np.maximum(self.seconds(order[-1] if order else 0), np.finfo(np.float64).eps)
+            rate = (self.views @ (~seen).astype(np.float64)) / seconds
             best = int(rate.argmax())
             if rate[best] <= 0:
                 break

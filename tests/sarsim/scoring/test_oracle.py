@@ -67,6 +67,11 @@ def test_what_is_seen_at_the_start_takes_no_time_and_has_no_figures():
     assert oracle.figures() == {}
 
 
+def test_a_keyframe_takes_no_time():
+    oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
+    assert oracle.seconds(1, [1]) == oracle.leg(1, 1).seconds == 0
+
+
 def test_the_order_is_a_permutation_and_no_longer_than_the_greedy_one():
     oracle = oracle_in(4.0, 2.0, (1.0, 1.0, 0.0), wall=((1.9, 0.0), (2.1, 0.9)), share=0.95)
     cover = oracle.cover()

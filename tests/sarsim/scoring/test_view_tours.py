@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 from scipy.optimize import linprog
 
-from sarsim.scoring.view_tours import cells_shown, greedy_cover
+from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown, greedy_cover
 
 
 def cover_of(rows, required_count=None, shown=()):
@@ -41,3 +41,32 @@ def test_the_cover_sees_all_that_any_view_sees_with_hardly_more_views_than_are_n
     bound = linprog(np.ones(8), A_ub=-shows.astype(float), b_ub=-np.ones(len(shows)), bounds=(0, 1)).fun
     most = shows.sum(axis=0).max(initial=1)
     assert bound - 1e-6 <= len(order) <= bound * sum(1 / k for k in range(1, most + 1)) + 1e-6
+
+
+class Places(ViewTours):
+    """Viewpoints on a line, with a drive of 1 s per metre; the robot starts at the first."""
+
+    required_count = 4
+
+    def __init__(self, places, rows):
+        self.places, self.shown = np.array(places, float), np.array(rows, np.bool_)
+
+    @property
+    def views(self):
+        return sparse.csr_array(self.shown)
+
+    @property
+    def at_start(self):
+        return self.shown[0]
+
+    def seconds(self, here, there=slice(None)):
+        return abs(self.places[there] - self.places[here])
+
+    def leg(self, here, there):
+        metres = abs(self.places[there] - self.places[here])
+        return Leg(metres, metres, self.shown[there])
+
+
+def test_a_viewpoint_that_takes_no_time_is_chosen_only_if_it_shows_more():
+    shown = [[1, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]]
+    assert Places([0, 0, 0, 1, 3], shown).by_rate() == [2, 3, 4]

@@ -87,13 +87,13 @@ class EpisodeScore(Sink):
         """Score a keyframe against the noise-free frame of the same moment."""
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
-        self._surfaces.add(points)
         self._coverage.see(points)
         self._progress.append((keyframe.frame.time - self._start_time, self._coverage.fraction))
-        self._segments.add(points, truth.image.instance[truth.image.depth > 0])
         self._victims.add(truth.image)
-        if len(keyframe.labels):
+        if len(keyframe.labels):  # only labelled keyframes are added to the semantic map and the segments
             self._semantics.add(keyframe)
+            self._surfaces.add(points)
+            self._segments.add(points, truth.image.instance[truth.image.depth > 0])
 
     def _wait(self) -> None:
         """Wait until the scores include every keyframe."""

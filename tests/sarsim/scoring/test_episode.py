@@ -8,6 +8,7 @@ import pytest
 from pipeline.explorer import Explorer
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
+from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
 from sarsim.scoring.episode import EpisodeScore
@@ -53,6 +54,22 @@ def test_times_to_see_most_are_those_of_the_first_keyframes_with_so_much(score, 
     assert "t99_s" not in score.figures()["exploration"]
     monkeypatch.setattr(EpisodeScore, "progress", ExploredCurve(*np.array([[0, 7], [0, 2], [0.3, 0.995]])))
     assert {score.figures()["exploration"][key] for key in ("t90_s", "t99_s")} == {7.0}
+
+
+def test_what_only_unlabelled_keyframes_show_is_not_missed_in_the_maps_without_them():
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
+    mapper = Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation())
+    score, figures = EpisodeScore(robot, Explorer(robot, mapper)), []
+    for labelled in (True, False):
+        score.on_keyframe(mapper.add_frame(mapper.localise(robot.sense()), labelled))
+        figures.append(score.figures())
+        for _ in range(round(1.0 / robot.control_period)):
+            robot.drive(Velocity(0.0, 0.8))
+    robot.close()
+    before, after = figures
+    assert before["exploration"]["explored_fraction"] < after["exploration"]["explored_fraction"]
+    for stage in ("semantic_map", "segments"):
+        assert before[stage] == after[stage]
 
 
 def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():

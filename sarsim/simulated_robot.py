@@ -146,15 +146,19 @@ class SimulatedRobot:
         self._settle()
 
     def _settle(self) -> None:
+        cause: PhysicsError | None = None
         try:
             for _ in range(round(SETTLING_TIME / self.control_period)):
                 self.drive(Velocity())
         except PhysicsError as error:
+            cause = error
+        # Physics pushes a robot out of an obstacle, so it would begin elsewhere than at its start.
+        if cause or self.collisions.collisions:
             x, y = self.T_world_start[:2, 3]
             with self.arena.naming():
                 raise InputError(
                     f"the robot cannot stand at its start, ({x:g}, {y:g}) m; choose a free place with --start X Y YAW"
-                ) from error
+                ) from cause
 
     @property
     def base_body(self) -> int:

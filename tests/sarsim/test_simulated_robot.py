@@ -11,6 +11,7 @@ from sarsim.methods.arena import make_arena
 from sarsim.robots.model import robot_sensor
 from sarsim.robots.names import robot_file
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from tests.sarsim.rooms import room
 
 
 @pytest.fixture
@@ -158,6 +159,14 @@ def test_running_into_a_wall_is_counted_once(make_robot):
     for _ in range(round(3.5 / robot.control_period)):
         robot.drive(Velocity(-0.2))  # the west wall is 0.3 m behind
     assert robot.collisions.collisions in (1, 2)  # one or both rear tyres
+
+
+@pytest.mark.parametrize("from_wall", [0.1, 0.18])
+def test_a_start_at_which_the_robot_touches_a_wall_is_refused(tmp_path, from_wall):
+    arena = tmp_path / "room.xml"
+    arena.write_text(room((-2.0, 2.0), (-2.0, 2.0)))
+    with pytest.raises(InputError, match=rf"\({from_wall - 2:g}, 0\) m; .*--start"):
+        SimulatedRobot(load_arena(str(arena), (from_wall - 2, 0.0, 90.0)), SimulationConfig(), seed=0)
 
 
 def test_people_are_warm_in_the_thermal_image_and_nothing_else_is(looked):

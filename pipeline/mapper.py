@@ -125,11 +125,11 @@ class Mapper:
         self.semantic_map = SemanticMap(config=config.semantic_map)
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
-        self.victims = Victims(config.tracks.victim)
-        self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
-        self.stopwatch = Stopwatch()
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
         self.keyframes = Keyframes(robot, reach, cell, config.keyframes.min_displacement)
+        self.victims = Victims(config.tracks.victim, self.keyframes)
+        self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
+        self.stopwatch = Stopwatch()
         self.knows_camera = True
         self._set_down: NDArray[np.float64] | None = None
         self._start_height = 0.0

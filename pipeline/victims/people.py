@@ -1,6 +1,6 @@
 """Policy for tracking people: where they are, which observations show one person, and which frames are misses."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import cast
@@ -8,16 +8,17 @@ from typing import cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.arrays import Covariance, Indices, Information, Place, Points, Pose
+from pipeline.arrays import Covariance, Indices, Information, Mask, Place, Points, Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.geometry.voxel_hash import first_of, voxels_of
+from pipeline.keyframes import Keyframes
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import Extents, PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
-from pipeline.transforms import transform_points
+from pipeline.transforms import inverse, transform_points
 
 ACROSS = 0.85
 """Width of a person that must be in the image when the person is looked at again, m."""
@@ -31,11 +32,14 @@ EXTENTS = (1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14)
 TOUCH = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
 OPEN_SHARE = 0.7
-"""Minimum fraction of a person's points that must be in view, not hidden by a return nearer by at least ``TOUCH``."""
+"""Minimum fraction of a person's points that must be in view."""
 VOXEL = 0.03
 """Edge length of a person's voxels, m."""
 AGREED = 0.2
-"""Minimum fraction of the keyframes showing a person that must show a voxel for the voxel to belong to the person."""
+"""Minimum fraction of the keyframes showing a person that must show a voxel for the voxel to belong to the person.
+
+Keyframes in which the voxel is hidden or outside the image do not count, because they say nothing about it.
+"""
 SKIN_TO_MIDDLE = 0.08
 """Standard deviation due to the distance from the visible skin to the middle of the body, m."""
 
@@ -68,19 +72,28 @@ class PersonVoxels:
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
         return cls(edge, seen[first_of(voxel, len(keys))], shown)
 
-    def agreed(self, frames: float) -> Points:
-        """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel."""
+    def agreed(self, frames: float | Values) -> Points:
+        """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel.
+
+        ``frames``: one number, or (N,) one for each voxel.
+        """
         is_agreed = self.shown >= frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen
 
 
 @dataclass(frozen=True, kw_only=True)
 class PeoplePolicy(PeopleConfig, TrackPolicy):
-    """How people are tracked: several observations in a frame may show touching parts of one person."""
+    """How people are tracked: several observations in a frame may show touching parts of one person.
+
+    Attributes:
+        keyframes: the keyframes that the observations refer to; without them, everything is taken to be in view of
+            every keyframe.
+    """
 
     kind: str = VICTIM
     across: float = ACROSS
     extents: tuple[Extents, ...] = EXTENTS
+    keyframes: Keyframes | None = None
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
         """The location of a person, from the voxels and the information of all observations."""
@@ -97,9 +110,19 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom the keyframes show in these voxels, except the voxels that only a few keyframes show."""
-        points = voxels.agreed(AGREED * len(keyframes))
+        """A person whom the keyframes show in these voxels, except voxels that few of those in view of them show."""
+        points = voxels.agreed(AGREED * self._views(voxels.seen, keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
+
+    def _views(self, points: Points, keyframes: Collection[int]) -> Values:
+        """(N,) number of the keyframes in view of each point."""
+        if self.keyframes is None:
+            return np.full(len(points), float(len(keyframes)))
+        views = np.zeros(len(points))
+        for k in keyframes:
+            frame = self.keyframes.seen[k].frame
+            views += _in_view(points, frame, inverse(self.keyframes.poses[k] @ frame.T_base_camera))
+        return views
 
     def fused_information(self, one: Information, other: Information) -> Information:
         """The sum of two information matrices, limited because errors from one viewpoint are correlated."""
@@ -131,15 +154,11 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the person is near enough, and most points are in the image with nothing in front of them."""
-        points = transform_points(T_camera_map, track.points)
-        depth = np.maximum(points[:, 2], 1e-6)
+        depth = transform_points(T_camera_map, track.points)[:, 2]
         _, farthest = self.distances(track, frame.sensor)
         if np.median(depth) > farthest:
             return False
-        pixels, inside = frame.intrinsics.project(points)
-        depth, (row, column) = depth[inside], pixels[inside].T
-        is_open = frame.returns[row, column] & (frame.depth[row, column] > depth - TOUCH)
-        return bool(is_open.sum() > OPEN_SHARE * len(points))
+        return bool(_in_view(track.points, frame, T_camera_map).mean() > OPEN_SHARE)
 
     def is_worth_a_look(self, track: Track) -> bool:
         """Whether there is evidence of the person, but not enough to confirm the person."""
@@ -172,6 +191,15 @@ class PersonBody(Location):
 def middle(points: Points) -> Place:
     """Middle of the bounding box of points, without the outermost 2% at either end of each axis."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
+
+
+def _in_view(points: Points, frame: Frame, T_camera_map: Pose) -> Mask:
+    """(N,) whether each point is in a frame's image, and the return there is not nearer by ``TOUCH`` or more."""
+    in_camera = transform_points(T_camera_map, points)
+    pixels, result = frame.intrinsics.project(in_camera)
+    row, column = pixels[result].T
+    result[result] = frame.returns[row, column] & (frame.depth[row, column] > in_camera[result, 2] - TOUCH)
+    return result
 
 
 def _in_frame(track: Track, keyframe: int) -> Points:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from pipeline.arrays import Pose
 from pipeline.frame import Frame
+from pipeline.keyframes import Keyframes
 from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.track import Observation, Track
@@ -23,9 +24,10 @@ class Victims(Tracks):
         refusals: detections in the last frame that are not people.
     """
 
-    def __init__(self, config: PeopleConfig = PeopleConfig()) -> None:
+    def __init__(self, config: PeopleConfig = PeopleConfig(), keyframes: Keyframes | None = None) -> None:
+        """Start without people; ``keyframes``: see :class:`PeoplePolicy`."""
         super().__init__(join_nearest)
-        self.policy = PeoplePolicy(**vars(config))
+        self.policy = PeoplePolicy(**vars(config), keyframes=keyframes)
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:

@@ -34,7 +34,9 @@ def test_extents_are_measured_along_an_objects_own_axes() -> None:
     np.testing.assert_allclose(extents_of(turned), [1.6, 0.5, 0.3], atol=0.02)
 
 
-@pytest.mark.parametrize("extents", [(0.3, 0.5, 1.7), (1.6, 0.5, 0.25), (0.6, 0.5, 0.9), (0.4, 0.15, 0.12)])
+@pytest.mark.parametrize(
+    "extents", [(0.3, 0.5, 1.7), (1.6, 0.5, 0.25), (0.65, 0.6, 1.2), (0.6, 0.5, 0.9), (0.4, 0.15, 0.12)]
+)
 def test_people_standing_lying_and_sitting_and_dolls_are_likely(extents: tuple[float, float, float]) -> None:
     assert ratio("victim", extents, extents[2] / 2) > 0
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from pipeline.arrays import Mask, Place, Points, Values
+from pipeline.arrays import Mask, PixelMask, Points, Values
 from pipeline.geometry.parts import parts
 from pipeline.tracks.config import Extents
 
@@ -43,7 +43,7 @@ def weigh(
     points: Points,
     ground: float,
     background: Mask | None = None,
-    camera: Place | None = None,
+    in_box: NDArray[np.float64] | None = None,
 ) -> Weighed:
     """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or of background.
 
@@ -52,11 +52,11 @@ def weigh(
         points: points of the detection or the find.
         ground: height of the ground, m in ``map``.
         background: which points are returns of something else, such as a wall.
-        camera: position of the camera, if all points are returns in a box of its image.
+        in_box: (N, 2) positions of the points in the detection's box, as fractions of its sides; None if the points
+            are not those of one detection.
     """
     free = np.ones(len(points), np.bool_) if background is None else ~background
     best = Weighed(-inf, np.zeros(len(points), np.bool_))
-    in_box = None if camera is None or not free.any() else _in_box(points, camera)
     for form in extents:
         for part in _parts(points, free, form[1] / 2):
             ratio = _of_shape(points[part], form, ground) - log(len(extents))
@@ -83,14 +83,11 @@ def _of_shape(points: Points, extents: Extents, ground: float) -> float:
     return float(sizes.sum() + log(2) + log_ndtr((HIGHEST - above) / SPREAD))
 
 
-def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
-    """(N, 2) positions of points in their bounding box in a camera's view, as fractions of the box's two sides."""
-    rays = points - camera
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    middle = rays.mean(axis=0)
-    right = np.cross(middle, [0.0, 0.0, 1.0])
-    seen = rays @ np.stack([right, np.cross(right, middle)], axis=1)
-    return (seen - seen.min(axis=0)) / np.maximum(np.ptp(seen, axis=0), np.finfo(np.float64).eps)
+def places_in_box(pixels: PixelMask, box: PixelMask) -> NDArray[np.float64]:
+    """(N, 2) positions of pixels in the bounding box of the pixels ``box``, as fractions of its two sides."""
+    in_box = np.argwhere(box)
+    first, last = in_box.min(axis=0), in_box.max(axis=0)
+    return (np.argwhere(pixels) - first) / np.maximum(last - first, 1)
 
 
 def extents_of(points: Points) -> Values:

@@ -6,6 +6,7 @@ from math import radians
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from pipeline.arrays import Mask, PixelMask, Points, Pose
@@ -14,7 +15,7 @@ from pipeline.geometry.thinning import first_in_voxels
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import ObjectConfig
 from pipeline.tracks.find import Reading
-from pipeline.tracks.likelihood import weigh
+from pipeline.tracks.likelihood import places_in_box, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
@@ -138,9 +139,8 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     T_map_camera = T_map_base @ frame.T_base_camera
     points = k.rays[inside] * depth[:, None]
     if depth.size:
-        reading, belongs = _weighed(
-            reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy
-        )
+        in_map, in_box = transform_points(T_map_camera, points), places_in_box(inside, outline)
+        reading, belongs = _weighed(reading, in_map, in_box, T_map_base[2, 3], policy)
         if not policy.is_flat:
             near = np.abs(depth - z) < GAP
             # If half of the returns lie behind a gap, the median may be in the gap.
@@ -164,12 +164,12 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
 
 
 def _weighed(
-    reading: Reading, points: Points, T_map_camera: Pose, ground: float, policy: ObjectPolicy
+    reading: Reading, points: Points, in_box: NDArray[np.float64], ground: float, policy: ObjectPolicy
 ) -> tuple[Reading, Mask]:
     """A reading with its confidence updated from its points, and which of the points belong to the object."""
     if not policy.extents:
         return reading, np.zeros(len(points), np.bool_)
-    weighed = weigh(policy.extents, points, ground, camera=T_map_camera[:3, 3])
+    weighed = weigh(policy.extents, points, ground, in_box=in_box)
     return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.arrays import Mask, PixelMask, Points, Pose
 from pipeline.frame import Frame
 from pipeline.tracks.find import VICTIM, Reading, box_corners
-from pipeline.tracks.likelihood import extents_of, weigh
+from pipeline.tracks.likelihood import extents_of, places_in_box, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
@@ -39,7 +39,8 @@ def observe(
         keyframe: index of the keyframe.
         policy: how people are tracked.
     """
-    returns = frame.returns & _window(frame, detection)
+    window = _window(frame, detection)
+    returns = frame.returns & window
     if not returns.any():
         return Refusal(detection, "no depth in the box")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
@@ -48,7 +49,7 @@ def observe(
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
-    weighed = weigh(policy.extents, points, ground, is_background, camera)
+    weighed = weigh(policy.extents, points, ground, is_background, places_in_box(returns, window))
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))

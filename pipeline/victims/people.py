@@ -26,8 +26,8 @@ EXTENTS = (1.7, 0.5, 0.25), (1.1, 0.7, 0.5), (0.45, 0.2, 0.14)
 """Median extents of each form of people, the longest first, m.
 
 - Standing or lying people: stature, shoulder breadth and chest depth (NASA-STD-3000, section 3.3).
-- Sitting people: height, depth including the thighs, and shoulder breadth (from the same source). The height is 0.9 m on
-  the ground and 1.3 m on a seat.
+- Sitting people: height, depth including the thighs, and shoulder breadth (from the same source). The height is 0.9 m
+  on the ground and 1.3 m on a seat.
 - Dolls, as in the RoboCup Rescue arena designer.
 """
 TOUCH = 0.15

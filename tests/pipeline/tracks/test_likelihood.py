@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.plugins.finds.config import FindsConfig
-from pipeline.tracks.likelihood import extents_of, weigh
+from pipeline.tracks.likelihood import extents_of, places_in_box, weigh
 from pipeline.victims.people import PeoplePolicy
 
 EXTENTS = {
@@ -15,7 +15,6 @@ EXTENTS = {
 }
 """m, of a doll and of the other kinds, the longest first."""
 FORMS = {"victim": PeoplePolicy().extents, **{kind: numbers.extents for kind, numbers in FindsConfig().kinds.items()}}
-CAMERA = np.array([0.0, 0.0, 0.6])
 
 
 def block(extents: tuple[float, float, float], middle: tuple[float, float, float], count: int = 3000) -> np.ndarray:
@@ -74,18 +73,31 @@ def test_only_the_part_that_fits_belongs() -> None:
 
 
 def test_an_object_spans_the_box_that_was_drawn_around_it() -> None:
-    doll = block((0.12, 0.2, 0.4), (2.0, 0.0, 0.3))
-    around = block((0.01, 2.0, 2.0), (4.0, 0.0, 0.3), 3000)
-    is_around = np.arange(6000) >= 3000
-    alone = weigh(FORMS["victim"], doll, 0.0, camera=CAMERA).log_ratio
-    lost = weigh(FORMS["victim"], np.concatenate([doll, around]), 0.0, is_around, CAMERA).log_ratio
-    assert alone > 0 > lost
+    doll, in_box = block((0.12, 0.2, 0.4), (2.0, 0.0, 0.3)), np.random.default_rng(1).uniform(0, 1, (3000, 2))
+    whole, ninth = (weigh(FORMS["victim"], doll, 0.0, in_box=in_box * side).log_ratio for side in (1.0, 1 / 3))
+    assert whole > 0 > ninth
+    assert whole - ninth == pytest.approx(3 * np.log(9))
+
+
+def test_an_object_has_most_of_the_returns_in_its_box() -> None:
+    doll, around = block((0.12, 0.2, 0.4), (2.0, 0.0, 0.3)), block((0.01, 2.0, 2.0), (4.0, 0.0, 0.3), 3000)
+    in_box = np.random.default_rng(1).uniform(0, 1, (6000, 2))
+    alone = weigh(FORMS["victim"], doll, 0.0, in_box=in_box[:3000]).log_ratio
+    both = weigh(FORMS["victim"], np.concatenate([doll, around]), 0.0, np.arange(6000) >= 3000, in_box).log_ratio
+    assert alone - both == pytest.approx(np.log(2))
+
+
+def test_places_are_measured_in_the_whole_box() -> None:
+    box, returns = np.zeros((6, 9), bool), np.zeros((6, 9), bool)
+    box[1:6, 2:5] = True
+    returns[[1, 3], [2, 3]] = True
+    np.testing.assert_array_equal(places_in_box(returns, box), [(0, 0), (0.5, 0.5)])
 
 
 def test_without_returns_nothing_is_likely() -> None:
     points = block((0.3, 0.5, 1.7), (2, 0, 0.9))
-    all_of_it = np.ones(len(points), bool)
-    for weighed in (weigh(FORMS["victim"], points[:0], 0.0), weigh(FORMS["victim"], points, 0.0, all_of_it, CAMERA)):
+    all_of_it, in_box = np.ones(len(points), bool), np.zeros((len(points), 2))
+    for weighed in (weigh(FORMS["victim"], points[:0], 0.0), weigh(FORMS["victim"], points, 0.0, all_of_it, in_box)):
         assert weighed.log_ratio == -np.inf
         assert not weighed.belongs.any()
-    assert np.isfinite(weigh(FORMS["victim"], points[:1], 0.0, camera=CAMERA).log_ratio)
+    assert np.isfinite(weigh(FORMS["victim"], points[:1], 0.0, in_box=in_box[:1]).log_ratio)

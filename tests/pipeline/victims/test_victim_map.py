@@ -73,6 +73,19 @@ def test_what_covers_a_corner_of_its_box_is_not_what_was_detected() -> None:
     assert "background" in refusal([PERSON], wide)
 
 
+def test_what_alone_has_returns_in_the_box_of_a_person_out_of_range_is_not_the_person() -> None:
+    """The person is beyond the camera's range; in the corner of the box, a thing is in range."""
+    T, thing = camera_at(0, 0), (2.5, 0.2, 0.5, 0.1)
+    frame = step(T, [thing])
+    x0, y0, x1, y1 = detection_of(T, thing).box
+    frame = replace(frame, depth=np.where(frame.depth < 3, frame.depth, 0).astype(np.float32))
+    assert isinstance(observe(frame, Detection((x0, y0, x1, y1), 0.9), T), Observation)
+    wide = Detection((x0 - 3 * (x1 - x0), y0 - 2 * (y1 - y0), x1, y1), 0.9)
+    result = observe(frame, wide, T)
+    assert isinstance(result, Refusal)
+    assert "background" in result.reason
+
+
 def test_what_together_is_no_person_is_not_confirmed() -> None:
     row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
     victims = Victims()

@@ -7,7 +7,9 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True, kw_only=True)
 class Confirmation:
-    """Conditions for reporting a track; each detection has a confidence from 0 to 1, each miss a confidence of 0.
+    """Conditions for reporting a track.
+
+    A keyframe has the highest confidence, from 0 to 1, of its detections of the object; a miss has a confidence of 0.
 
     Attributes:
         confidence: value that the mean confidence of detections and misses must exceed; 0.5 means more likely real
@@ -15,7 +17,7 @@ class Confirmation:
         evidence: minimum sum of the confidences.
         full_size: visible size of most objects of the kind, m; anything smaller may be part of another object.
         evidence_of_part: minimum sum of the confidences if less than ``full_size`` is seen.
-        misses: maximum number of misses per detection, exclusive; None for no limit.
+        misses: maximum number of misses per keyframe that shows the object, exclusive; None for no limit.
         baseline: minimum distance between the two camera positions that are farthest apart, m. From a single
             position, the edge of an object may look like another object.
     """

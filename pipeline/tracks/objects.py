@@ -97,7 +97,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
-        return (is_unread or not track.is_placed) and len(track.missed) < len(track.seen)
+        return (is_unread or not track.is_placed) and len(track.missed) < len(track.keyframes)
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum distance, m, at which an object is in range and, if it looked small, can be read."""

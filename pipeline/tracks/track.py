@@ -21,7 +21,7 @@ from pipeline.transforms import transform_places
 GATE = chi2_gate(3, 0.99)
 """Maximum squared Mahalanobis distance between two measured positions of one object; 99% are within this distance."""
 MAX_MISSES = 2.0
-"""Maximum number of misses per detection; a track with more misses is given up."""
+"""Maximum number of misses per keyframe that shows the object; a track with more misses is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,13 +227,19 @@ class Track:
 
     @property
     def evidence(self) -> float:
-        """Sum of the confidences of all detections."""
-        return sum(observation.reading.confidence for observation in self.seen)
+        """Sum of the confidences of the keyframes' detections, the highest of each keyframe.
+
+        Several detections in a keyframe may show the same part, so that they are no further evidence.
+        """
+        highest = defaultdict[int, float](float)
+        for seen in self.seen:
+            highest[seen.keyframe] = max(highest[seen.keyframe], seen.reading.confidence)
+        return sum(highest.values())
 
     @property
     def confidence(self) -> float:
-        """1 if the object was decoded; else the mean confidence of detections and misses, 0 for a miss."""
-        return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + len(self.missed))
+        """1 if the object was decoded; else the mean confidence of the keyframes, 0 for a miss."""
+        return 1.0 if self.is_decoded else self.evidence / (len(self.keyframes) + len(self.missed))
 
     @property
     def baseline(self) -> float:
@@ -259,7 +265,7 @@ class Track:
     @property
     def is_given_up(self) -> bool:
         """Whether the object was missed too often; decoded objects are never given up."""
-        return len(self.missed) > MAX_MISSES * len(self.seen) and not self.is_decoded
+        return len(self.missed) > MAX_MISSES * len(self.keyframes) and not self.is_decoded
 
     @property
     def is_confirmed(self) -> bool:
@@ -267,7 +273,7 @@ class Track:
         least = self.policy.confirmation
         if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
             return False
-        if least.misses is not None and len(self.missed) >= least.misses * len(self.seen):
+        if least.misses is not None and len(self.missed) >= least.misses * len(self.keyframes):
             return False
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False

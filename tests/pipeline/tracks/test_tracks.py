@@ -90,6 +90,19 @@ def test_a_track_is_given_up_when_it_was_missed_more_than_twice_as_often_as_seen
     assert len(tracks.all) == left
 
 
+def test_two_detections_in_a_keyframe_count_as_one() -> None:
+    tracks = Tracks(join_nearest)
+    tracks.add([mark(1.0, 0, 0.6), mark(1.1, 0, 0.9), mark(1.2, 0, 0.3)], FRAME, CAMERA, 0)
+    tracks.add([], FRAME, CAMERA, 1)
+    (track,) = tracks.all
+    assert (len(track.seen), track.evidence) == (3, 0.9)
+    assert track.confidence == pytest.approx(0.9 / 2)
+    assert not track.is_confirmed
+    for keyframe in (2, 3):
+        tracks.add([], FRAME, CAMERA, keyframe)
+    assert tracks.all == []
+
+
 @pytest.mark.parametrize(("misses", "is_reported"), [(0, True), (1, False)])
 def test_misses_count_as_detections_with_confidence_0(misses: int, is_reported: bool) -> None:
     (track,) = tracks_of([1.0], *[[]] * misses).all

@@ -121,11 +121,13 @@ class NextBestView(Strategy):
         terrain = self.remaining.terrain
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
-        self._is_for_ground = viewpoint.gain <= area * (1 + self.config.min_shown_fraction)
+        self._is_for_ground = True
         if viewpoint.opens:
             self._looks.update((float(x), float(y)) for x, y in self._promised[0].round(2))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
+            # Only a keyframe there shows what the rewards are for, however early the drive shows the ground.
+            self._is_for_ground = not context.rewards.gains(place[None], np.array([viewpoint.heading])).any()
             context.rewards.aim(place, viewpoint.heading)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:

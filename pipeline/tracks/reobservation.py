@@ -72,11 +72,16 @@ class Reobservation:
         self._aimed = [(track, anchored) for track in aimed]
 
     def count(self, frame: Frame) -> None:
-        """Count a frame as a try for each object at which the frame was aimed."""
+        """Count a keyframe's frame as a try for each object at which it was aimed.
+
+        A frame that was taken elsewhere, because the drive ended early, says nothing about the place.
+        """
         self.camera = frame
+        poses = self._keyframes.poses
         for track, place in self._aimed:
-            track.tried.append(place)
-            track.tried_at += list(place.at(self._keyframes.poses))
+            is_there = _distances(place.at(poses), poses[-1:, :2, 3])[0] <= SPACING
+            track.tried.append(place if is_there.all() else AnchoredPlaces.joined([]))
+            track.tried_at += list(track.tried[-1].at(poses))
         self._aimed = []
 
     def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
@@ -95,13 +100,12 @@ class Reobservation:
         cameras = places[some] + (0, 0, height)
         reward[some] *= self._map.are_free_along(cameras, target, body, MARGIN, BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track))
+        return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track, distance)[:, None])
 
 
-def half_view(frame: Frame, track: Track) -> float:
-    """Maximum angle from the image's middle, rad, at which an object at its maximum distance is wholly visible."""
-    _, most = track.policy.distances(track, frame.sensor)
-    return float(frame.intrinsics.half_fov - np.arctan2(track.policy.across / 2, most))
+def half_view(frame: Frame, track: Track, distance: Values) -> Values:
+    """(N,) maximum angles from the image's middle, rad, at which an object at a distance, m, is wholly visible."""
+    return np.asarray(frame.intrinsics.half_fov - np.arctan2(track.policy.across / 2, distance), np.float64)
 
 
 def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values:

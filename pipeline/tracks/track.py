@@ -141,7 +141,8 @@ class Track:
         placed: the same observations in ``map``.
         ground: height of the lowest ground from which the object was seen, m in ``map``.
         missed: indices of the keyframes that should have shown the object and did not.
-        tried: places on the ground from which the robot tried to see the object again, one per try.
+        tried: place on the ground from which the robot tried to see the object again, for each try; no place if the
+            robot did not get there.
         tried_at: the same places in ``map``.
         where: location of the object according to all observations.
     """

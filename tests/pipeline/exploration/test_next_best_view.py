@@ -224,6 +224,22 @@ class Reward:
         self.aimed = place, heading
 
 
+class RewardAnywhere(Reward):
+    """The same small reward for every keyframe."""
+
+    def gains(self, places, bearings):
+        return np.full((len(places), len(bearings)), self.worth)
+
+
+@pytest.mark.parametrize("worth", [0.0, 0.01])
+def test_a_drive_ends_once_its_ground_is_shown_unless_its_keyframe_has_a_reward_too(worth):
+    world, exploration = corridor(-2, 2), NextBestView(PIONEER)
+    assert next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0), RewardAnywhere(worth)) is not None
+    assert not exploration.is_shown(world)
+    world.update(ground_points(flat, (-9, 9), (-3, 3)))
+    assert exploration.is_shown(world) == (worth == 0)
+
+
 def test_a_reward_makes_a_viewpoint_worth_a_drive():
     exploration, reward, pose = NextBestView(PIONEER), Reward(1.0), from_yaw(0, 0, 0, 0)
     viewpoint = next_viewpoint(exploration, closed_room(), pose, reward)

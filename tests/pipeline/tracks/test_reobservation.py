@@ -51,6 +51,10 @@ def one_keyframe() -> Keyframes:
     return keyframes
 
 
+def take_keyframe(keyframes: Keyframes, x: float, y: float) -> None:
+    keyframes.poses = np.concatenate([keyframes.poses, from_yaw(x, y, 0, 0)[None]])
+
+
 def place(x: float, y: float) -> np.ndarray:
     return np.array([[x, y, 0.0]])
 
@@ -70,9 +74,18 @@ def test_an_unconfirmed_victim_is_worth_a_viewpoint_on_another_side(reobservatio
 def test_only_viewpoints_towards_it_count(reobservation):
     x, y = 0.6, 1.1
     towards = bearing_to_person(x, y)
-    off = np.array([0.0, 0.7, -0.7, 1.3, -1.3, 3.0, 9.0]) * half_view(step(camera_at(0, 0)), reobservation.wanted[0])
+    off = np.array([0.0, 0.6, -0.6, 1.6, -1.6, 3.0, 9.0]) * half_view(
+        step(camera_at(0, 0)), reobservation.wanted[0], np.array([1.5])
+    )
     counts = reobservation.gains(place(x, y), towards + off)[0] > 0
     assert counts.tolist() == [True, True, True, False, False, False, False]
+
+
+def test_a_near_object_must_be_nearer_to_the_middle_of_the_image(reobservation):
+    for x, counts in ((-0.4, True), (0.6, False)):
+        place_there = place(x, 1.1)
+        assert (reobservation.gains(place_there, bearing_to_person(x, 1.1)) > 0).all()
+        assert (reobservation.gains(place_there, bearing_to_person(x, 1.1) + 0.29) > 0).all() == counts
 
 
 @pytest.mark.parametrize(("limits", "counts"), [({}, True), ({"nearest": 1.4}, False), ({"farthest": 1.7}, False)])
@@ -124,7 +137,8 @@ def test_after_a_try_in_vain_another_side_is_taken(reobservation):
 
 
 def test_after_some_tries_in_vain_it_is_given_up():
-    _, reobservation = seen_once(mapped_room(), config=ReobservationConfig(max_tries=2))
+    keyframes = one_keyframe()
+    _, reobservation = seen_once(mapped_room(), keyframes, ReobservationConfig(max_tries=2))
     frame = step(camera_at(0, 0), [PERSON])
     for tries, (x, y) in enumerate([(0.6, 1.0), (0.6, -1.0)]):
         heading = float(bearing_to_person(x, y)[0])
@@ -133,10 +147,25 @@ def test_after_some_tries_in_vain_it_is_given_up():
         reobservation.aim(place(x, y)[0], heading + np.pi)
         reobservation.count(frame)  # that one was for something else
         reobservation.aim(place(x, y)[0], heading)
+        take_keyframe(keyframes, x, y)
         reobservation.count(frame)
         assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # not from there again
     assert reobservation.wanted == []
     assert not reobservation.gains(place(0.6, 0.5), BEARINGS).any()
+
+
+def test_a_try_that_ended_elsewhere_counts_but_leaves_the_place_to_look_from():
+    keyframes, there = one_keyframe(), place(0.6, 1.1)
+    victims, reobservation = seen_once(mapped_room(), keyframes)
+    towards = bearing_to_person(0.6, 1.1)
+    before = reobservation.gains(there, towards)
+    reobservation.aim(there[0], float(towards[0]))
+    take_keyframe(keyframes, 0.1, 0.0)
+    reobservation.count(step(camera_at(0, 0)))
+    assert len(victims.all[0].tried) == 1
+    assert reobservation.gains(there, towards) == before > 0
+    victims.place(keyframes.poses)
+    assert (len(victims.all[0].tried), victims.all[0].tried_at) == (1, [])
 
 
 def test_the_confirmed_are_left_alone():
@@ -153,5 +182,6 @@ def test_what_the_next_frame_is_aimed_at_follows_a_correction() -> None:
     there = place(0.6, 1.1)[0]
     reobservation.aim(there, float(bearing_to_person(0.6, 1.1)[0]))
     keyframes.poses = from_yaw(2, 0, 0, np.pi / 2)[None]
+    take_keyframe(keyframes, 0.9, 0.6)
     reobservation.count(step(camera_at(0, 0)))
     np.testing.assert_allclose(victims.all[0].tried_at, [(0.9, 0.6, 0)], atol=1e-12)

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.arrays import Points, Pose
+from pipeline.arrays import Pose
 from pipeline.errors import InputError, required
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
@@ -128,25 +128,40 @@ class Pilot:
 
     def _watched(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
         """Let the robot follow a command if its pose is certain and its path is clear."""
-        if command == STOP:
-            return self._move(command)
-        known = len(self._mapper.keyframes)
-        verdict = self._look(is_done)
-        if verdict is not Verdict.FINE:
-            return verdict
-        if isinstance(command, Approach) and not self._is_clear(check, command, len(self._mapper.keyframes) > known):
-            return Verdict.BLOCKED
-        return self._move(command)
+        verdict = Verdict.FINE if command == STOP else self._look(check, is_done, command)
+        return self._move(command) if verdict is Verdict.FINE else verdict
 
-    def _is_clear(self, check: ObstacleCheck, command: Approach, has_new_keyframe: bool) -> bool:
-        """Whether neither a person of whom the plan did not know nor an obstacle was seen on the path."""
-        if has_new_keyframe and check.meets(self._mapper.people, command):
-            return False
-        if command.v <= 0:
-            return True
-        if check.is_due(command):
-            check.look(command, self._returns())
-        return check.is_clear(command)
+    def _look(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
+        """If a keyframe or an obstacle check is due, map a frame, and judge whether the robot may drive on.
+
+        A frame that repeats another is mapped only for an obstacle check.
+        """
+        mapper, belief = self._mapper, self._mapper.belief
+        path = command if isinstance(command, Approach) else None
+        checked = path if path is not None and path.v > 0 and check.is_due(path) else None
+        if checked is None and not mapper.is_due(required(self.navigator.motion).T_odom_base):
+            return Verdict.FINE
+
+        def compare(localised: LocalisedFrame) -> ConfirmedPose | None:
+            self.pose_check.compare(self._note(localised), is_driving=True)
+            self.faults.check_motion(belief, localised.frame.time)
+            if checked is not None:
+                check.look(checked, localised.frame.points(localised.T_map_camera))
+            return ConfirmedPose(localised, None) if belief.knows_place else None
+
+        keyframe = sense_and_map(mapper, self.sense, compare, may_repeat=checked is not None)
+        if belief.knows_place:
+            self.correct()
+        if belief.is_sure_of(MotionState.HELD):
+            return Verdict.SPINNING
+        # An obstacle may itself be the reason for doubt, so it comes first.
+        if checked is not None and not check.is_clear(checked):
+            return Verdict.BLOCKED
+        if not belief.knows_place:
+            return Verdict.UNSURE
+        if keyframe is not None and path is not None and check.meets(mapper.people, path):
+            return Verdict.BLOCKED
+        return Verdict.DONE if is_done() else Verdict.FINE
 
     def _move(self, command: Velocity) -> Verdict:
         """Let the robot follow a command for a control period; without odometry, stop it and raise LostError."""
@@ -161,35 +176,6 @@ class Pilot:
         for sink in self._sinks:
             sink.on_motion(motion)
         return Verdict.FINE
-
-    def _look(self, is_done: Callable[[], bool]) -> Verdict:
-        """If a keyframe is due, map a frame unless it repeats another, and judge whether the robot may drive on."""
-        motion, belief = self.navigator.motion, self._mapper.belief
-        if motion is None or not self._mapper.is_due(motion.T_odom_base):
-            return Verdict.FINE
-
-        def check(localised: LocalisedFrame) -> ConfirmedPose | None:
-            self.pose_check.compare(self._note(localised), is_driving=True)
-            self.faults.check_motion(belief, localised.frame.time)
-            return ConfirmedPose(localised, None) if belief.knows_place else None
-
-        sense_and_map(self._mapper, self.sense, check)
-        if not belief.knows_place:
-            return Verdict.UNSURE
-        self.correct()
-        if belief.is_sure_of(MotionState.HELD):
-            return Verdict.SPINNING
-        return Verdict.DONE if is_done() else Verdict.FINE
-
-    def _returns(self) -> Points:
-        """The camera's current returns in ``map``; their frame becomes a keyframe."""
-
-        def check(localised: LocalisedFrame) -> ConfirmedPose:
-            return ConfirmedPose(self._note(localised), None)
-
-        keyframe = required(sense_and_map(self._mapper, self.sense, check, labelled=False, may_repeat=True))
-        self.correct()
-        return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
 
     def _note(self, localised: LocalisedFrame) -> LocalisedFrame:
         """Remember the newest frame; LostError if the camera no longer measures anything."""

@@ -8,6 +8,7 @@ import pytest
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.localisation.belief import MotionState
 from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.pose_check import ConfirmedPose
@@ -31,6 +32,7 @@ from tests.pipeline.polygon_scene import floor, wall
 from tests.pipeline.robot_model import PIONEER
 
 LOOKS = 5
+RARE = 9.0  # Spacing of keyframes, m, with which a drive has only those of its checks for obstacles
 START = from_yaw(2.0, 2.0, 0.0, 0.0)
 CLOSET = [floor(0.8, 3.3, 0.9, 3.2)]
 CLOSET += [wall(a, b) for a, b in (((0.8, 0.9), (3.3, 0.9)), ((3.3, 0.9), (3.3, 3.2)), ((3.3, 3.2), (0.8, 3.2)))]
@@ -64,9 +66,9 @@ class Album(Sink):
 class Outlook:
     """A robot that looks around from where it stands; every fourth of its keyframes is labelled."""
 
-    def __init__(self, robot=None):
+    def __init__(self, robot=None, spacing=0.4):
         self.robot, album = robot or SeeingRobot(), Album()
-        policy = KeyframePolicy(distance=0.4, turn=np.deg2rad(20), labelled_every=4)
+        policy = KeyframePolicy(distance=spacing, turn=np.deg2rad(20), labelled_every=4)
         config = PipelineConfig(
             LocalisationConfig(keyframes=policy, pose_check=PoseCheckConfig(views_per_turn=LOOKS))
         )
@@ -87,13 +89,13 @@ class Outlook:
         """Look around without making a keyframe."""
         return self.pilot.confirm(self.mapper.localise(self.pilot.sense()))
 
-    def drive(self, x: float, y: float, nearest: float = XTION.nearest) -> Outcome:
+    def drive(self, x: float, y: float, nearest: float = XTION.nearest, is_done=lambda: False) -> Outcome:
         """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
         sensor = replace(XTION, nearest=nearest)
         check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
         start = self.pilot.navigator.next_pose(self.keyframes[-1].T_map_base)
         way = stretches_of(np.array([(x, y)]), np.zeros(1, np.bool_), start, None, lambda poses: False)
-        return self.pilot.follow(check, Course(way))
+        return self.pilot.follow(check, Course(way), is_done)
 
 
 @pytest.fixture(scope="module")
@@ -255,10 +257,57 @@ def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
 def test_the_check_for_obstacles_makes_a_keyframe_that_is_not_labelled():
     outlook = Outlook()
     outlook.pilot.take_keyframe()
-    outlook.robot.faces = [*BARE, PANEL]
+    outlook.robot.faces = [*BARE, wall((3.2, 1.8), (3.2, 2.2), z1=0.4)]
     assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
     assert len(outlook.keyframes) == 2
     assert not len(outlook.keyframes[1].labels)
+
+
+def test_a_frame_that_an_obstacle_puts_in_doubt_becomes_no_keyframe():
+    outlook = Outlook()
+    outlook.pilot.take_keyframe()
+    outlook.robot.faces = [*BARE, PANEL]
+    assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
+    assert len(outlook.keyframes) == 1
+
+
+def test_after_a_check_for_obstacles_the_robot_may_have_seen_what_it_wants():
+    outlook = Outlook(spacing=RARE)
+    outlook.pilot.take_keyframe()
+    assert outlook.drive(4.0, 2.0, is_done=lambda: len(outlook.keyframes) == 3) is Outcome.REACHED
+    assert len(outlook.keyframes) == 3
+    assert outlook.robot.T[0, 3] < 3.0
+
+
+def test_it_stops_for_an_obstacle_also_when_it_has_seen_what_it_wants():
+    outlook = Outlook()
+    outlook.pilot.take_keyframe()
+    outlook.robot.faces = [*BARE, PANEL]
+    assert outlook.drive(4.0, 2.0, is_done=lambda: True) is Outcome.BLOCKED
+
+
+def test_it_stops_for_a_person_whom_it_saw_in_a_check_for_obstacles(monkeypatch):
+    outlook = Outlook(spacing=RARE)
+    outlook.pilot.take_keyframe()
+    hand = np.array([(3.5, 2.0, 0.05)], np.float32)
+    monkeypatch.setattr(Mapper, "people", property(lambda mapper: [hand] if len(mapper.keyframes) == 3 else []))
+    assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
+    assert len(outlook.keyframes) == 3
+
+
+def test_a_check_for_obstacles_also_notices_that_the_robot_is_elsewhere():
+    outlook = Outlook(spacing=RARE)
+    outlook.pilot.take_keyframe()
+    outlook.robot.faces = CLOSET
+    assert outlook.drive(2.7, 2.0) is Outcome.UNSURE
+    assert len(outlook.keyframes) == 1
+
+
+def test_a_check_for_obstacles_also_notices_that_the_robot_is_held(monkeypatch):
+    outlook = Outlook(spacing=RARE)
+    outlook.pilot.take_keyframe()
+    monkeypatch.setattr(outlook.mapper.belief, "is_sure_of", lambda state: state is MotionState.HELD)
+    assert outlook.drive(4.0, 2.0) is Outcome.STUCK
 
 
 class HeldRobot(SeeingRobot):

@@ -78,10 +78,12 @@ class Pilot:
         if last is None:
             self.faults.check_depth_scale(localised.frame)
 
+        # To confirm its pose, the robot may turn, drive back, and roll to a stop before.
+        here, left = localised.frame.T_odom_base, self._T_odom_left
+        moved = np.inf if left is None else np.linalg.norm((here - left)[:3, 3])
         localised, was_carried = self._confirmed(localised, last)
-        left, self._T_odom_left = self._T_odom_left, localised.frame.T_odom_base
+        self._T_odom_left = localised.frame.T_odom_base
         if was_carried is None:
-            moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
             was_carried = bool(moved > self._min_carried_distance)
         self.was_carried = was_carried
         return ConfirmedPose(localised, was_carried)
@@ -95,8 +97,6 @@ class Pilot:
                 if not self.navigator.drive_back(self._move):
                     raise
                 last, localised = None, self._note(self._mapper.localise(self.sense()))
-                if self._T_odom_left is not None:  # The robot drove here by itself
-                    self._T_odom_left = localised.frame.T_odom_base
         return self.pose_check.confirm(localised, last, self._turn)
 
     def _turn(self, angle: float) -> LocalisedFrame | None:
@@ -117,14 +117,18 @@ class Pilot:
         ``is_done``: called after each keyframe; the drive ends early if it returns True.
         """
         outcome = self.navigator.follow(course, partial(self._watched, check, is_done))
-        motion = self.navigator.motion
-        self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
+        self._leave(outcome)
         return outcome
 
     def halt(self) -> None:
         """Stop the robot if it is still rolling."""
         if self.navigator.motion is not None:
-            self.navigator.halt(self._move)
+            self._leave(self.navigator.halt(self._move))
+
+    def _leave(self, outcome: Outcome) -> None:
+        """Remember where a drive ended, unless the robot was carried after its pose was confirmed."""
+        was_carried = outcome is Outcome.MOVED or self._T_odom_left is None
+        self._T_odom_left = None if was_carried else required(self.navigator.motion).T_odom_base
 
     def _watched(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
         """Let the robot follow a command if its pose is certain and its path is clear."""

@@ -245,6 +245,39 @@ def test_where_the_odometry_leaps_the_robot_was_set_down(way, was_carried):
     assert outlook.confirm().was_carried == was_carried
 
 
+class FastRobot(SeeingRobot):
+    """A robot that needs 1 m to stop."""
+
+    model = replace(PIONEER, speed=0.7)
+
+
+@pytest.fixture
+def rolling() -> Outlook:
+    """A robot that is rolling."""
+    outlook = Outlook(FastRobot())
+    outlook.pilot.take_keyframe()
+    assert outlook.drive(4.0, 2.0, nearest=9.0, is_done=lambda: True) is Outcome.REACHED
+    outlook.pilot.take_keyframe()
+    return outlook
+
+
+def test_a_robot_that_rolled_to_a_stop_was_not_carried(rolling):
+    before = rolling.robot.T[0, 3]
+    rolling.pilot.halt()
+    assert rolling.robot.T[0, 3] > before + 0.5
+    assert not rolling.confirm().was_carried
+
+
+def test_nor_was_one_that_rolled_to_a_stop_to_look_around(rolling, monkeypatch):
+    def confirm(localised, last, turn):
+        return ConfirmedPose(turn(0.2), None)
+
+    monkeypatch.setattr(rolling.pilot.pose_check, "confirm", confirm)
+    before = rolling.robot.T[0, 3]
+    assert not rolling.confirm().was_carried
+    assert rolling.robot.T[0, 3] > before + 0.5
+
+
 def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
     outlook.pilot.take_keyframe()

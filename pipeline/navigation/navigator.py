@@ -6,6 +6,7 @@ follow the command or forbids the command, and returns a verdict.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import radians
 from typing import NamedTuple
 
@@ -503,10 +504,11 @@ class Navigator:
 
         ``length``: length of the leg, m.
         """
-        start = self._T_odom_base
-        progress = Progress(self._robot, start, self._time, self._config.progress, length)
+        way = [self._T_odom_base]
+        progress = Progress(self._robot, way[0], self._time, self._config.progress, length)
         for command in commands:
             verdict = send(command)
+            way.append(self._T_odom_base)
             # The caller forbids the command, or the purpose of the drive is fulfilled.
             if verdict in REFUSED:
                 send(STOP)
@@ -526,7 +528,7 @@ class Navigator:
             spins = verdict is Verdict.SPINNING
             if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
                 T = self.T_map_base
-                self.halts.append(Halt(T, command, self._back_out(start, command, leans, send)))
+                self.halts.append(Halt(T, command, self._back_out(way, command, leans, send)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         if self._rest is None:
@@ -554,8 +556,8 @@ class Navigator:
         most = CARRIED_DISTANCE + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
-    def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool, send: Send) -> bool:
-        """Undo the motion since ``T_odom_start``, whose path was free; return whether the robot got far enough.
+    def _back_out(self, T_odom_way: Sequence[Pose], command: Velocity, leans: bool, send: Send) -> bool:
+        """Undo the motion along ``T_odom_way``, which was free; return whether the robot got far enough.
 
         A robot that leans drives back until it is level. A robot that tips while it backs out, for example up a wall,
         undoes this motion as well. If the wheels spin, the motion ends, because the encoders alone would report
@@ -572,7 +574,7 @@ class Navigator:
             least, most = MIN_WAY, config.max_distance
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
-        came = _moved_back(T_odom_start, T_odom_held, undo)
+        came = sum(_moved_back(before, after, undo) for before, after in pairwise(T_odom_way))
         began = self._time
         progress = None
         way = np.clip(came, least, most)
@@ -582,7 +584,7 @@ class Navigator:
             if send(undo) is not Verdict.FINE:
                 break
             if self._tips and not leans:
-                self._back_out(T_odom_held, undo, True, send)
+                self._back_out([T_odom_held, self._T_odom_base], undo, True, send)
                 return False
             # While the wheels still brake the previous motion, the robot would seem to be held.
             if progress is None and self._time > began + braking:

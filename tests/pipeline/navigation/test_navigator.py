@@ -153,6 +153,16 @@ def test_it_backs_out_no_farther_than_it_came():
     assert np.min(navigator.track, axis=0)[0] > -0.06
 
 
+@pytest.mark.parametrize("turned", [90, 120, 150])
+def test_it_backs_out_as_far_where_arcs_have_turned_it_round(turned):
+    robot = KinematicRobot(blocked=lambda time: yaw_of(robot.T) > np.deg2rad(turned) and robot.commands[-1].v > 0)
+    navigator = Follower(robot)
+    assert not navigator.drive(np.array([(1.2, 0.0), (1.2, 1.2), (-0.5, 1.2)]), arcs=True)
+    (halt,) = navigator.halts
+    assert halt.freed
+    assert np.linalg.norm(robot.T[:2, 3] - halt.T_map_base[:2, 3]) == pytest.approx(BACKED_OUT, abs=0.04)
+
+
 @pytest.mark.parametrize(("step", "shift"), [(6, 0.03), (40, 0.18)])
 def test_a_correction_of_the_map_is_no_sign_of_being_held(step, shift):
     navigator, looks = Follower(KinematicRobot()), count()

@@ -134,14 +134,15 @@ class PoseCheck:
     def check_depth(self, localised: LocalisedFrame) -> None:
         """Raise LostError if the camera measures no depth in a full turn or on a drive longer than its near limit.
 
-        A frame without returns is ignored if the map predicts too few returns, unless the camera has not measured any
-        depth yet.
+        Only frames in a row count for which the map predicts enough returns or, before the camera has measured any
+        depth, all frames.
         """
         frame = localised.frame
-        if frame.returns.any():
-            self._has_seen = True
+        has_returns = bool(frame.returns.any())
+        self._has_seen |= has_returns
+        if has_returns or (self._has_seen and not self._agreement(localised).expects_enough):
             self._T_odom_unseen.clear()
-        elif not self._has_seen or self._agreement(localised).expects_enough:
+        else:
             self._T_odom_unseen.append(frame.T_odom_base)
         moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)

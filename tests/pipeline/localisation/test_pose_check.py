@@ -43,3 +43,13 @@ def test_a_camera_without_depth_is_noticed_where_it_ought_to_see(mapper: Mapper,
         with pytest.raises(LostError, match="depth"):
             for _ in range(most + 1):
                 see(0)
+
+
+def test_blank_frames_far_apart_are_not_in_a_row(mapper: Mapper) -> None:
+    """Between them, the camera looks where nothing is mapped."""
+    maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
+    check, frame = PoseCheck(*maps, PIONEER, LocalisationConfig()), StillRobot().sense()
+    check.check_depth(LocalisedFrame(frame, np.eye(4)))
+    for step in range(9):
+        blank = replace(frame, depth=np.zeros_like(frame.depth), T_odom_base=from_yaw(0.3 * step, 0, 0, 0))
+        check.check_depth(LocalisedFrame(blank, from_yaw(0, 0, 0, np.pi if step % 4 else 0.0)))

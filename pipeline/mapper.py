@@ -85,7 +85,7 @@ class Mapper:
     Attributes:
         observers: notified of every keyframe and correction, in the order of this list.
         config: all parameters.
-        policy: decides when a keyframe is due, and whether it is labelled.
+        policy: the spacing of keyframes and of labelled keyframes.
         keyframes: the observations and poses of all keyframes.
         knows_camera: whether the camera's pose on the robot is known, and hence the ground at the start.
         stopwatch: the time that each stage has taken.
@@ -182,6 +182,12 @@ class Mapper:
         last = self._T_odom_keyframe
         return last is None or self.policy.is_due(last, T_odom_base)
 
+    @property
+    def is_label_due(self) -> bool:
+        """Whether the policy requires a label for the next keyframe of a drive."""
+        since = max(0, len(self.keyframes) + 1 - self.policy.labelled_every)
+        return all(seen.shares is None for seen in self.keyframes.seen[since:])
+
     def localise(self, frame: Frame) -> LocalisedFrame:
         """Remove isolated returns from a new frame and localise it; LostError if its pose is unknown."""
         with self.stopwatch("localisation"):
@@ -213,7 +219,7 @@ class Mapper:
         T_map_base = localised.T_map_base
         T_map_camera = localised.T_map_camera
         index = len(self.keyframes)
-        labelled = self.policy.is_labelled(index) if labelled is None else labelled
+        labelled = self.is_label_due if labelled is None else labelled
         self._T_odom_keyframe = frame.T_odom_base
         if set_down:
             self._set_down = T_map_base

@@ -265,7 +265,7 @@ class Replay:
             return self.recording.keyframes.get(frame.time)
         if not self.mapper.is_due(frame.T_odom_base):
             return None
-        return self.mapper.policy.is_labelled(len(self.mapper.keyframes))
+        return self.mapper.is_label_due
 
     def _add_track(self) -> None:
         """Add the driven track to the maps, as an explorer does after each drive."""

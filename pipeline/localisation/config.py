@@ -283,8 +283,8 @@ class KeyframePolicy:
         distance: distance from the last keyframe at which a new one is taken, m.
         turn: rotation from the last keyframe at which a new one is taken, rad.
         on_ramps: factor by which both limits are multiplied on ramps, where the robot slides.
-        labelled_every: interval between the labelled keyframes of a drive, in keyframes; not all are labelled,
-            because the network is the slowest stage.
+        labelled_every: number of keyframes of a drive after which one is labelled, counted from the last labelled
+            keyframe; not all are labelled, because the network is the slowest stage.
     """
 
     distance: float = 0.3
@@ -307,10 +307,6 @@ class KeyframePolicy:
         """Distance, m, and rotation, rad, between keyframes of a robot whose tilt has the cosine ``upright``."""
         factor = self.on_ramps if np.arccos(min(upright, 1.0)) > RAMP_TILT else 1.0
         return factor * self.distance, factor * self.turn
-
-    def is_labelled(self, keyframes: int) -> bool:
-        """Whether the next keyframe of a drive is labelled, given the number of ``keyframes`` before it."""
-        return keyframes % self.labelled_every == 0
 
 
 @dataclass(frozen=True)

@@ -287,13 +287,21 @@ def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [True, False, False, False, True]
 
 
-def test_the_check_for_obstacles_makes_a_keyframe_that_is_not_labelled():
+def test_the_interval_of_labels_counts_from_the_last_one_and_includes_checks_for_obstacles():
+    outlook = Outlook(spacing=RARE)
+    for _ in range(2):
+        outlook.pilot.take_keyframe()
+    assert outlook.drive(4.0, 2.0, nearest=0.3) is Outcome.REACHED
+    labelled = [len(keyframe.labels) > 0 for keyframe in outlook.keyframes]
+    assert labelled == [True, True, False, False, False, True, False]
+
+
+def test_the_check_for_obstacles_makes_a_keyframe():
     outlook = Outlook()
     outlook.pilot.take_keyframe()
     outlook.robot.faces = [*BARE, wall((3.2, 1.8), (3.2, 2.2), z1=0.4)]
     assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
     assert len(outlook.keyframes) == 2
-    assert not len(outlook.keyframes[1].labels)
 
 
 def test_a_frame_that_an_obstacle_puts_in_doubt_becomes_no_keyframe():

@@ -25,7 +25,7 @@ from pipeline.plugins.ros.live.actions import GoalEnd
 from pipeline.plugins.ros.live.nav2 import Nav2Navigator, Nav2Robot
 from pipeline.plugins.ros.live.topic_names import TopicNames
 from pipeline.robot import Velocity
-from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw, inverse, transform_points, wrap_angle, yaw_of
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
@@ -138,10 +138,10 @@ def test_a_drive_ends_when_it_need_not_or_must_not_go_on(drive: Drive, verdict: 
 
 
 def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> None:
-    policy = KeyframePolicy(distance=0.2, labelled_every=100)
-    mapper = Mapper(PIONEER, TruthClassifier(), config=PipelineConfig(LocalisationConfig(keyframes=policy)))
+    policy = KeyframePolicy(distance=0.2)
+    mapper = Mapper(PIONEER, RuleClassifier(), config=PipelineConfig(LocalisationConfig(keyframes=policy)))
     pilot = Pilot(drive.robot, mapper, [], drive.navigator)
-    sense_and_map(mapper, drive.robot.sense, pilot.confirm, labelled=False)
+    sense_and_map(mapper, drive.robot.sense, pilot.confirm)
     asked: list[int] = []
 
     def is_done() -> bool:

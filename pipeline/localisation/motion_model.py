@@ -64,7 +64,7 @@ class MeasuredMotion:
     @cached_property
     def translation_jacobian(self) -> NDArray[np.float64]:
         """(3, 5) Jacobian of the translation, m, in ``base_link`` before the motion, w.r.t. the systematic errors."""
-        slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
+        slide = -abs(self.turn[2]) * np.append(self.up[:2], 0.0)
         nothing = np.zeros(3)
         return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
 
@@ -89,7 +89,7 @@ class MeasuredMotion:
         way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))
         vertical = np.outer(self.up, self.up)
         tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
-        slide = config.slide_noise * slope * turn
+        slide = config.slide_noise * slope * abs(self.turn[2])
         translation = config.translation_sigma**2 * (way + turn + config.added_distance) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
         # Occasionally, the wheels slip unnoticed, by up to the whole distance.

@@ -46,6 +46,15 @@ def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
     np.testing.assert_allclose(slid, [0, -0.4 * 0.5 * np.sin(0.28), 0], atol=1e-12)
 
 
+def test_a_robot_does_not_slide_where_it_only_pitches() -> None:
+    """On the foot of a ramp, it pitches, but its tyres do not scrub."""
+    nose_up = np.array([np.sin(0.1), 0.0, np.cos(0.1)])
+    T = from_rotation(Rotation.from_rotvec([0, -0.2, 0]).as_matrix(), np.array([0.3, 0.0, 0.0]))
+    onto, level = (MeasuredMotion(T, up, 1.0) for up in (nose_up, np.array([0.0, 0.0, 1.0])))
+    np.testing.assert_allclose(MotionModel(CONFIG).predict(np.eye(4), onto).T_map_base, T, atol=1e-12)
+    assert onto.noise(CONFIG)[4, 4] == pytest.approx(level.noise(CONFIG)[4, 4])
+
+
 def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
     """20 blind turns of 15° are as unsure as the gyro's scale over all of them; a registration ends that."""
     motion = MeasuredMotion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)

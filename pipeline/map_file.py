@@ -62,7 +62,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "normals": ("f4", "s", 3),
         "order": ("i8",),  # Position among all evidence about the ground
     },
-    "odometry": {"errors": ("f8", 5), "covariance": ("f8", 5, 5)},  # A single row
+    "odometry": {"errors": ("f8", 7), "covariance": ("f8", 7, 7)},  # A single row
     "assumed": {"keyframe": ("i8",), "order": ("i8",), "points": POINTS},
     "driven": {
         "keyframe": ("i8",),

@@ -52,15 +52,17 @@ class OdometryErrors:
     """Systematic errors of the odometry.
 
     Attributes:
-        errors: (5,) systematic errors:
+        errors: (7,) systematic errors:
 
             - relative error of distance
             - relative error of rotation
             - distance from ``base_link`` forward to the centre of rotation, m
-            - downhill slide, m per rad turned, to be multiplied by the sine of the tilt
+            - slide in turns on a slope, m per rad turned, to be multiplied by the sine of the tilt: downhill
+            - the same: along the axle, in proportion to the component of gravity along it
+            - the same: of the point about which the robot turns, downhill along the robot's forward axis
             - bias of the yaw rate, rad/s
 
-        covariance: (5, 5) covariance of the errors.
+        covariance: (7, 7) covariance of the errors.
     """
 
     errors: Values
@@ -70,8 +72,9 @@ class OdometryErrors:
     def expected(cls, config: OdometryConfig) -> "OdometryErrors":
         """The errors expected of a skid-steered robot that has not driven yet."""
         c = config
-        sigmas = [c.distance_scale_sigma, c.rotation_scale_sigma, c.centre_sigma, c.slide_sigma, c.bias_sigma]
-        return cls(np.array([0.0, 0.0, 0.0, c.slide, 0.0]), np.diag(np.square(sigmas)))
+        slide, slide_sigmas = 3 * [c.slide], 3 * [c.slide_sigma]
+        sigmas = [c.distance_scale_sigma, c.rotation_scale_sigma, c.centre_sigma, *slide_sigmas, c.bias_sigma]
+        return cls(np.array([0.0, 0.0, 0.0, *slide, 0.0]), np.diag(np.square(sigmas)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from pipeline.transforms import from_rotation, inverse, orthonormal
 MIN_UPRIGHT = np.cos(np.pi / 4)
 """Minimum cosine between a turn's axis and the vertical for the robot to have turned about this axis."""
 POSE, ERRORS = slice(6), slice(6, None)
-"""Slices of the pose and of the systematic errors in their joint covariance (11, 11)."""
+"""Slices of the pose and of the systematic errors in their joint covariance (13, 13)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,25 +63,38 @@ class MeasuredMotion:
 
     @cached_property
     def translation_jacobian(self) -> NDArray[np.float64]:
-        """(3, 5) Jacobian of the translation, m, in ``base_link`` before the motion, w.r.t. the systematic errors."""
-        slide = -abs(self.turn[2]) * np.append(self.up[:2], 0.0)
-        nothing = np.zeros(3)
-        return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
+        """(3, 7) Jacobian of the translation, m, in ``base_link`` before the motion, w.r.t. the systematic errors."""
+        nothing, centre = np.zeros(3), np.eye(3)[0] - self.T[:3, 0]
+        return np.stack([self.T[:3, 3], nothing, centre, *self._slides, nothing], axis=1)
+
+    @property
+    def _slides(self) -> NDArray[np.float64]:
+        """(3, 3) m, displacements by the three parts of a slide on a slope: downhill, along the axle, of the pivot.
+
+        With the downhill vector g, the turn ψ about z, and the base's axes x and y as they turn, the parts are the
+        integrals over ψ of g, (g · y) y and -(g · x) y. The first two do not depend on the sense of the turn. In
+        complex numbers, 2 (g · y) y = g - e^(2iψ) g* and 2 (g · x) y = i (g + e^(2iψ) g*).
+        """
+        turn, downhill = self.turn[2], -complex(*self.up[:2])
+        straight, turning = turn * downhill, np.sin(turn) * np.exp(1j * turn) * downhill.conjugate()
+        sign = np.sign(turn)
+        parts = sign * straight, sign * (straight - turning) / 2, -1j * (straight + turning) / 2
+        return np.array([(part.real, part.imag, 0.0) for part in parts])
 
     @cached_property
     def rotation_jacobian(self) -> NDArray[np.float64]:
-        """(3, 5) Jacobian of the rotation vector, rad, w.r.t. the systematic errors."""
+        """(3, 7) Jacobian of the rotation vector, rad, w.r.t. the systematic errors."""
         nothing = np.zeros(3)
-        return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
+        return np.stack([nothing, self.turn, *np.zeros((4, 3)), self.time * np.eye(3)[2]], axis=1)
 
     def without(self, errors: Values) -> Pose:
-        """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (5,)."""
+        """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (7,)."""
         R = Rotation.from_rotvec(self.shortest_turn + self.rotation_jacobian @ errors).as_matrix()
         return from_rotation(R, self.T[:3, 3] + self.translation_jacobian @ errors)
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
-        """(6, 5) Jacobian of the pose after the motion, in its tangent space, w.r.t. the systematic errors."""
+        """(6, 7) Jacobian of the pose after the motion, in its tangent space, w.r.t. the systematic errors."""
         return np.vstack([self.rotation_jacobian, self.T[:3, :3].T @ self.translation_jacobian])
 
     def noise(self, config: OdometryConfig) -> Covariance:
@@ -104,7 +117,7 @@ class Prediction:
     Attributes:
         motion: motion since the reference.
         T_map_base: predicted pose.
-        covariance: (11, 11) joint covariance of the pose relative to the map, in its tangent space, and of the
+        covariance: (13, 13) joint covariance of the pose relative to the map, in its tangent space, and of the
             systematic errors.
         motion_covariance: covariance of the pose from the motion alone, as if the pose before the motion were exact.
     """
@@ -119,7 +132,7 @@ class MotionModel:
     """Predicts motion from odometry, corrected for the systematic errors estimated so far.
 
     Attributes:
-        errors: (5,) systematic errors, see :class:`pipeline.localisation.localisation.OdometryErrors`.
+        errors: (7,) systematic errors, see :class:`pipeline.localisation.localisation.OdometryErrors`.
     """
 
     def __init__(self, config: OdometryConfig) -> None:

@@ -27,7 +27,7 @@ from pipeline.localisation.localisation import OdometryErrors
 from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.transforms import orthonormal
 
-ERROR_COUNT = 5
+ERROR_COUNT = 7
 """Number of systematic errors of the odometry."""
 SAMPLES = 64
 """Number of samples of the poses' distribution; they determine a standard deviation to within 9%."""
@@ -87,7 +87,7 @@ class Constraints(NamedTuple):
         return Constraints(*values)
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
-        """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (5,)."""
+        """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (7,)."""
         turned = Rotation.from_rotvec(self.turn + self.rotation_jacobian @ errors).as_matrix().swapaxes(1, 2)
         between = relative(poses, self.first, self.second)
         rotation = Rotation.from_matrix(turned @ between[:, :3, :3]).as_rotvec()
@@ -99,7 +99,7 @@ class Constraints(NamedTuple):
         return np.asarray(np.square(self.residuals(poses, errors)).sum(axis=1))
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Jacobians (N, 6, 6 or 5) of residuals near 0, w.r.t. the first pose, the second pose and the errors."""
+        """Jacobians (N, 6, 6 or 7) of residuals near 0, w.r.t. the first pose, the second pose and the errors."""
         before = adjoints(inverses(relative(poses, self.first, self.second)))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
 
@@ -345,7 +345,7 @@ class Problem:
 
     Attributes:
         poses: poses of all keyframes.
-        errors: (5,) systematic errors.
+        errors: (7,) systematic errors.
         constraints: the constraints that involve a free keyframe.
         free: (K,) whether each pose may move.
         frees_errors: whether the systematic errors are variables.
@@ -440,7 +440,7 @@ class Problem:
         return result
 
     def error_covariance(self) -> Covariance:
-        """(5, 5) covariance of the systematic errors."""
+        """(7, 7) covariance of the systematic errors."""
         unit = np.zeros((self._size, ERROR_COUNT))
         unit[self._variables :] = np.eye(ERROR_COUNT)
         covariance = self._factor.solve(unit)[self._variables :]

@@ -39,11 +39,23 @@ def test_before_anything_is_learnt_a_motion_is_the_odometrys() -> None:
     assert not EXPECTED.errors[:3].any()
 
 
-def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
-    left_side_up = np.array([0.0, np.sin(0.28), np.cos(0.28)])
-    motion = MeasuredMotion(from_yaw(0, 0, 0, 0.5), left_side_up, 1.0)
+@pytest.mark.parametrize("turned", [0.5, -0.5, np.pi / 2, -2 * np.pi, 8.0])
+def test_a_slide_in_a_turn_is_the_sum_of_the_slides_in_its_parts(turned: float) -> None:
+    """The parts are 1000 small turns, in which the robot's axes hardly move."""
+    slope = np.deg2rad(16)
+    up, downhill = np.array([0.0, np.sin(slope), np.cos(slope)]), np.array([0.0, -np.sin(slope), 0.0])
+    straight, along_axle, of_pivot = np.zeros((3, 3))
+    step = turned / 1000
+    for middle in step * (np.arange(1000) + 0.5):
+        x, y = (np.array([np.cos(middle + a), np.sin(middle + a), 0.0]) for a in (0, np.pi / 2))
+        straight += abs(step) * downhill
+        along_axle += abs(step) * (downhill @ y) * y
+        of_pivot -= step * (downhill @ x) * y
+    motion = MeasuredMotion(from_yaw(0, 0, 0, turned), up, 1.0, turned * np.cos(slope))
     slid = MotionModel(CONFIG).predict(np.eye(4), motion).T_map_base[:3, 3]
-    np.testing.assert_allclose(slid, [0, -0.4 * 0.5 * np.sin(0.28), 0], atol=1e-12)
+    np.testing.assert_allclose(slid, CONFIG.slide * (straight + along_axle + of_pivot), atol=1e-5)
+    one_each = believing(np.array([0, 0, 0, 0.1, 0.2, 0.3, 0])).predict(np.eye(4), motion).T_map_base[:3, 3]
+    np.testing.assert_allclose(one_each, 0.1 * straight + 0.2 * along_axle + 0.3 * of_pivot, atol=1e-5)
 
 
 def test_a_robot_does_not_slide_where_it_only_pitches() -> None:
@@ -89,7 +101,7 @@ def test_whole_turns_between_keyframes_count() -> None:
     np.testing.assert_allclose(
         MeasuredMotion(inverse(motion.T), motion.up, 20.0, -turned).turn, [0, 0, -turned], atol=1e-9
     )
-    T = believing([0, -0.007, 0, 0.4, 0]).predict(np.eye(4), motion).T_map_base
+    T = believing(np.array([0, -0.007, 0, 0.4, 0, 0, 0])).predict(np.eye(4), motion).T_map_base
     assert yaw_of(from_yaw(0, 0, 0, -turned) @ T) == pytest.approx(-0.007 * turned)
 
 
@@ -107,7 +119,7 @@ def test_a_full_turn_is_about_the_vertical_although_it_ends_at_the_same_heading(
     T = from_rotation(Rotation.from_rotvec([tilt, 0, 0]).as_matrix(), np.zeros(3))
     motion = MeasuredMotion(T, np.array([0.0, 0.0, 1.0]), 20.0, turned)
     np.testing.assert_allclose(motion.turn, [tilt, 0, turned], atol=1e-9)
-    after = believing([0, 0.002, 0, 0, 0]).predict(np.eye(4), motion).T_map_base
+    after = believing(np.array([0, 0.002, 0, 0, 0, 0, 0])).predict(np.eye(4), motion).T_map_base
     assert yaw_of(after) == pytest.approx(0.002 * turned, rel=0.01)
     np.testing.assert_allclose(after[2, :3], T[2, :3], atol=1e-3)
 
@@ -122,7 +134,7 @@ def test_after_a_restart_a_pose_is_as_sure_as_given() -> None:
 def test_what_was_learnt_makes_the_next_motion_surer() -> None:
     motion, model = motion_of(np.random.default_rng(2)), MotionModel(CONFIG)
     before = model.predict(np.eye(4), motion).motion_covariance
-    model.learn(OdometryErrors(EXPECTED.errors, np.zeros((5, 5))))
+    model.learn(OdometryErrors(EXPECTED.errors, np.zeros((7, 7))))
     after = model.predict(np.eye(4), motion).motion_covariance
     np.testing.assert_allclose(after, motion.noise(CONFIG))
     assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()
@@ -146,9 +158,9 @@ def test_a_slip_takes_away_any_share_of_the_way(way: float) -> None:
     assert noise[3, 3] - noise[4, 4] == pytest.approx(way / CONFIG.distance_between_slips * way**2 / 3)
 
 
-@given(numbers, numbers, numbers, st.integers(0, 4))
+@given(numbers, numbers, numbers, st.integers(0, 6))
 def test_the_jacobian_is_the_poses_derivative(x: float, y: float, turn: float, k: int) -> None:
     motion = MeasuredMotion(from_yaw(x, y, 0.0, turn), np.array([0.1, 0.2, 0.97]), 2.0)
-    step = 1e-6 * np.eye(5)[k]
+    step = 1e-6 * np.eye(7)[k]
     a, b = (believing(sign * step).predict(np.eye(4), motion).T_map_base for sign in (-1, 1))
     np.testing.assert_allclose(logarithm(inverse(a) @ b) / 2e-6, motion.jacobian[:, k], atol=1e-6)

@@ -485,6 +485,15 @@ def test_a_turn_that_makes_up_for_sliding_is_not_held_where_the_ramp_ends():
     assert navigator.halts == []
 
 
+def test_a_wide_turn_on_a_ramp_makes_up_for_no_more_sliding_than_a_quarter_turn():
+    speeds = []
+    for heading in (np.pi / 4, np.pi / 2, np.deg2rad(179)):
+        robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(8))
+        Follower(robot).drive(np.zeros((0, 2)), heading)
+        speeds.append(next(command.v for command in robot.commands if command.omega))
+    assert 0 < speeds[0] < speeds[1] == pytest.approx(speeds[2])
+
+
 def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
     for v, end in ((0.2, 1), (-0.2, -1)):
         points = Halt(from_yaw(1, 2, 0, np.pi / 2), Velocity(v), True).touched(PIONEER, cell=0.05)

@@ -22,7 +22,7 @@ from pipeline.navigation.config import NavigationConfig, ProgressConfig
 from pipeline.navigation.course import Course, SpeedAlong
 from pipeline.planning.stretches import Stretch
 from pipeline.robot import Motion, RobotModel, Velocity
-from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
+from pipeline.transforms import from_yaw, inverse, transform_points, wrap_angle, yaw_of
 
 RAMP_MARGIN = 0.2
 """Distance from the last position where the robot leaned within which it still drives as on a ramp, m, because a
@@ -241,7 +241,10 @@ class Halt:
         ahead = (robot.half_length + cell / np.sqrt(2)) * np.sign(self.command.v)
         across = np.linspace(-robot.half_width, robot.half_width, 2 + int(2 * robot.width / cell))
         points = [[ahead, left, robot.body_height] for left in across]
-        return transform_points(self.T_map_base, np.array(points)).astype(np.float64)
+        # The tilt would move points at this height into the footprint.
+        x, y, z = self.T_map_base[:3, 3]
+        level = from_yaw(x, y, z, yaw_of(self.T_map_base))
+        return transform_points(level, np.array(points)).astype(np.float64)
 
 
 class Navigator:

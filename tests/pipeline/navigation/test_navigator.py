@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pipeline.navigation.commands import Approach, Outcome, Verdict
 from pipeline.navigation.config import ProgressConfig, RecoveryConfig
@@ -494,9 +495,12 @@ def test_a_wide_turn_on_a_ramp_makes_up_for_no_more_sliding_than_a_quarter_turn(
     assert 0 < speeds[0] < speeds[1] == pytest.approx(speeds[2])
 
 
-def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
+@pytest.mark.parametrize("pitch", [0.0, -np.deg2rad(16)])
+def test_what_it_touched_stands_right_before_the_end_that_went_ahead(pitch):
+    tilt = np.eye(4)
+    tilt[:3, :3] = Rotation.from_euler("y", pitch).as_matrix()
     for v, end in ((0.2, 1), (-0.2, -1)):
-        points = Halt(from_yaw(1, 2, 0, np.pi / 2), Velocity(v), True).touched(PIONEER, cell=0.05)
+        points = Halt(from_yaw(1, 2, 0, np.pi / 2) @ tilt, Velocity(v), True).touched(PIONEER, cell=0.05)
         np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + 0.05 / np.sqrt(2)))
         np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
         np.testing.assert_allclose(points[:, 2], PIONEER.body_height)

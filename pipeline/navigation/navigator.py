@@ -7,7 +7,7 @@ follow the command or forbids the command, and returns a verdict.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import radians
+from math import ceil, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -34,8 +34,8 @@ LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
 MIN_PACE = 0.2
 """Minimum factor on the robot's speed, however large the heading error."""
-STILL = 0.02
-"""Speed below which the robot is considered to stand still and may turn in place, m/s."""
+STILL, STILL_RATE = 0.02, 0.05
+"""Speed, m/s, and turn rate, rad/s, up to which the robot is considered to stand still."""
 MIN_SPEED = 0.2
 """Minimum speed assumed in the gain with which the robot steers back to its line, m/s, so that noise does not turn a
 slower robot."""
@@ -320,12 +320,12 @@ class Navigator:
         way = self._joined(course.stretches)
         heading = course.heading
         if self._rest is None:
-            send(STOP)
+            self._stop(send)
         self._rest = None
         here = self.T_map_base[:2, 3]
         if self._is_elsewhere(course.start):
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
-            send(STOP)
+            self._stop(send)
             return Outcome.MOVED
         if heading is not None and course.rolls and way and self._shows(way[-1].last_heading, heading):
             heading = None
@@ -365,9 +365,23 @@ class Navigator:
         rest = self._rest
         self._rest = None
         if rest is None:
-            send(STOP)
+            self._stop(send)
             return Outcome.REACHED
         return self._supervised(self._along(self._in_map(rest), None), send)
+
+    def _stop(self, send: Send) -> None:
+        """Brake until the robot stands still, because the next plan begins where it then stands.
+
+        On a slope, or with noisy sensors, it may never seem to stand still, so this takes no longer than braking from
+        its top speed and turn rate.
+        """
+        model = self._robot
+        longest = REACTION + max(model.speed / model.acceleration, model.turn_rate / model.turn_acceleration)
+        for _ in range(ceil(longest / self._period)):
+            send(STOP)
+            twist = required(self.motion).twist
+            if self._speed <= STILL and abs(twist.omega) <= STILL_RATE:
+                return
 
     def turn(self, angle: float, send: Send) -> Outcome:
         """Turn in place by an angle, rad, counter-clockwise."""
@@ -436,8 +450,6 @@ class Navigator:
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn the robot in place to a heading, rad, in the shorter direction."""
         config = self._config.follower
-        while self._speed > STILL:
-            yield STOP
         place = self.T_map_base[:2, 3].copy()
         tolerance = config.heading_tolerance
         while True:
@@ -515,17 +527,17 @@ class Navigator:
             way.append(self._T_odom_base)
             # The caller forbids the command, or the purpose of the drive is fulfilled.
             if verdict in REFUSED:
-                send(STOP)
+                self._stop(send)
                 return REFUSED[verdict]
             if verdict is Verdict.DONE:
                 # The robot rolls on for its braking distance.
                 if isinstance(command, Approach):
                     self._rest = self._rest_of(command.stretch, command.at)
                 else:
-                    send(STOP)
+                    self._stop(send)
                 return Outcome.DONE
             if verdict is Verdict.FINE and self._was_carried:
-                send(STOP)
+                self._stop(send)
                 return Outcome.MOVED
             # The robot tips, its wheels spin, or it makes no progress.
             leans = self._tips
@@ -536,7 +548,7 @@ class Navigator:
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         if self._rest is None:
-            send(STOP)
+            self._stop(send)
         return Outcome.REACHED
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
@@ -595,7 +607,7 @@ class Navigator:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
                 break
-        send(STOP)
+        self._stop(send)
         return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * MIN_UNDONE_FRACTION)
 
     @property

@@ -128,17 +128,47 @@ def test_a_robot_that_is_held_on_both_sides_is_not_freed():
 
 
 class RobotBeforeWall(KinematicRobot):
-    """Its wheels follow a command no faster than it accelerates; it can get no farther along x than ``wall``, m."""
+    """It follows a command no faster than it accelerates; it can get no farther along x than ``wall``, m."""
 
     def __init__(self, wall, pitch=lambda x, y: 0.0):
         super().__init__(pitch)
-        self._wall, self._speed = wall, 0.0
+        self._wall, self._speeds = wall, np.zeros(2)
 
     def drive(self, command):
-        most = self.model.acceleration * self.control_period
-        self._speed += np.clip(command.v - self._speed, -most, most)
-        is_held = self.T[0, 3] >= self._wall and self._speed > 0
-        return super().drive(replace(command, v=0.0 if is_held else self._speed))
+        most = np.array([self.model.acceleration, self.model.turn_acceleration]) * self.control_period
+        self._speeds += np.clip((command.v, command.omega) - self._speeds, -most, most)
+        v, omega = self._speeds
+        is_held = self.T[0, 3] >= self._wall and v > 0
+        return super().drive(replace(command, v=0.0 if is_held else v, omega=omega))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "target", "heading"),
+    [
+        (Verdict.BLOCKED, [(2.0, 0.0)], None),
+        (Verdict.UNSURE, [(2.0, 0.0)], None),
+        (Verdict.DONE, np.zeros((0, 2)), np.deg2rad(160)),
+    ],
+)
+def test_a_robot_that_breaks_off_stands_still_where_the_next_plan_begins(verdict, target, heading):
+    robot = RobotBeforeWall(np.inf)
+    navigator = Follower(robot)
+
+    def watch(command):
+        return verdict if robot.T[0, 3] > 0.5 or yaw_of(robot.T) > 0.8 else Verdict.FINE
+
+    navigator.drive(target, heading, watch=watch)
+    before = navigator.next_pose(navigator.T_map_base)
+    for _ in range(20):
+        navigator.send(Velocity())
+    np.testing.assert_allclose(navigator.next_pose(navigator.T_map_base), before, atol=0.002)
+
+
+def test_a_robot_that_never_seems_to_stand_still_may_be_halted():
+    robot = KinematicRobot()
+    navigator, drive = Follower(robot), robot.drive
+    robot.drive = lambda command: replace(drive(command), wheel_speed=np.ones(2))
+    assert navigator.halt(navigator.send) is Outcome.REACHED
 
 
 def test_it_backs_out_once_its_wheels_have_come_to_rest():

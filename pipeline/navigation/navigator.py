@@ -402,7 +402,7 @@ class Navigator:
         def commands() -> Iterator[Velocity]:
             yield from self._turn_to(yaw_of(halt.T_map_base))
             start = self._T_odom_base
-            while _moved_back(self._T_odom_base, start, back) < self._config.recovery.max_distance:
+            while self._will_have_moved_back(start, back) < self._config.recovery.max_distance:
                 yield back
 
         return self._supervised(commands(), send) is Outcome.REACHED
@@ -594,7 +594,7 @@ class Navigator:
         began = self._time
         progress = None
         way = np.clip(came, least, most)
-        while (back := _moved_back(self._T_odom_base, T_odom_held, undo)) < way or (
+        while (back := self._will_have_moved_back(T_odom_held, undo)) < way or (
             leans and self._leans and back < came
         ):
             if send(undo) is not Verdict.FINE:
@@ -609,6 +609,15 @@ class Navigator:
                 break
         self._stop(send)
         return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * MIN_UNDONE_FRACTION)
+
+    def _will_have_moved_back(self, T_odom_held: Pose, undo: Velocity) -> float:
+        """Angle, rad, or distance, m, that the robot has moved back by the time it rests, if it brakes now."""
+        model, twist = self._robot, required(self.motion).twist
+        speed, braking = np.sign(undo.v) * twist.v, model.acceleration
+        if undo.omega:
+            speed, braking = np.sign(undo.omega) * twist.omega, model.turn_acceleration
+        rolls = max(0.0, float(speed)) ** 2 / (2 * braking)
+        return _moved_back(self._T_odom_base, T_odom_held, undo) + rolls
 
     @property
     def T_map_base(self) -> Pose:

@@ -175,13 +175,22 @@ def test_it_backs_out_once_its_wheels_have_come_to_rest():
     navigator = Follower(RobotBeforeWall(0.6))
     assert not navigator.drive(np.array([(2, 0)]))
     assert [halt.freed for halt in navigator.halts] == [True]
-    assert navigator.robot.T[0, 3] == pytest.approx(0.6 - BACKED_OUT, abs=0.06)
+    assert navigator.robot.T[0, 3] == pytest.approx(0.6 - BACKED_OUT, abs=0.02)
 
 
 def test_it_backs_out_no_farther_than_it_came():
     navigator = Follower(RobotBeforeWall(0.05))
     assert not navigator.drive(np.array([(2, 0)]))
-    assert np.min(navigator.track, axis=0)[0] > -0.06
+    assert np.min(navigator.track, axis=0)[0] > -0.01
+
+
+def test_it_drives_back_by_the_distance_that_it_is_given():
+    robot = RobotBeforeWall(np.inf)
+    navigator = Follower(robot)
+    navigator.send(Velocity())
+    navigator.halts = [Halt(navigator.T_map_base, Velocity(0.2), False)]
+    assert navigator.drive_back(navigator.send)
+    assert robot.T[0, 3] == pytest.approx(-BACKED_OUT, abs=0.01)
 
 
 @pytest.mark.parametrize("turned", [90, 120, 150])

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import KDTree
 
 from pipeline.arrays import Places, Values
@@ -36,7 +37,9 @@ class SpeedLimit:
         """(N,) m/s, maximum speeds at the poses of a stretch, from which the robot can brake for limits ahead."""
         robot, poses = self._traversability.robot, stretch.poses
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
-        turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
+        # The median leaves out single bends without an arc, which the follower corrects while driving.
+        curvature = ndimage.median_filter(np.abs(stretch.curvature), 3, mode="mirror")
+        turning = turn_rate / np.maximum(curvature, np.finfo(np.float64).eps)
         speeds = np.minimum(self._on_ground(poses), turning)
         return braked(speeds, stretch.distances_along, self._deceleration)
 

@@ -8,6 +8,7 @@ import pytest
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.planning.stretches import Stretch
+from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -61,6 +62,21 @@ def test_the_tighter_an_arc_the_slower_it_is():
     ]
     assert speeds == pytest.approx([0.5, 2 * speeds[2], speeds[2]], rel=0.01)
     assert speeds[1] < 0.5
+
+
+@pytest.mark.parametrize("angle", [-14, 3, 14])
+def test_a_bend_without_an_arc_does_not_slow_it_down(angle):
+    at = speed_limit(surface_of(ground_points(flat, (-4, 4), (-3, 3))))
+    bent = line(-1.5, length=1.5).and_then(line(0.0, direction=np.deg2rad(angle), length=2.0))
+    np.testing.assert_allclose(at(bent), 0.5)
+
+
+def test_an_arc_after_a_bend_slows_it_down_no_more_than_the_arc_alone():
+    at = speed_limit(surface_of(ground_points(flat, (-3, 3), (-3, 3))))
+    around = np.linspace(0, np.pi / 2, 24)
+    arc = Stretch(np.column_stack([0.3 * np.sin(around), 0.3 - 0.3 * np.cos(around), around]), False)
+    bent = line(-1.5, length=1.5).moved(from_yaw(0, 0, 0, np.deg2rad(-10))).and_then(arc)
+    assert at(bent).min() == pytest.approx(at(arc).min())
 
 
 def test_it_is_slow_on_what_the_semantic_map_calls_a_ramp_and_beside_a_person():

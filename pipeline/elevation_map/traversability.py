@@ -133,18 +133,18 @@ class Traversability:
             return self
         cell, reach = self.grid.cell, reach_of(self.robot, self.config, self.grid.cell)
         hazard = self.hazard | kept_off
-        obstacle = np.where(kept_off, np.uint8(pose_kernels.HAZARD), self.obstacle)
-        to_obstacle = np.minimum(self.to_obstacle, self.grid.distance_to(kept_off))
+        # Clearances from this ground alone, because those from other obstacles are larger where the robot has driven
+        alone, distance = np.where(kept_off, pose_kernels.HAZARD, 0).astype(np.uint8), self.grid.distance_to(kept_off)
         box = box_around(kept_off, ceil(reach / cell))
-        level = _clearances(obstacle, to_obstacle, self.robot, cell, self.config, box)
+        level = _clearances(alone, distance, self.robot, cell, self.config, box)
         clearance = np.minimum(self.clearance, _on_slopes(level, self.uphill, self.robot, cell))
         level = np.minimum(self.level, level)
         return replace(
             self,
             hazard=hazard,
             to_hazard=np.minimum(self.grid.distance_to(hazard), reach),
-            obstacle=obstacle,
-            to_obstacle=to_obstacle,
+            obstacle=np.maximum(self.obstacle, alone),
+            to_obstacle=np.minimum(self.to_obstacle, distance),
             level=level,
             clearance=clearance,
             free=pose_kernels.free_poses(clearance, self.required_clearance, SWEEP),

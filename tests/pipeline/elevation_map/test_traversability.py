@@ -147,6 +147,18 @@ def test_a_gap_that_the_robot_has_passed_and_that_drift_makes_narrower_lets_it_b
     assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
 
 
+def test_people_far_from_a_gap_that_the_robot_has_passed_do_not_close_it():
+    walls = [wall_points((-0.2, y), (0.2, y)) for y in (-0.18, 0.18)]
+    gap = surface_of(ground_points(flat, (-1.5, 1.5), (-0.5, 0.5)), *walls)
+    gap.add_track(np.column_stack([np.linspace(-1, 1, 80), np.zeros(80), np.zeros(80)]))
+    ground = assess_map(gap)
+    kept = ground.keeping_off(np.array([(-1.4, -0.4), (1.4, 0.4)]), np.zeros(ground.grid.shape, np.bool_))
+    assert kept.kept_off.any()
+    middle = tuple(ground.grid.cell_of((0.0, 0.0)))
+    assert ground.free[middle][0] & 1
+    np.testing.assert_array_equal(kept.free[middle], ground.free[middle])
+
+
 def test_successive_headings_in_one_cell_are_a_turn():
     same, angles = np.zeros((3, 2), np.int64), pose_kernels.HEADING_ANGLES
     bits = pose_kernels.heading_bits(same, np.array([angles[0], angles[1] + 0.05, angles[1] + np.pi]))

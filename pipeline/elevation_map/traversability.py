@@ -200,15 +200,20 @@ class Traversability:
         return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, SWEEP, *layers)
 
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
-        """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path."""
+        """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path.
+
+        With ``caution`` 0, they are the expected durations of the moves.
+        """
         robot, costs = self.robot, self.config.costs
+        drives = costs.ramp_pace if caution else costs.expected_ramp_pace
+        turns = costs.ramp_pace * costs.turn_pace if caution else costs.expected_ramp_pace
         return pose_kernels.Costs(
             half_length=robot.half_length,
             half_width=robot.half_width,
             speed=robot.speed,
-            ramp_speed=costs.ramp_pace * robot.ramp_speed,
+            ramp_speed=drives * robot.ramp_speed,
             turn_rate=costs.turn_pace * robot.turn_rate,
-            ramp_turn_rate=costs.ramp_pace * costs.turn_pace * robot.ramp_turn_rate,
+            ramp_turn_rate=turns * robot.ramp_turn_rate,
             stray=caution * costs.stray,
             spread=caution * slide_of(robot),
             slide=0.0 if self.ignores_downhill_room else slide_of(robot),

@@ -243,6 +243,19 @@ def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
     assert paths.straightened_path_to((0.6, 1.525)).backwards[0]
 
 
+def test_without_risk_a_way_over_a_ramp_costs_the_time_at_the_speeds_of_ramps():
+    ground = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-2, 2))))
+    paths = PosePaths(ground, (-0.8, 0.0), EAST)
+    ahead, north = (-0.3, 0.0), np.pi / 2
+    drive = paths.without_risk.cost_to(ahead)
+    assert drive == pytest.approx(0.5 / (0.9 * PIONEER.ramp_speed), abs=0.1)
+    assert drive < paths.cost_to(ahead)
+    here = ground.grid.cell_of((-0.8, 0.0))[None]
+    times, costs = (p.seconds_to(here)[0, nearest_heading(north)] for p in (paths.without_risk, paths))
+    assert times == pytest.approx(np.pi / 2 / (0.9 * PIONEER.ramp_turn_rate), abs=0.1)
+    assert times < costs
+
+
 def test_without_risk_ways_cost_their_time_alone(maze):
     paths = PosePaths(maze, (-1, -1), EAST)
     times, costs = paths.without_risk.seconds, paths.seconds

@@ -64,8 +64,8 @@ class ObstacleCheck:
     def look(self, command: Approach, points: Points) -> None:
         """Find obstacles on the path among the camera's returns ``points`` (N, 3) in ``map``, m.
 
-        An obstacle is a cell of traversable ground with enough returns at heights between half the body's height and
-        the headroom.
+        An obstacle is a cell of known ground with enough returns at heights between half the body's height and the
+        headroom. Cells next to a mapped hazard do not count, because the returns may come from this hazard.
         """
         self._stretch, self._direction = command.stretch, command.direction
         self._remaining_length = command.remaining_length
@@ -79,7 +79,8 @@ class ObstacleCheck:
         points = points[is_beside]
         height = points[:, 2] - ground.grid.at(ground.elevation, points, outside=np.nan)
         is_high = (height > robot.body_height / 2) & (height < robot.headroom)
-        near = points[is_high & ground.grid.at(ground.traversable, points)]
+        is_news = ground.grid.at(ground.to_hazard, points, outside=0.0) > 1.5 * ground.grid.cell
+        near = points[is_high & is_news]
         near = near[self._on_path(near, path)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         self.obstacles = near[count[number.ravel()] >= self._config.min_returns]

@@ -67,6 +67,15 @@ def test_what_the_map_knows_is_no_news():
     assert Watch(wall_points((1.5, -1), (1.5, 1)), traversability=walled).is_clear(straight(START, TARGET))
 
 
+@pytest.mark.parametrize(("y", "is_clear"), [(0.0, False), (0.2, False), (-0.2, False), (0.33, True)])
+def test_between_walls_it_sees_what_stands_anywhere_on_its_path(y, is_clear):
+    walls = [wall_points((-1, side), (4, side)) for side in (-0.38, 0.38)]
+    passage = assess_map(surface_of(ground_points(flat, (-1, 4), (-0.38, 0.38)), *walls))
+    post = wall_points((1.5, y - 0.02), (1.5, y + 0.02), 0.5)
+    seen = np.vstack([*walls, post, post])
+    assert Watch(seen, traversability=passage).is_clear(straight(START, TARGET)) == is_clear
+
+
 def test_a_ramp_is_no_obstacle():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     seen = ground_points(ridge, (-1, 1), (-1, 1))

@@ -404,11 +404,27 @@ def rise_beside(elevation, i, j, a, b, most):
 
 
 @njit(cache=True)
+def is_behind_step(elevation, i, j, di, dj, rise, noise):
+    """Whether two adjacent cells between (i, j) and its neighbour (i + di, j + dj) differ by more than a slope does.
+
+    ``rise``: rise of the steepest slope per cell, m, to which ``noise`` m is added.
+    """
+    steps = max(abs(di), abs(dj))
+    before = elevation[i, j]
+    for step in range(1, steps + 1):
+        here = elevation[i + round(di * step / steps), j + round(dj * step / steps)]
+        if abs(here - before) > rise * np.sqrt(di * di + dj * dj) / steps + noise:
+            return True
+        before = here
+    return False
+
+
+@njit(cache=True)
 def gradients(elevation, cell, radius, surface_slope, surface_rise):
     """(nx, ny, 2) slopes along x and y of the least-squares plane through each cell's neighbourhood; 0 where unknown.
 
     The neighbourhood is a disc of ``radius`` cells. Neighbours that differ in height by more than ``surface_slope`` m
-    per m plus ``surface_rise`` m belong to another surface.
+    per m plus ``surface_rise`` m belong to another surface, and so does what is behind such a step.
     """
     nx, ny = elevation.shape
     result = np.zeros((nx, ny, 2), np.float32)
@@ -426,6 +442,10 @@ def gradients(elevation, cell, radius, surface_slope, surface_rise):
                     dz = elevation[a, b] - h0
                     x, y = di * cell, dj * cell
                     if np.isnan(dz) or abs(dz) > surface_slope * np.sqrt(x * x + y * y) + surface_rise:
+                        continue
+                    # Neighbours at the same height do not change the slope, so the search for a step is saved.
+                    is_level = abs(dz) <= surface_rise
+                    if not is_level and is_behind_step(elevation, i, j, di, dj, surface_slope * cell, surface_rise):
                         continue
                     n, sx, sy, sz = n + 1, sx + x, sy + y, sz + dz
                     sxx, sxy, syy, sxz, syz = (sxx + x * x, sxy + x * y, syy + y * y, sxz + x * dz, syz + y * dz)

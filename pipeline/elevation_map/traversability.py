@@ -25,7 +25,8 @@ SLOPE_REACH = 3
 robot's axles, because a small step tilts the robot over this distance."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
 """Slope, m per m, and rise, m. A neighbour whose height differs by more than the slope times its distance plus the
-rise is left out of the fit. It belongs to another surface, such as a wall or the floor under a deck."""
+rise is left out of the fit. It belongs to another surface, such as a wall or the floor under a deck. The same applies
+to neighbours behind such a step, such as the top of a low block beside the cell."""
 WIDEST_HEIGHT_FRACTION = 0.5
 """Height at which a robot's body is widest, as a fraction of the body's height; tyres bulge there, and the top plate
 is narrower."""

@@ -76,6 +76,13 @@ def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     assert traversability.grid.at(traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
 
 
+@pytest.mark.parametrize("height", [0.08, 0.1, 0.13, 0.3])
+def test_the_floor_beside_a_block_is_no_slope(height):
+    ground = assess_map(surface_of(ground_points(lambda x, y: np.where(x > 0, height, 0.0), (-1, 1), (-1, 1))))
+    assert ground.grid.at(ground.hazard, [0.025, 0.025])
+    assert not ground.grid.at(ground.hazard, [(-0.025, 0.025), (-0.075, 0.025), (-0.125, 0.025)]).any()
+
+
 def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
     post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
     traversability = assess_map(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))

@@ -218,7 +218,7 @@ class SlamConfig:
     Attributes:
         local_deviation: maximum standard deviation, m, of a keyframe's position relative to the reference for the
             keyframe to belong to the local map, with which frames are registered. Other keyframes are matched only by
-            loop closures.
+            loop closures, and where the local map contains too little of what is in view.
         jump: distance between two frames, m, in excess of ``max_speed`` times the time between them, above which the
             odometry is assumed to have jumped and is ignored.
         max_speed: maximum speed of the robot, m/s; a Pioneer 3-AT reaches 0.7 m/s.

@@ -248,7 +248,7 @@ class PoseGraph:
         self._settled, self.is_unsettled = len(self._kinds), True
 
     def extend_samples(self, reference: int, motion: Information) -> None:
-        """Draw samples of the newest keyframe's pose from its motion and the surfaces with which it was registered.
+        """Draw samples of the newest keyframe's pose from gravity, its motion and the surfaces registered with it.
 
         The samples of earlier keyframes stay as they are until :meth:`optimise` draws all samples anew. As in
         :meth:`optimise`, surfaces that contradict the pose have a lower weight.
@@ -262,7 +262,9 @@ class PoseGraph:
         surfaces = constraints.some((constraints.second == k) & (self.kinds != ConstraintKind.MOTION))
         chi2 = surfaces.chi2(self.poses, self.odometry.errors)
         roots = np.sqrt(weights_of(chi2, chi2_gate(6, self._config.registration.confidence)))
-        total, pull = np.zeros((6, 6)), np.zeros((6, SAMPLES))
+        level, up = np.zeros((6, 6)), self.ups[k]
+        level[:3, :3] = (np.eye(3) - np.outer(up, up)) / self._config.odometry.gravity_sigma
+        total, pull = level @ level, level @ self._rng.normal(size=(6, SAMPLES))
         for keyframe, whitening in (
             (reference, np.linalg.cholesky(motion).T),
             *zip(surfaces.first, roots[:, None, None] * surfaces.whitening, strict=True),

@@ -175,6 +175,18 @@ def test_a_keyframe_that_sees_what_an_old_one_saw_stays_certain_relative_to_it()
     assert found == pytest.approx(sees.deviations(20)[0], rel=0.3)
 
 
+def test_roll_and_pitch_stay_as_certain_as_gravity_in_a_blind_drive() -> None:
+    sigma = CONFIG.odometry.gravity_sigma
+    graph, motion = PoseGraph(CONFIG), np.diag(np.repeat([sigma, 0.03], 3) ** -2.0)
+    graph.add(np.eye(4), UP)
+    for k in range(30):
+        graph.add(graph.poses[-1] @ from_yaw(0.3, 0, 0, 0), UP)
+        graph.extend_samples(k, motion)
+    roll, pitch, heading = np.sqrt(np.mean(np.square(graph.relative_samples(0)[30, :3]), axis=1))
+    assert max(roll, pitch) < 1.2 * sigma
+    assert heading == pytest.approx(sigma * np.sqrt(30), rel=0.3)
+
+
 @given(st.integers(1, 5))
 @settings(max_examples=5, deadline=None)
 def test_samples_are_as_uncertain_as_the_inverse_of_the_information(seed: int) -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
-from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, RegistrationConfig
+from pipeline.localisation.config import KeyframePolicy, LocalisationConfig, OdometryConfig, RegistrationConfig
 from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.motion_states import log_likelihoods
@@ -19,8 +19,8 @@ from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
 from pipeline.localisation.slam import Slam, certainty
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points
-from tests.pipeline.localisation.driving_robot import drifting, drive, seen
-from tests.pipeline.polygon_scene import floor, wall
+from tests.pipeline.localisation.driving_robot import ROOM, drifting, drive, seen
+from tests.pipeline.polygon_scene import Face, floor, wall
 
 TURN = [(0.0, np.pi / 12)] * 6
 AROUND = drive(*[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN, *[(0.3, 0.0)] * 8, *TURN, *[(0.3, 0.0)] * 6, *TURN)
@@ -372,6 +372,27 @@ def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:
         slam.add(slam.localise(frame))
     slam.optimise()
     assert np.degrees(np.linalg.norm(logarithm(inverse(turns[-1]) @ slam.poses[-1])[:3])) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("faces", "is_found"), [(ROOM, True), ([floor(-3, 5, -20, 20), wall((4, -20), (4, 20))], False)]
+)
+def test_a_robot_that_sees_again_after_a_blind_turn_finds_its_place_if_old_surfaces_determine_it(
+    faces: list[Face], is_found: bool
+) -> None:
+    """It turned in view of the surfaces, then back without a view, and slid by 0.13 m unmeasured."""
+    slam = Slam(config=LocalisationConfig(odometry=OdometryConfig(translation_sigma=0.08)))
+    poses = drive(*TURN)
+    for k, T in enumerate(poses):
+        slam.add(slam.localise(seen(T, T, time=k, faces=faces)))
+    for k, T in enumerate(poses[-2::-1]):
+        frame = seen(T, T, time=10 + k, faces=faces)
+        slam.add(slam.localise(replace(frame, depth=np.zeros_like(frame.depth))))
+    assert slam.deviations[0] > LocalisationConfig().slam.local_deviation
+    expected, T = slam.T_map_odom @ poses[0], from_yaw(0.1, 0.08, 0.0, 0.0) @ poses[0]
+    match = slam.localise(seen(T, poses[0], time=20, faces=faces))
+    assert (match.registration is not None) == is_found
+    assert distance(match.T_map_base, T if is_found else expected) < 0.02
 
 
 @pytest.mark.parametrize("distance_m", [3.3, 3.38, 3.46])

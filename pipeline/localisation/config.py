@@ -73,9 +73,10 @@ class OdometryConfig:
             the angle. On level ground in four simulated arenas, 0.004 was measured.
         added_distance: distance added to every motion when its noise is computed, m, so that the noise is above 0
             even at rest.
-        slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned, about the mean
-            of turns on the same slope; it is multiplied by the sine of the tilt. On plain slopes of 3 to 16°, 0.2 was
-            measured; on half ramps, 0.5, because of a few turns across their edges.
+        slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned, about the mean of
+            turns on the same slope; it is multiplied by the sine of the tilt. Changes of pitch count as turns,
+            because the robot may drop off an edge. On plain slopes of 3 to 16°, 0.2 was measured; on half ramps, 0.5,
+            because of a few turns across their edges.
         slide: mean of each of the three parts of the slide of a skid-steered robot that turns on a slope, m per rad
             turned; it is multiplied by the sine of the tilt. For a Pioneer 3-AT and a Jackal on slopes of 3 to 16°,
             0.29, 0.31 and 0.28 were measured.
@@ -92,7 +93,7 @@ class OdometryConfig:
     turn_sigma_per_rad: float = 1e-3
     translation_sigma: float = 0.005
     added_distance: float = 0.02
-    slide_noise: float = 0.4
+    slide_noise: float = 0.5
     slide: float = 0.3
     distance_scale_sigma: float = 0.02
     rotation_scale_sigma: float = 0.005

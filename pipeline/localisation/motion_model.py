@@ -102,7 +102,7 @@ class MeasuredMotion:
         way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))
         vertical = np.outer(self.up, self.up)
         tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
-        slide = config.slide_noise * slope * abs(self.turn[2])
+        slide = config.slide_noise * slope * turn  # also where the robot only pitches: it may drop off an edge
         translation = config.translation_sigma**2 * (way + turn + config.added_distance) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
         # Occasionally, the wheels slip unnoticed, by up to the whole distance.

@@ -58,13 +58,14 @@ def test_a_slide_in_a_turn_is_the_sum_of_the_slides_in_its_parts(turned: float) 
     np.testing.assert_allclose(one_each, 0.1 * straight + 0.2 * along_axle + 0.3 * of_pivot, atol=1e-5)
 
 
-def test_a_robot_does_not_slide_where_it_only_pitches() -> None:
-    """On the foot of a ramp, it pitches, but its tyres do not scrub."""
+def test_a_robot_is_not_expected_to_slide_where_it_only_pitches_but_is_less_certain() -> None:
+    """On the foot of a ramp, its tyres do not scrub; at an edge, it may drop."""
     nose_up = np.array([np.sin(0.1), 0.0, np.cos(0.1)])
     T = from_rotation(Rotation.from_rotvec([0, -0.2, 0]).as_matrix(), np.array([0.3, 0.0, 0.0]))
     onto, level = (MeasuredMotion(T, up, 1.0) for up in (nose_up, np.array([0.0, 0.0, 1.0])))
     np.testing.assert_allclose(MotionModel(CONFIG).predict(np.eye(4), onto).T_map_base, T, atol=1e-12)
-    assert onto.noise(CONFIG)[4, 4] == pytest.approx(level.noise(CONFIG)[4, 4])
+    added = (CONFIG.slide_noise * np.sin(0.1) * 0.2) ** 2
+    assert onto.noise(CONFIG)[4, 4] == pytest.approx(level.noise(CONFIG)[4, 4] + added)
 
 
 def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:

@@ -204,7 +204,7 @@ def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_ha
     if is_found:
         outlook.confirm()
         assert outlook.mapper.belief.knows_place
-        assert robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.05)
+        assert robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.1)
     else:
         with pytest.raises(LostError):
             outlook.confirm()
@@ -224,7 +224,7 @@ def test_a_robot_that_drove_back_by_itself_was_not_carried(outlook, monkeypatch)
 
     monkeypatch.setattr(outlook.pilot.pose_check, "confirm", confirm)
     assert not outlook.confirm().was_carried
-    assert outlook.robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.05)
+    assert outlook.robot.T[0, 3] == pytest.approx(START[0, 3] - 0.6, abs=0.1)
 
 
 @pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
@@ -369,7 +369,7 @@ def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     noticed = ["held"] if outcome is Outcome.STUCK else []
     assert [fault.kind for fault in outlook.pilot.faults.all if fault.kind != "slipping"] == noticed
     if outcome is Outcome.STUCK:
-        assert robot.T[0, 3] < 2.5 + 3 * 0.4
+        assert robot.T[0, 3] < 2.5 + 3 * 0.4 + 0.1  # It brakes after the third keyframe
         (halt,) = outlook.pilot.navigator.halts
         assert halt.T_map_base[0, 3] == pytest.approx(2.5, abs=0.1)
 

@@ -137,7 +137,7 @@ LATE = [
     ("run_episode", f"{EPISODE} --arena robot.xml", "is URDF"),
     ("run_episode", f"{EPISODE} --arena bomb.xml", "declares a document type"),
     ("run_episode", f"{EPISODE} --arena no_floor.xml", "no free ground at (0, 0) m; choose another start"),
-    ("run_episode", f"{EPISODE} --arena in_a_wall.xml", " m; choose another start with --start X Y YAW"),
+    ("run_episode", f"{EPISODE} --arena in_a_wall.xml", " m; choose a free place with --start X Y YAW"),
     ("run_episode", f"{EPISODE} --arena label.xml", "user=11"),
     ("run_episode", f"{EPISODE} --seed -1", "--seed -1"),
     ("run_episode", f"{EPISODE} --fiducials 99", "--fiducials 99"),

@@ -37,6 +37,6 @@ def test_the_way_of_the_robot_is_found_from_scans_alone(tmp_path):
     places = np.array(found)[:, :3, 3] @ R.T + t
     turned = np.arccos(np.clip((np.trace(R.T @ true[-1, :, :3]) - 1) / 2, -1, 1))
     assert np.linalg.norm(true[-1, :, 3] - t) + turned > 0.3  # the robot drives, or turns
-    assert np.abs(places - true[:, :, 3]).max() < 0.05
+    assert np.abs(places - true[:, :, 3]).max() < config.mapping.voxel_size
     agree = np.array([found[k][:3, :3].T @ R.T @ true[k, :, :3] for k in range(len(found))])
     assert np.trace(agree, axis1=1, axis2=2).min() > 1 + 2 * np.cos(0.03)

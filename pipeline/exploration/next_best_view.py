@@ -12,6 +12,7 @@ from scipy import ndimage
 from pipeline.arrays import Cells, MaskLayer, Values
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
+from pipeline.errors import required
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import cells_touching
@@ -19,7 +20,7 @@ from pipeline.exploration.sightings import Sightings
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, Why
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
-from pipeline.planning.pose_paths import heading_mask
+from pipeline.planning.pose_paths import PosePaths, heading_mask
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 
@@ -171,7 +172,7 @@ class NextBestView(Strategy):
         """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
         The largest unreachable pieces come first. Only unseen cells between reachable ground and the piece are
-        considered, however few they are.
+        considered, however few they are, and only if a path would lead to the piece if they were free.
         """
         terrain = remaining.terrain
         traversability = context.traversability
@@ -191,7 +192,7 @@ class NextBestView(Strategy):
             if viewpoint is None:
                 continue
             opened = terrain.probability[barred].max() * areas[piece]
-            if viewpoint.gain + opened >= self.needed(viewpoint.seconds):
+            if viewpoint.gain + opened >= self.needed(viewpoint.seconds) and self._may_open(pieces == piece, context):
                 return replace(viewpoint, opens=True)
         return None
 
@@ -210,6 +211,20 @@ class NextBestView(Strategy):
             ):
                 return view
         return None
+
+    def _may_open(self, piece: MaskLayer, context: Context) -> bool:
+        """Whether a path leads to a piece of seen ground if the unseen gaps between it and reachable ground are free.
+
+        Unseen cells next to hazards are no targets, but a view of the targets in a gap shows them as well.
+        """
+        ground = context.traversability
+        paths = context.paths
+        beyond = self.config.max_unseen_gap
+        gaps = np.isnan(context.measured) & cells_touching(context, paths.reachable, beyond)
+        gaps &= cells_touching(context, piece, beyond)
+        shut = ground.grid.centre_of(np.argwhere((ground.obstacle != 0) & ~gaps))
+        opened = ground.with_unseen_free(np.zeros((0, 2)), 0.0, shut, doubts=False)
+        return bool((PosePaths(opened, required(paths.start), paths.heading).reachable & piece).any())
 
     def _unreachable(self, context: Context) -> Iterator[Viewpoint]:
         """The pieces of seen ground to which no path leads, the largest first, as viewpoints that are given up."""

@@ -367,6 +367,16 @@ def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_foreve
     assert looks > 1
 
 
+@pytest.mark.parametrize("has_sill", [False, True])
+def test_a_patch_is_not_looked_at_for_ground_that_something_else_bars_as_well(has_sill):
+    world = barred_corridor(3.0)
+    if has_sill:
+        world.update(ground_points(lambda x, _: np.full_like(x, 0.15), (-0.1, 0), (-0.5, 0.5)))
+    exploration = NextBestView(PIONEER)
+    viewpoint = next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi))
+    assert (viewpoint is None) == has_sill
+
+
 @pytest.mark.parametrize("width", [0.2, 0.5])
 def test_a_band_that_keeps_the_robot_off_both_sides_is_looked_at_as_what_bars_the_way(width):
     ground = ground_points(flat, (-3, 3), (-1, 1))

@@ -14,9 +14,12 @@ from pipeline.grid_map import GridMap, Layer
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angle, yaw_of
 
 MAX_MISSES = np.iinfo(np.uint8).max
 """Number of misses of a cell after which further misses are not counted."""
+MOST_TURNED = np.deg2rad(5)
+"""Maximum angle, rad, by which a robot that could not set out has turned."""
 NOWHERE = AnchoredPlaces.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
 
@@ -115,7 +118,7 @@ class Sightings:
         misses = self._layers["misses"].copy()
         missed_from = terrain.missed_from
         visibility.count_misses(poses[first:], camera, terrain, misses, self._missed)
-        self._note_disappointment(missed_from, poses)
+        self._note_disappointment(missed_from, poses, camera)
         for cells in self._disappointing:
             if cells.keyframe[0] >= first:
                 again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
@@ -124,20 +127,26 @@ class Sightings:
         self._layers.write("misses", misses)
         self._layers.write("missed_from", missed_from)
 
-    def _note_disappointment(self, missed_from: NDArray[np.float32], poses: Poses) -> None:
+    def _note_disappointment(self, missed_from: NDArray[np.float32], poses: Poses, camera: CameraView) -> None:
         """If the last drive ended at its viewpoint or where it began, note the cells that should have been shown.
 
         Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
-        set out, or that sees nothing new from the viewpoint, must look for other ground. A keyframe taken elsewhere
-        does not show whether the cells can be seen from the viewpoint.
+        set out, or that sees nothing new from the viewpoint, must look for other ground. A keyframe taken elsewhere,
+        or with another heading, does not show whether the cells can be seen from the viewpoint.
         """
         here = poses[-1, :2, 3]
         drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
         expected = self._layers.grid.mask_of(self._expected.at(poses)) & self._layers["target"]
         expected &= (missed_from != here.astype(np.float32)).any(axis=2)
-        if (drive < self._config.arrived).any() and expected.any():
-            centres = self._layers.grid.centre_of(np.argwhere(expected))
-            self._disappointing.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
+        centres = self._layers.grid.centre_of(np.argwhere(expected))
+        if (drive < self._config.arrived).any():
+            yaw = yaw_of(poses[-1])
+            turned = wrap_angle(yaw - yaw_of(poses[self._drive.keyframe[0]]))
+            if drive[0] >= self._config.arrived or abs(turned) > MOST_TURNED:
+                bearings = np.arctan2(*(centres - here).T[::-1])
+                centres = centres[np.abs(wrap_angle(bearings - yaw)) <= camera.field_of_view / 2]
+            if len(centres):
+                self._disappointing.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
         self._expected = self._drive = NOWHERE
 
 

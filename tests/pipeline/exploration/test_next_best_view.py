@@ -299,6 +299,17 @@ def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     assert next_viewpoint(exploration, world, there).gain == anew.gain
 
 
+def test_what_a_robot_that_arrived_with_another_heading_did_not_look_at_is_not_missed():
+    world = corridor(-6, 2)
+    exploration = NextBestView(PIONEER)
+    first = next_viewpoint(exploration, world, from_yaw(-1, 0, 0, np.pi / 2))
+    there = from_yaw(*first.position, 0, first.heading + np.pi)
+    assert np.linalg.norm(first.position - (-1, 0)) > 4 * exploration.config.arrived
+    again = next_viewpoint(exploration, world, there)
+    anew = next_viewpoint(NextBestView(PIONEER), world, there)
+    assert (again.gain, again.heading) == (anew.gain, anew.heading)
+
+
 def test_a_robot_that_can_not_set_out_turns_to_something_else():
     world = corridor(-6, 2)
     exploration, pose = NextBestView(PIONEER), from_yaw(-1, 0, 0, np.pi / 2)

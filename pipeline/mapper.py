@@ -145,9 +145,13 @@ class Mapper:
 
     @property
     def drivable(self) -> Traversability:
-        """Where the robot may drive if it also keeps away from the confirmed people."""
+        """Where the robot may drive if it also keeps away from the confirmed people, and slows down near them."""
         people, ground = self.people, self.traversability
-        return ground.keeping_off(np.concatenate(people), self.elevation_map.swept) if people else ground
+        if not people:
+            return ground
+        limit = self.config.navigation.speed_limit
+        been = self.elevation_map.swept
+        return ground.keeping_off(np.concatenate(people), been, limit.beside_people, limit.people_speed)
 
     @property
     def people(self) -> list[Points]:

@@ -43,6 +43,7 @@ class Terrain(NamedTuple):
         required_clearance: int8 minimum allowed clearance, cm.
         ramp: cells in which the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of this ramp, m per m; 0 where there is none.
+        beside_people: bool, cells in which the robot drives no faster than ``people_speed``.
     """
 
     origin: Place
@@ -55,6 +56,7 @@ class Terrain(NamedTuple):
     required_clearance: NDArray[np.int8]
     ramp: MaskLayer
     uphill: Layer
+    beside_people: MaskLayer
 
 
 class Costs(NamedTuple):
@@ -63,6 +65,7 @@ class Costs(NamedTuple):
     Attributes:
         half_length, half_width: half the length and width of the footprint, m.
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
+        people_speed: maximum speed near people, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         stray: maximum deviation of the robot from its path, m.
         spread: additional deviation in a turn, m per unit of slope.
@@ -80,6 +83,7 @@ class Costs(NamedTuple):
     half_width: float
     speed: float
     ramp_speed: float
+    people_speed: float
     turn_rate: float
     ramp_turn_rate: float
     stray: float
@@ -247,7 +251,7 @@ def level_speed(room, speed, full_speed_clearance, narrow_speed):
 
 
 @njit(cache=True)
-def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
+def drive_seconds_per_metre(clearance, cos, sin, uphill, is_beside_people, backward, costs):
     """Cost per metre of a drive along (cos, sin), s, with ``clearance`` m around the robot, on a slope ``uphill``."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
@@ -256,6 +260,8 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
         if on_ramp
         else level_speed(clearance, costs.speed, costs.full_speed_clearance, costs.narrow_speed)
     )
+    if is_beside_people:
+        speed = min(speed, costs.people_speed)
     seconds = (1.0 + costs.across * across) / speed
     risk = costs.collision_penalty * collision_probability(clearance, costs.stray)
     return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)
@@ -360,7 +366,8 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
         room = room_on_slope(x, y, cos, sin, terrain.uphill[i, j], costs.lean, terrain, costs)
         if 100 * room < terrain.required_clearance[i, j] - 0.5:
             return np.inf
-        total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
+        is_beside_people = terrain.beside_people[i, j]
+        total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], is_beside_people, backward, costs)
     return total * length / (steps + 1)
 
 

@@ -67,8 +67,10 @@ class Traversability:
         turnable: where the robot can turn through a full circle on level ground.
         tall: hazards that hide the ground behind them, unlike decks and ramps.
         kept_off: ground next to people, from which the robot keeps away; it is treated as a hazard.
+        beside_people: ground around people, on which the robot drives no faster than ``people_speed``.
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
+        people_speed: maximum speed near people, m/s.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
         ignores_downhill_room: whether paths need no room downhill, see :attr:`without_downhill_room`.
     """
@@ -89,9 +91,11 @@ class Traversability:
     turnable: MaskLayer
     tall: MaskLayer
     kept_off: MaskLayer
+    beside_people: MaskLayer
     sealed: Layer
     robot: RobotModel
     config: TraversabilityConfig
+    people_speed: float = np.inf
     is_tight: bool = False
     ignores_downhill_room: bool = False
 
@@ -118,7 +122,9 @@ class Traversability:
         free = pose_kernels.free_poses(self.level, self.required_clearance, SWEEP)
         return replace(self, clearance=self.level, free=free, ignores_downhill_room=True)
 
-    def keeping_off(self, people: NDArray[np.floating], been: MaskLayer) -> "Traversability":
+    def keeping_off(
+        self, people: NDArray[np.floating], been: MaskLayer, beside_people: float = 0.0, people_speed: float = np.inf
+    ) -> "Traversability":
         """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
 
         A hand on the floor is too low to be recognised as a step, and a robot that finds a person next to it must be
@@ -127,11 +133,14 @@ class Traversability:
         Args:
             people: (N, 2 or 3) points on people, m.
             been: (nx, ny) cells where the robot has been.
+            beside_people: distance from people within which the robot drives no faster than ``people_speed``, m.
+            people_speed: maximum speed near people, m/s.
         """
-        near = self.grid.distance_to(self.grid.mask_of(people)) <= self.config.keep_off
-        kept_off = near & ~been & ~self.hazard
+        to_people = self.grid.distance_to(self.grid.mask_of(people))
+        limited = replace(self, beside_people=to_people <= beside_people, people_speed=people_speed)
+        kept_off = (to_people <= self.config.keep_off) & ~been & ~self.hazard
         if not kept_off.any():
-            return self
+            return limited
         cell, reach = self.grid.cell, reach_of(self.robot, self.config, self.grid.cell)
         hazard = self.hazard | kept_off
         # Clearances from this ground alone, because those from other obstacles are larger where the robot has driven
@@ -141,7 +150,7 @@ class Traversability:
         clearance = np.minimum(self.clearance, _on_slopes(level, self.uphill, self.robot, cell))
         level = np.minimum(self.level, level)
         return replace(
-            self,
+            limited,
             hazard=hazard,
             to_hazard=np.minimum(self.grid.distance_to(hazard), reach),
             obstacle=np.maximum(self.obstacle, alone),
@@ -197,8 +206,19 @@ class Traversability:
     @property
     def terrain(self) -> pose_kernels.Terrain:
         """The ground in the form required by the search over poses."""
-        layers = self.obstacle, self.to_obstacle, self.clearance, self.required_clearance, self.ramp, self.uphill
-        return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, SWEEP, *layers)
+        return pose_kernels.Terrain(
+            self.grid.origin,
+            self.grid.cell,
+            self.config.leniency,
+            SWEEP,
+            self.obstacle,
+            self.to_obstacle,
+            self.clearance,
+            self.required_clearance,
+            self.ramp,
+            self.uphill,
+            self.beside_people,
+        )
 
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
         """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path.
@@ -213,6 +233,7 @@ class Traversability:
             half_width=robot.half_width,
             speed=robot.speed,
             ramp_speed=drives * robot.ramp_speed,
+            people_speed=float(self.people_speed),
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=turns * robot.ramp_turn_rate,
             stray=caution * costs.stray,
@@ -258,7 +279,7 @@ UNSEEN: dict[str, float] = {
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
-NO_LAYERS = "grid", "robot", "config", "is_tight", "ignores_downhill_room"
+NO_LAYERS = "grid", "robot", "config", "people_speed", "is_tight", "ignores_downhill_room"
 LAYERS = [field.name for field in fields(Traversability) if field.name not in NO_LAYERS]
 
 
@@ -355,6 +376,7 @@ def assess(
         turnable=(clearance.min(axis=2) >= min_clearance(cell)) & ~ramp,
         tall=_tall(elevation, hazard, config),
         kept_off=np.zeros(grid.shape, np.bool_),
+        beside_people=np.zeros(grid.shape, np.bool_),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
         config=config,

@@ -47,12 +47,13 @@ def move_from(i, j, h, move):
 
 
 @njit(cache=True)
-def move_ticks(h, move, room, uphill, cell, costs):
+def move_ticks(h, move, room, uphill, is_beside_people, cell, costs):
     """Cost in ticks of a move from heading ``h`` with ``room`` cm around the robot on a slope ``uphill`` (2,)."""
     if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(HEADING_ANGLES[h]), np.sin(HEADING_ANGLES[h])
-        per_metre = drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs)
+        is_backward = move == Move.BACKWARD
+        per_metre = drive_seconds_per_metre(0.01 * room, cos, sin, uphill, is_beside_people, is_backward, costs)
         return ticks(length * per_metre, costs.tick)
     angle = abs((HEADING_ANGLES[h] - HEADING_ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
     return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs), costs.tick)
@@ -60,13 +61,16 @@ def move_ticks(h, move, room, uphill, cell, costs):
 
 @njit(cache=True)
 def level_ticks(cell, costs):
-    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the room in whole cm."""
+    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the room in whole cm.
+
+    No people are near.
+    """
     level = np.zeros(2, np.float32)
     result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * costs.full_speed_clearance) + 1), np.int32)
     for move in range(Move.FORWARD, Move.RIGHT + 1):
         for h in range(HEADINGS):
             for room in range(result.shape[2]):
-                result[move, h, room] = move_ticks(h, move, room, level, cell, costs)
+                result[move, h, room] = move_ticks(h, move, room, level, False, cell, costs)
     return result
 
 
@@ -99,8 +103,9 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     # A turn may sweep cells that the robot has never swept, even if the robot has been at the same position.
     if not is_free and entered < before and (move > Move.BACKWARD or not was_near(a, b, terrain.required_clearance)):
         return -1
-    if terrain.ramp[a, b]:
-        return move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
+    is_beside_people = terrain.beside_people[a, b]
+    if terrain.ramp[a, b] or is_beside_people:
+        return move_ticks(h, move, room, terrain.uphill[a, b], is_beside_people, terrain.cell, costs)
     return level[move, h, max(room, 0)]
 
 

@@ -58,6 +58,16 @@ def mapped(poses: np.ndarray) -> Mapper:
 
 TRUE = mapped(POSES)
 
+
+def test_drives_near_people_are_planned_with_their_speed_limit(monkeypatch):
+    person = np.array([[2.0, 0.0, 0.1]], np.float32)
+    monkeypatch.setattr(Mapper, "people", [person])
+    ground, limit = TRUE.drivable, TRUE.config.navigation.speed_limit
+    assert ground.costs().people_speed == limit.people_speed
+    near = ground.grid.distance_to(ground.grid.mask_of(person)) <= limit.beside_people
+    np.testing.assert_array_equal(ground.terrain.beside_people, near)
+
+
 FLOOR = floor(-2, 6, -3, 3)
 DECK = [floor(-2, 0.4, -1, 6), floor(0.4, 6, -3, 6, z=-0.3)]
 

@@ -44,6 +44,18 @@ def test_it_keeps_off_a_hand_on_the_floor_but_can_leave_from_where_it_has_been()
     assert at(ground.keeping_off(hand, been).traversable, [0.0, 0.0])
 
 
+@pytest.mark.parametrize("y", [1.5, 3.5])  # the second person is on unknown ground
+def test_near_people_it_plans_to_drive_as_slowly_as_it_is_allowed_to(y):
+    ground = assess_map(surface_of(ground_points(flat, (-3, 3), (-3, 3))))
+    person, nowhere = np.array([[0.0, y, 0.1]]), np.zeros(ground.grid.shape, np.bool_)
+    kept = ground.keeping_off(person, nowhere, beside_people=1.0, people_speed=0.05)
+    for away, is_slow in ((0.9, True), (1.2, False)):
+        a, b = np.array([[-0.1, y - away], [0.1, y - away]])
+        usual = ground.line_seconds([a], [b])[0], PosePaths(ground, a, 0.0).seconds_at(b, 0)
+        expected = (0.2 / 0.05, 0.2 / 0.05) if is_slow else usual
+        assert (kept.line_seconds([a], [b])[0], PosePaths(kept, a, 0.0).seconds_at(b, 0)) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(("height", "is_hazard"), [(0.05, True), (0.02, False)])
 def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     block = ground_points(lambda x, y: 0 * x + height, (0, 0.5), (0, 0.5))

@@ -176,7 +176,7 @@ def test_a_ramp_is_met_head_on_where_that_is_no_detour():
     traversability = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-2, 2))))
     costs = traversability.costs()
     along, across = (
-        pose_kernels.drive_seconds_per_metre(0.2, c, s, np.array([0.28, 0.0]), False, costs)
+        pose_kernels.drive_seconds_per_metre(0.2, c, s, np.array([0.28, 0.0]), False, False, costs)
         for c, s in ((1, 0), (0, 1))
     )
     assert across > 1.5 * along

@@ -221,7 +221,13 @@ class Explorer:
         # A robot that is already rolling towards this viewpoint must stop there, or the next step would choose it
         # again.
         rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
-        check = ObstacleCheck(ground, step.keyframe.frame.sensor, config.navigation.obstacle_check, people)
+        check = ObstacleCheck(
+            ground,
+            step.keyframe.frame.sensor,
+            config.navigation.obstacle_check,
+            people,
+            config.navigation.speed_limit.beside_people,
+        )
         course = Course(way, heading, here, speed_limit, rolls, planned)
         with mapper.stopwatch("navigation"):
             outcome = pilot.follow(check, course, lambda: self.mission.is_shown(mapper.elevation_map))

@@ -31,6 +31,7 @@ class ObstacleCheck:
         sensor: SensorModel,
         config: ObstacleCheckConfig,
         people: Sequence[Points] = (),
+        beside_people: float = 0.0,
     ):
         """Watch a drive over mapped ground.
 
@@ -39,8 +40,10 @@ class ObstacleCheck:
             sensor: model of the camera.
             config: how often and how far ahead to look.
             people: the points of each person from whom the plan keeps off, m.
+            beside_people: distance from people within which the robot drives slowly, m.
         """
         self.obstacles: Points = np.zeros((0, 3), np.float32)
+        self._beside_people = beside_people
         self._people = KDTree(np.concatenate(people)[:, :2]) if people else None
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
@@ -81,21 +84,31 @@ class ObstacleCheck:
         is_high = (height > robot.body_height / 2) & (height < robot.headroom)
         is_news = ground.grid.at(ground.to_hazard, points, outside=0.0) > 1.5 * ground.grid.cell
         near = points[is_high & is_news]
-        near = near[self._on_path(near, path)]
+        near = near[self._on_path(near, path, robot.half_width)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         self.obstacles = near[count[number.ravel()] >= self._config.min_returns]
 
     def meets(self, people: Sequence[Points], command: Approach) -> bool:
-        """Whether a person, or a part of a person, of whom the plan did not know is on the path.
+        """Whether the path leads too near to a part of a person of whom the plan did not know.
 
-        A hand on the floor is too low to be an obstacle. ``people``: the points of each person seen so far, m.
+        That is ``keep_off`` from the footprint, because a hand on the floor is too low to be an obstacle. If the plan
+        did not know of the person at all, it is the distance within which the robot drives slowly.
+
+        Args:
+            people: the points of each person seen so far, m.
+            command: the command to drive along the path.
         """
-        if not people:
-            return False
-        points = np.concatenate(people)
-        if self._people is not None:
-            points = points[self._people.query(points[:, :2])[0] > self._traversability.config.keep_off]
-        return bool(self._on_path(points, self._extended(command.path)).any())
+        path = self._extended(command.path)
+        keep_off = self._traversability.config.keep_off
+        beside = self._traversability.robot.half_width + keep_off
+        for points in people:
+            is_new = np.ones(len(points), np.bool_)
+            if self._people is not None:
+                is_new = self._people.query(points[:, :2])[0] > keep_off
+            reach = max(beside, self._beside_people) if is_new.all() else beside
+            if self._on_path(points[is_new], path, reach).any():
+                return True
+        return False
 
     def _is_too_near(self, command: Approach) -> bool:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""
@@ -111,10 +124,10 @@ class ObstacleCheck:
         far = np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum() < self._config.ahead
         return path[np.append([True, True], far[1:])]
 
-    def _on_path(self, points: Points, path: Places) -> Mask:
-        """(N,) whether points (N, 3) lie in the area that the footprint will sweep along an extended path."""
-        robot, cell = self._traversability.robot, self._traversability.grid.cell
-        distance, number = KDTree(path).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
+    def _on_path(self, points: Points, path: Places, reach: float) -> Mask:
+        """(N,) whether points (N, 3) lie within ``reach`` m of an extended path, up to its ends."""
+        half_cell = self._traversability.grid.cell / 2
+        distance, number = KDTree(path).query(points[:, :2], distance_upper_bound=reach + half_cell)
         is_behind = (points[:, :2] - path[0]) @ (path[1] - path[0]) <= 0
         beyond = (points[:, :2] - path[-1]) @ (path[-1] - path[-2]) >= 0
         return np.isfinite(distance) & ~(is_behind & (number == 0)) & ~(beyond & (number == len(path) - 1))

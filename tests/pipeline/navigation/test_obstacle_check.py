@@ -122,12 +122,15 @@ def lying(x, y):
         ([], [], False),
         ([], [lying(1.0, 0.1)], True),
         ([], [lying(3.0, 0.0), lying(1.0, 0.1)], True),
-        ([], [lying(1.0, 0.5)], False),  # beside the path
+        ([], [lying(1.0, 0.5)], True),  # within the distance at which the robot drives slowly
+        ([], [lying(1.0, 0.7)], False),
+        ([lying(1.0, 0.7)], [np.vstack([lying(1.0, 0.7), lying(1.0, 0.4)])], True),  # 0.15 m beside the body
+        ([lying(1.0, 0.8)], [np.vstack([lying(1.0, 0.8), lying(1.0, 0.5)])], False),
         ([], [lying(-0.5, 0.0)], False),  # behind the robot
         ([lying(1.0, 0.3)], [lying(1.0, 0.1)], False),  # the plan keeps off
         ([lying(1.0, 0.4)], [lying(1.0, 0.4), lying(1.0, 0.1)], True),
     ],
 )
 def test_a_part_of_a_person_that_the_plan_did_not_know_is_in_the_way(known, seen, meets):
-    check = ObstacleCheck(FLOOR, XTION, ObstacleCheckConfig(), known)
+    check = ObstacleCheck(FLOOR, XTION, ObstacleCheckConfig(), known, beside_people=0.6)
     assert check.meets(seen, Approach(0.2, stretch=straight(START, TARGET), at=0)) == meets

@@ -115,7 +115,7 @@ def count_misses(
         missed: (256,) number of cells that were missed, by the number of earlier misses; updated in place.
     """
     for T in poses:
-        kernels.count_misses(*T[:2, 3], _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
+        kernels.count_misses(T, _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
 
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:

@@ -76,8 +76,10 @@ class SearchedTerrain(NamedTuple):
 
 
 @njit(cache=True)
-def cast_ray(x, y, bearing, view, terrain, seen):
-    """Gain expected from a camera ray of a robot at (x, y), m, along ``bearing``, rad.
+def cast_ray(x, y, level, bearing, tilt, view, terrain, seen):
+    """Gain expected from a camera ray of a robot at (x, y, level), m, along ``bearing``, rad.
+
+    The robot is pitched up by ``tilt``, rad, in this direction.
 
     The ray runs over the ground seen so far; a cell is hidden if a nearer one rises higher in the view. Unknown
     ground is assumed to continue at the last height seen or, if ``terrain.falls``, to fall behind the crest of a ramp
@@ -93,10 +95,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     """
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
-    i, j = cell_at(x, y, origin, cell)
-    level = terrain.elevation[i, j]
     dx, dy = np.cos(bearing), np.sin(bearing)
-    tilt = np.arctan(rise_along(i, j, dx, dy, terrain.gradient))
     camera, ahead, horizon, ceiling = camera_on(level, tilt, view)
     unknown, fall = 0.0, fall_after(np.tan(tilt), terrain.falls, terrain.ramp_slope)
     levelling = terrain.nist_slope * cell / terrain.level_run
@@ -132,6 +131,14 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             seen[count] = i * ny + j
             count += 1
     return total, count
+
+
+@njit(cache=True)
+def stand_on(x, y, bearing, terrain):
+    """Height, m, of a robot that stands on the ground at (x, y), and its pitch along ``bearing``, rad."""
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    tilt = np.arctan(rise_along(i, j, np.cos(bearing), np.sin(bearing), terrain.gradient))
+    return np.float64(terrain.elevation[i, j]), tilt
 
 
 @njit(cache=True)
@@ -184,7 +191,9 @@ def ray_gains(places, view, terrain, wanted, earlier):
     for n in range(len(places)):
         for m in range(view.rays):
             if wanted[n, m]:
-                total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
+                x, y = places[n]
+                level, tilt = stand_on(x, y, m * step, terrain)
+                total, _ = cast_ray(x, y, level, m * step, tilt, view, terrain, seen)
                 result[n, m] = total * terrain.cell * step
     return result
 
@@ -215,22 +224,25 @@ def cells_in_view(x, y, bearings, view, terrain):
     result = np.zeros(terrain.target.size, np.bool_)
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
     for bearing in bearings:
-        _, count = cast_ray(x, y, bearing, view, terrain, seen)
+        level, tilt = stand_on(x, y, bearing, terrain)
+        _, count = cast_ray(x, y, level, bearing, tilt, view, terrain, seen)
         for n in range(count):
             result[seen[n]] = True
     return result.reshape(terrain.target.shape)
 
 
 @njit(cache=True)
-def count_misses(x, y, bearings, view, terrain, misses, missed):
-    """Count the target cells that a keyframe at (x, y), m, should have shown along ``bearings``, rad, but did not.
+def count_misses(T, bearings, view, terrain, misses, missed):
+    """Count the target cells that a keyframe at a pose (4×4) should have shown along ``bearings``, rad, but did not.
 
     Updated in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of these cells
     by their number of earlier misses.
     """
     seen, most = np.zeros(int(view.far / terrain.cell) + 2, np.int64), len(missed) - 1
+    x, y, level = T[:3, 3]
     for bearing in bearings:
-        _, count = cast_ray(x, y, bearing, view, terrain, seen)
+        tilt = np.arctan(-(T[0, 2] * np.cos(bearing) + T[1, 2] * np.sin(bearing)) / T[2, 2])
+        _, count = cast_ray(x, y, level, bearing, tilt, view, terrain, seen)
         for n in range(count):
             i, j = divmod(seen[n], terrain.target.shape[1])
             # Count a cell once, although several rays, or one ray at several positions, may show it.

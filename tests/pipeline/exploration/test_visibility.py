@@ -106,6 +106,16 @@ def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_for_another_camera_a
     assert min(casts) > 0.95 * max(casts)
 
 
+@pytest.mark.parametrize(("pitch", "height", "is_missed"), [(0.0, 0.0, True), (-0.5, 0.0, False), (0.0, 3.0, False)])
+def test_a_keyframe_misses_only_what_the_camera_on_the_robot_as_it_was_could_see(pitch, height, is_missed):
+    terrain = terrain_with(known_up_to(60))
+    T = from_yaw(2.0, 2.5, height, 0.0)
+    T[:3, :3] = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    misses, missed = np.zeros(SHAPE, np.uint8), np.zeros(256, np.int64)
+    visibility.count_misses(T[None], CAMERA, terrain, misses, missed)
+    assert misses.any() == missed.any() == is_missed
+
+
 def test_a_view_is_that_of_the_camera_on_the_robot():
     view = camera_view(StillRobot().sense(), VisibilityConfig())
     assert (view.height, view.ahead) == (HEIGHT, 0.0)

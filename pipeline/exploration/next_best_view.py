@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, MaskLayer, Values
+from pipeline.arrays import Cells, MaskLayer, Place, Values
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.errors import required
@@ -23,6 +23,10 @@ from pipeline.grid_map import best_of_blocks
 from pipeline.planning.pose_paths import PosePaths, heading_mask
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
+
+DECK_PROBABILITY = 0.5
+"""Probability that a level deck, not a falling slope, follows a crest: nothing tells which until the robot has looked
+behind it, and a look that shows no deck reduces the probability of its cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,13 +126,13 @@ class NextBestView(Strategy):
         terrain = self.remaining.terrain
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
-        self._is_for_ground = True
+        self._is_for_ground = not viewpoint.opens
         if viewpoint.opens:
             self._looks.update((float(x), float(y)) for x, y in self._promised[0].round(2))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             # Only a keyframe there shows what the rewards are for, however early the drive shows the ground.
-            self._is_for_ground = not context.rewards.gains(place[None], np.array([viewpoint.heading])).any()
+            self._is_for_ground &= not context.rewards.gains(place[None], np.array([viewpoint.heading])).any()
             context.rewards.aim(place, viewpoint.heading)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
@@ -159,11 +163,11 @@ class NextBestView(Strategy):
     def _next(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best viewpoint that is worth the drive, or else one that may open a path.
 
-        From below a crest, a deck behind it is visible, but falling ground is not. Decks are assumed only if no other
-        viewpoint is worth the drive.
+        From below a crest, a deck behind it is visible, but falling ground is not. If no viewpoint is worth the drive
+        otherwise, decks are assumed to be certain.
         """
-        for falls in (True, False):
-            best = self._best(replace(remaining, terrain=remaining.terrain._replace(falls=falls)), context)
+        for deck_probability in (DECK_PROBABILITY, 1.0):
+            best = self._best(remaining, context, deck_probability)
             if best and best.gain >= self.needed(best.seconds):
                 return best
         return self._opening(remaining, context)
@@ -270,13 +274,19 @@ class NextBestView(Strategy):
             remaining = remaining.after(viewpoint)
 
     def _best(
-        self, remaining: RemainingGround, context: Context, min_gain: float | None = None, min_fraction: float = 0.0
+        self,
+        remaining: RemainingGround,
+        context: Context,
+        deck_probability: float = DECK_PROBABILITY,
+        min_gain: float | None = None,
+        min_fraction: float = 0.0,
     ) -> Viewpoint | None:
         """The viewpoint with the highest score; None if none shows anything, or if no path leads to one that does.
 
         Args:
             remaining: the ground that remains to be seen.
             context: the context of the decision.
+            deck_probability: probability that a level deck, not a falling slope, follows a crest.
             min_gain: minimum gain, m²; by default, the area of a row of cells as long as the robot is wide.
             min_fraction: minimum fraction of the highest gain of any viewpoint.
         """
@@ -290,9 +300,9 @@ class NextBestView(Strategy):
         places = np.vstack([paths.start, grid.centre_of(spread)])
         cells = np.vstack([grid.cell_of(paths.start), spread])
         # Gains: unseen ground in view and rewards, where their sum is large enough and the robot can stand.
-        here = visibility.gains(places[:1], remaining.camera, terrain)
-        cached = self._gains[terrain.falls, remaining.camera == self.remaining.camera]
-        gains = np.vstack([here, cached.of(spread, remaining.camera, terrain)])
+        falling = self._ground_in_view(places[0], spread, remaining, falls=True)
+        decks = self._ground_in_view(places[0], spread, remaining, falls=False)
+        gains = (1 - deck_probability) * falling + deck_probability * decks
         if self.takes_rewards and context.rewards and context.rewards.wanted:
             gains = gains + context.rewards.gains(context.traversability.on_ground(places), HEADING_ANGLES)
         min_gain = self._robot.width * terrain.cell if min_gain is None else min_gain
@@ -304,6 +314,7 @@ class NextBestView(Strategy):
         places = places[is_some]
         cells = cells[is_some]
         gains = gains[is_some]
+        falls = (falling >= decks)[is_some]
         # Scores: gain per second. The search for paths extends no farther than the best viewpoint requires, because
         # viewpoints beyond its horizon take longer than the horizon, and no less than a straight drive.
         straight = paths.min_seconds_to(cells)[:, None]
@@ -324,7 +335,19 @@ class NextBestView(Strategy):
         drive = float(min(quickest, found[n, m]))
         heading = wrap_angle(float(HEADING_ANGLES[m]))
         gain = float(gains[n, m])
-        return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, terrain.falls)
+        return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, bool(falls[n, m]))
+
+    def _ground_in_view(
+        self, here: Place, spread: Cells, remaining: RemainingGround, *, falls: bool
+    ) -> NDArray[np.float64]:
+        """(1 + N, 16) m², ground that viewpoints at a position (2,) and in cells (N, 2) should show.
+
+        ``falls``: whether unknown ground behind crests is assumed to fall.
+        """
+        camera = remaining.camera
+        terrain = remaining.terrain._replace(falls=falls)
+        gains = self._gains[falls, camera == self.remaining.camera].of(spread, camera, terrain)
+        return np.vstack([visibility.gains(here[None], camera, terrain), gains])
 
     def _candidates(self, remaining: RemainingGround, context: Context) -> Cells:
         """(N, 2) cells: in each block, the one with the most reachable headings, and those where no full turn fits.

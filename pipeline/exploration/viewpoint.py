@@ -27,7 +27,8 @@ class Viewpoint:
         turn: whether the robot turns to the heading on arrival.
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
         seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
-        falls: whether the gain assumes that unknown ground behind crests falls.
+        falls: whether the keyframe should show the ground in view if unknown ground behind crests falls, not if a
+            level deck follows.
         opens: whether the viewpoint's purpose is to show the cells that may block the path to ground that was seen.
         why: the reason for giving the viewpoint up, if it is given up:
 

@@ -152,6 +152,15 @@ def test_behind_a_high_crest_from_where_no_falling_ground_would_show_it_looks_fo
     assert abs(viewpoint.heading) < np.deg2rad(25)
 
 
+def test_a_deck_that_may_follow_a_crest_ahead_is_looked_for_before_ground_far_away():
+    world = surface_of(ground_points(lambda x, _: 0.36 + 0.28 * np.clip(x, -1.3, 0), (-12, 0.05), (-0.6, 0.6)))
+    for y in (-0.6, 0.6):
+        world.update(wall_points((-12, y), (2, y)))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(-1, 0, 0, 0))
+    assert viewpoint.position[0] > -2
+    assert abs(viewpoint.heading) < np.deg2rad(25)
+
+
 def test_ground_that_a_keyframe_missed_may_fall_away():
     deck = corridor(-3, 1, 0.6, is_closed=True)
     exploration = NextBestView(PIONEER)
@@ -376,6 +385,14 @@ def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_foreve
         assert looks < 10
         exploration.commit(viewpoint, here)
     assert looks > 1
+
+
+def test_a_drive_to_a_view_of_what_bars_a_way_does_not_end_early():
+    world, exploration = barred_corridor(3.0), NextBestView(PIONEER)
+    viewpoint = next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi))
+    assert viewpoint.opens
+    world.update(ground_points(flat, (-3, 3), (-1, 1)))
+    assert not exploration.is_shown(world)
 
 
 @pytest.mark.parametrize("has_sill", [False, True])

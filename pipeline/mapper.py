@@ -43,7 +43,7 @@ class Keyframe:
     """A frame that has been added to the maps, with the results for this frame at that time.
 
     Attributes:
-        frame: the frame of the camera.
+        frame: the camera's images, with their time and poses.
         T_map_base: 4×4 estimated pose of the robot at the time of the frame.
         points: (N, 3) float32 returns in ``map``, m; empty if the frame was not labelled.
         labels: (N,) uint8 classes of the points.

@@ -20,7 +20,7 @@ from rich.markdown import Markdown
 from pipeline.files import atomic_write
 from sarsim.commands.cli import check_folder_of, is_verbose
 from sarsim.commands.provenance import instructions, machine, processor
-from sarsim.commands.settings import run_one_of, save_settings
+from sarsim.commands.settings import run_subcommand, save_settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.benchmarks.settings import SUBJECTS, SubjectSettings
@@ -62,7 +62,7 @@ def every_figure(subject: str, figures: Mapping[str, float]) -> str:
 
 def main() -> None:
     """Entry point."""
-    run_one_of({name: (partial(benchmark, subject=name), kind) for name, kind in SUBJECTS.items()}, str(__doc__))
+    run_subcommand({name: (partial(benchmark, subject=name), kind) for name, kind in SUBJECTS.items()}, str(__doc__))
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ class UnseenWaysConfig:
         margin: distance around a goal within which a path may go around obstacles, m.
         farthest: maximum distance from the robot to a goal, m. Goals farther away are reached over seen ground only,
             because the time and memory of the search grow with the area.
-        ahead: length of the path through unseen ground that a view should show, m.
+        view_length: length of the path through unseen ground that a view should show, m.
         second_look: cost of a second view if the first shows none of this ground, s.
         detour: maximum detour for a view, s; longer detours are considered only if no view is within this limit.
         min_fraction: minimum fraction of this ground that a view must show.
@@ -67,7 +67,7 @@ class UnseenWaysConfig:
 
     margin: float = 3.0
     farthest: float = 60.0
-    ahead: float = 1.5
+    view_length: float = 1.5
     second_look: float = 5.0
     detour: float = 20.0
     min_fraction: float = 0.2

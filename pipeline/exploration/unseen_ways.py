@@ -209,7 +209,7 @@ class UnseenGroundSearch:
         if first == len(states):
             return None
         metres = t.grid.cell * np.linalg.norm(np.diff(states[first:, :2], axis=0), axis=1).cumsum()
-        last = first + 1 + int((metres <= self._numbers.ahead).sum())
+        last = first + 1 + int((metres <= self._numbers.view_length).sum())
         hidden = _unknown_around(states[max(first - 1, 0) : last], t)
         return Gap(hidden, states[:first], search.seconds_from_pose(*start)) if hidden.any() else None
 

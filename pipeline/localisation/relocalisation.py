@@ -105,13 +105,13 @@ class VoxelField(NamedTuple):
         corner, size = metric_map.corner + (lower - cells) * metric_map.voxel_size, metric_map.voxel_size
         return cls(voxels, corner, size, border)
 
-    def voxel(self, points: Places | Points) -> NDArray[np.float32]:
+    def voxel_coordinates(self, points: Places | Points) -> NDArray[np.float32]:
         """(N, 3) float32 coordinates of points in ``map``, in voxels from the field's corner."""
         return ((points - self.lower) / self.size).astype(np.float32)
 
     def at(self, points: Places | Points) -> NDArray[np.uint8]:
         """(N,) states at points in ``map``; UNKNOWN outside the field."""
-        index = np.floor(self.voxel(points)).astype(np.int64)
+        index = np.floor(self.voxel_coordinates(points)).astype(np.int64)
         inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
         values = np.full(len(points), VoxelState.UNKNOWN, np.uint8)
         values[inside] = self.voxels[tuple(index[inside].T)]
@@ -168,7 +168,7 @@ def weigh(points: Places, places: Places, field: VoxelField) -> NDArray[np.float
     """
     rng = np.random.default_rng(0)
     counts = np.zeros((len(points), 3), np.int64)
-    at = field.voxel(places[rng.integers(len(places), size=RANDOM_POSES)])
+    at = field.voxel_coordinates(places[rng.integers(len(places), size=RANDOM_POSES)])
     yaws = rng.choice(headings(), RANDOM_POSES)
     count_values((points / field.size).astype(np.float32), at, yaws, field.voxels, counts)
     counts += 1  # Laplace's rule of succession
@@ -197,7 +197,7 @@ def search(points: Places, gain: NDArray[np.float32], places: Places, field: Vox
     some, yaws = np.random.default_rng(0).permutation(len(points))[:SEARCHED], headings()
     scores = np.empty((len(places), len(yaws)), np.float32)
     cloud = (points[some] / field.size).astype(np.float32)
-    score(cloud, gain[some], field.voxel(places), yaws, field.voxels, scores)
+    score(cloud, gain[some], field.voxel_coordinates(places), yaws, field.voxels, scores)
     least, guesses = PROMISING * scores.max(), list[Guess]()
     while len(guesses) <= MAX_GUESSES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)

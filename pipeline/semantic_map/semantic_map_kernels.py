@@ -79,7 +79,7 @@ def accumulate(
 
 @njit(cache=True, inline="always")
 def _is_chosen(i, j, columns):
-    """Whether the column of the blocks (i, j) is chosen."""
+    """Whether the column that contains the blocks with indices ``i`` and ``j`` along x and y is chosen."""
     low, chosen = columns
     u, v = i // COLUMN - low[0], j // COLUMN - low[1]
     return 0 <= u < chosen.shape[0] and 0 <= v < chosen.shape[1] and chosen[u, v]

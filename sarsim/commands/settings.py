@@ -54,7 +54,7 @@ def run_with_settings(
     guarded(run)
 
 
-def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
+def run_subcommand(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
     """Run the subcommand that the first word of the command line names, as :func:`run_with_settings` does."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:

@@ -17,7 +17,7 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 from sarsim.commands.cli import Interruptible, check_folder_of, progress
-from sarsim.commands.settings import run_one_of, save_settings
+from sarsim.commands.settings import run_subcommand, save_settings
 from sarsim.flags import Given
 from sarsim.settings import POINT_NETWORKS
 
@@ -186,4 +186,4 @@ def _events(folder: Path) -> "Callable[[Training], None]":
 def main() -> None:
     """Entry point of ``sarsim-train``."""
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
-    run_one_of(networks, str(__doc__))
+    run_subcommand(networks, str(__doc__))

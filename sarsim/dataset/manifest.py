@@ -126,8 +126,8 @@ class Manifest:
             mine, theirs = self.recipe.get(name), other.recipe.get(name)
             if mine != theirs:
                 raise InputError(
-                    f"{folder}: contains a dataset with {name} = {_short(mine)}, not {_short(theirs)};"
-                    " choose another folder"
+                    f"{folder}: contains a dataset with {name} = {_abbreviated_json(mine)}, "
+                    f"not {_abbreviated_json(theirs)}; choose another folder"
                 )
 
 
@@ -206,5 +206,5 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _short(value: Any) -> str:
+def _abbreviated_json(value: Any) -> str:
     return json.dumps(value).replace('"', "")[:200]

@@ -173,7 +173,10 @@ class Oracle(ViewTours):
         return {"oracle_time_s": tour.seconds, "oracle_path_m": tour.metres, "physical_time_s": self.physical_seconds}
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:
-        """A robot's path length, m, and time, s, until it had seen enough, divided by the tour's."""
+        """A robot's path length, m, and time, s, until it had seen enough, divided by those of the tour.
+
+        ``time_over_physical`` is the time divided by ``physical_seconds``.
+        """
         tour = self.quickest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         over = {"time_over_oracle": seconds / tour.seconds, "time_over_physical": seconds / self.physical_seconds}

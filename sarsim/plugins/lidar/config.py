@@ -116,7 +116,7 @@ ANY = PRESETS["vlp-16"]
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """The lidar that the robot carries; by default, all settings are the sensor's.
+    """The lidar that the robot carries; a setting that is None takes the sensor's value.
 
     Attributes:
         sensor: vlp-16, os1-64, utm-30lx, or rows and columns of beams, such as 16x900.

@@ -160,6 +160,8 @@ class Pilot:
             return Verdict.SPINNING
         # An obstacle may itself be the reason for doubt, so it comes first.
         if checked is not None and not check.is_clear(checked):
+            if not belief.knows_place:
+                check.forget()
             return Verdict.BLOCKED
         if not belief.knows_place:
             return Verdict.UNSURE

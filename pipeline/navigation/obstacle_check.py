@@ -88,6 +88,10 @@ class ObstacleCheck:
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
         self.obstacles = near[count[number.ravel()] >= self._config.min_returns]
 
+    def forget(self) -> None:
+        """Forget the obstacles, because the pose from which the robot saw them is in doubt."""
+        self.obstacles = np.zeros((0, 3), np.float32)
+
     def meets(self, people: Sequence[Points], command: Approach) -> bool:
         """Whether the path leads too near to a part of a person of whom the plan did not know.
 

@@ -92,10 +92,10 @@ class Outlook:
     def drive(self, x: float, y: float, nearest: float = XTION.nearest, is_done=lambda: False) -> Outcome:
         """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
         sensor = replace(XTION, nearest=nearest)
-        check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
+        self.check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
         start = self.pilot.navigator.next_pose(self.keyframes[-1].T_map_base)
         way = stretches_of(np.array([(x, y)]), np.zeros(1, np.bool_), start, None, lambda poses: False)
-        return self.pilot.follow(check, Course(way), is_done)
+        return self.pilot.follow(self.check, Course(way), is_done)
 
 
 @pytest.fixture(scope="module")
@@ -304,12 +304,13 @@ def test_the_check_for_obstacles_makes_a_keyframe():
     assert len(outlook.keyframes) == 2
 
 
-def test_a_frame_that_an_obstacle_puts_in_doubt_becomes_no_keyframe():
+def test_a_frame_that_an_obstacle_puts_in_doubt_becomes_no_keyframe_nor_is_the_obstacle_kept():
     outlook = Outlook()
     outlook.pilot.take_keyframe()
     outlook.robot.faces = [*BARE, PANEL]
     assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
     assert len(outlook.keyframes) == 1
+    assert len(outlook.check.obstacles) == 0
 
 
 def test_after_a_check_for_obstacles_the_robot_may_have_seen_what_it_wants():

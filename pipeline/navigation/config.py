@@ -127,16 +127,18 @@ class SpeedLimitConfig:
         arc_lag: time in which a robot that enters an arc must be able to reach the arc's turn rate, s; until then,
             its path is too straight. A Pioneer reaches 0.8 rad/s, at which it slides outwards, 4 to 6° off its
             heading (measured); at 1.5 rad/s, it would slide 12° off.
+        max_bend_offset: maximum distance to which a bend without an arc may carry the robot off its line, m.
     """
 
     beside_people: float = 1.0
     people_speed: float = 0.2
     beside_ramps: float = 0.2
     arc_lag: float = 0.46
+    max_bend_offset: float = 0.02
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot could not drive near people or in arcs with these settings."""
-        require_positive("navigation.speed_limit", self, "people_speed", "arc_lag")
+        require_positive("navigation.speed_limit", self, "people_speed", "arc_lag", "max_bend_offset")
         require_at_least(0, "navigation.speed_limit", self, "beside_people", "beside_ramps")
 
 

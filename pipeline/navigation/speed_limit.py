@@ -37,11 +37,16 @@ class SpeedLimit:
         """(N,) m/s, maximum speeds at the poses of a stretch, from which the robot can brake for limits ahead."""
         robot, poses = self._traversability.robot, stretch.poses
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
-        # The median leaves out single bends without an arc, which the follower corrects while driving.
-        curvature = ndimage.median_filter(np.abs(stretch.curvature), 3, mode="mirror")
-        turning = turn_rate / np.maximum(curvature, np.finfo(np.float64).eps)
-        speeds = np.minimum(self._on_ground(poses), turning)
-        return braked(speeds, stretch.distances_along, self._deceleration)
+        along, tiny = stretch.distances_along, np.finfo(np.float64).eps
+        # The median leaves out single bends without an arc, which the follower corrects while driving. Until it has
+        # turned the robot, the robot drives straight on, off its line.
+        curvature = np.abs(stretch.curvature)
+        in_arcs = ndimage.median_filter(curvature, 3, mode="mirror")
+        bends = np.append(np.maximum(curvature - in_arcs, 0.0)[:-1] * np.diff(along), 0.0)
+        turning = turn_rate / np.maximum(in_arcs, tiny)
+        bending = self._config.max_bend_offset / np.maximum(self._config.arc_lag * bends, tiny)
+        speeds = np.minimum(self._on_ground(poses), np.minimum(turning, bending))
+        return braked(speeds, along, self._deceleration)
 
     def _on_ground(self, poses: Places) -> Values:
         """(N,) m/s, maximum speeds at poses (N, 3) that the ground and the people nearby allow."""

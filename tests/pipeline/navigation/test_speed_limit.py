@@ -64,11 +64,11 @@ def test_the_tighter_an_arc_the_slower_it_is():
     assert speeds[1] < 0.5
 
 
-@pytest.mark.parametrize("angle", [-14, 3, 14])
-def test_a_bend_without_an_arc_does_not_slow_it_down(angle):
+@pytest.mark.parametrize(("angle", "slowest"), [(-14, 0.18), (3, 0.5), (14, 0.18)])
+def test_a_bend_without_an_arc_slows_it_down_so_that_it_stays_near_its_line(angle, slowest):
     at = speed_limit(surface_of(ground_points(flat, (-4, 4), (-3, 3))))
     bent = line(-1.5, length=1.5).and_then(line(0.0, direction=np.deg2rad(angle), length=2.0))
-    np.testing.assert_allclose(at(bent), 0.5)
+    assert at(bent).min() == pytest.approx(slowest, abs=0.02)
 
 
 def test_an_arc_after_a_bend_slows_it_down_no_more_than_the_arc_alone():

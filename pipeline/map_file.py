@@ -32,7 +32,7 @@ from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import POSE, are_poses
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
-FORMAT, VERSION = "sarsim keyframes", 9
+FORMAT, VERSION = "sarsim keyframes", 10
 
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]

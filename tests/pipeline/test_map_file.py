@@ -174,7 +174,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "changed.npz"),
-        ("version", 3, "version 9"),
+        ("version", 3, "version 10"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
         ("track.tried_from", 4, "keyframe"),

@@ -45,14 +45,20 @@ class RemainingGround:
     seen: float
     seconds: float
 
-    def in_view(self, viewpoint: Viewpoint) -> MaskLayer:
-        """The targets that a keyframe at a viewpoint should show."""
-        terrain = self.terrain._replace(falls=viewpoint.falls)
-        return visibility.cells_in_view(viewpoint.position, viewpoint.heading, self.camera, terrain)
+    def in_view(self, viewpoint: Viewpoint) -> tuple[MaskLayer, MaskLayer]:
+        """The targets that a keyframe at a viewpoint should show if unknown ground behind crests falls or not."""
+        falling, decks = (
+            visibility.cells_in_view(
+                viewpoint.position, viewpoint.heading, self.camera, self.terrain._replace(falls=falls)
+            )
+            for falls in (True, False)
+        )
+        return falling, decks
 
     def after(self, viewpoint: Viewpoint) -> "RemainingGround":
         """The ground that remains after a keyframe at a viewpoint has shown all the ground that it should."""
-        target = self.terrain.target & ~self.in_view(viewpoint)
+        falling, decks = self.in_view(viewpoint)
+        target = self.terrain.target & ~falling & ~decks
         return replace(self, terrain=self.terrain._replace(target=target))
 
 
@@ -120,11 +126,13 @@ class NextBestView(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the ground that a keyframe at this viewpoint should show."""
-        cells = self.remaining.in_view(viewpoint)
+        falling, decks = self.remaining.in_view(viewpoint)
+        cells = falling | decks
         ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         self.sightings.expect(np.argwhere(cells), ends, context.poses)
         terrain = self.remaining.terrain
-        area = float(terrain.probability[cells].sum()) * terrain.cell**2
+        shown = [terrain.probability[case].sum() for case in (falling, decks)]
+        area = float(np.average(shown, weights=[1 - DECK_PROBABILITY, DECK_PROBABILITY])) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
         self._is_for_ground = not viewpoint.opens
         if viewpoint.opens:
@@ -197,7 +205,7 @@ class NextBestView(Strategy):
                 continue
             opened = terrain.probability[barred].max() * areas[piece]
             if viewpoint.gain + opened >= self.needed(viewpoint.seconds) and self._may_open(pieces == piece, context):
-                return replace(viewpoint, opens=True)
+                return replace(viewpoint, opens=True, stands=True)
         return None
 
     def _look_at(self, bars: MaskLayer, remaining: RemainingGround, context: Context) -> Viewpoint | None:
@@ -303,8 +311,10 @@ class NextBestView(Strategy):
         falling = self._ground_in_view(places[0], spread, remaining, falls=True)
         decks = self._ground_in_view(places[0], spread, remaining, falls=False)
         gains = (1 - deck_probability) * falling + deck_probability * decks
+        rewards = np.zeros_like(gains)
         if self.takes_rewards and context.rewards and context.rewards.wanted:
-            gains = gains + context.rewards.gains(context.traversability.on_ground(places), HEADING_ANGLES)
+            rewards = context.rewards.gains(context.traversability.on_ground(places), HEADING_ANGLES)
+        gains = gains + rewards
         min_gain = self._robot.width * terrain.cell if min_gain is None else min_gain
         gains = np.where(heading_mask(paths.headings[tuple(cells.T)]) & (gains >= min_gain), gains, 0.0)
         gains[gains < min_fraction * gains.max()] = 0.0
@@ -314,7 +324,7 @@ class NextBestView(Strategy):
         places = places[is_some]
         cells = cells[is_some]
         gains = gains[is_some]
-        falls = (falling >= decks)[is_some]
+        is_rewarded = rewards[is_some] > 0
         # Scores: gain per second. The search for paths extends no farther than the best viewpoint requires, because
         # viewpoints beyond its horizon take longer than the horizon, and no less than a straight drive.
         straight = paths.min_seconds_to(cells)[:, None]
@@ -335,7 +345,8 @@ class NextBestView(Strategy):
         drive = float(min(quickest, found[n, m]))
         heading = wrap_angle(float(HEADING_ANGLES[m]))
         gain = float(gains[n, m])
-        return Viewpoint(places[n], heading, True, gain, self.config.keyframe_time + drive, bool(falls[n, m]))
+        duration = self.config.keyframe_time + drive
+        return Viewpoint(places[n], heading, True, gain, duration, stands=bool(is_rewarded[n, m]))
 
     def _ground_in_view(
         self, here: Place, spread: Cells, remaining: RemainingGround, *, falls: bool

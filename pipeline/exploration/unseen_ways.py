@@ -295,7 +295,7 @@ class UnseenGroundSearch:
         seconds = self._config.keyframe_time + float(min(quickest, there[n, m]))
         gain = float(shown.sum()) * t.grid.cell**2
         shows = t.grid.centre_of(np.argwhere(shown))
-        view = PathView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)
+        view = PathView(places[n], heading, True, gain, seconds, stands=True, shows=shows)
         return float(cost[n, m]), view
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:

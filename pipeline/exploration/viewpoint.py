@@ -27,8 +27,6 @@ class Viewpoint:
         turn: whether the robot turns to the heading on arrival.
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
         seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
-        falls: whether the keyframe should show the ground in view if unknown ground behind crests falls, not if a
-            level deck follows.
         opens: whether the viewpoint's purpose is to show the cells that may block the path to ground that was seen.
         why: the reason for giving the viewpoint up, if it is given up:
 
@@ -38,7 +36,7 @@ class Viewpoint:
             - ``no_way``: something else blocks the path
 
         stands: whether the robot must stop at the viewpoint, unless the drive itself shows enough, because the next
-            drive depends on the view.
+            drive depends on the view, or because only a keyframe there shows what it is for.
     """
 
     position: Place
@@ -46,7 +44,6 @@ class Viewpoint:
     turn: bool
     gain: float
     seconds: float = 0.0
-    falls: bool = True
     opens: bool = False
     stands: bool = False
     why: Why = "unseen"

@@ -161,6 +161,16 @@ def test_a_deck_that_may_follow_a_crest_ahead_is_looked_for_before_ground_far_aw
     assert abs(viewpoint.heading) < np.deg2rad(25)
 
 
+def test_no_ground_is_expected_twice_from_one_pose_whatever_follows_the_crest():
+    world = surface_of(ground_points(lambda x, _: 0.36 + 0.28 * np.clip(x, -1.3, 0), (-12, 0.05), (-0.6, 0.6)))
+    for y in (-0.6, 0.6):
+        world.update(wall_points((-12, y), (2, y)))
+    exploration = NextBestView(PIONEER)
+    first = next_viewpoint(exploration, world, from_yaw(-1, 0, 0, 0))
+    views = exploration.remaining.after(first).in_view(first)
+    assert not np.any(views)
+
+
 def test_ground_that_a_keyframe_missed_may_fall_away():
     deck = corridor(-3, 1, 0.6, is_closed=True)
     exploration = NextBestView(PIONEER)
@@ -391,6 +401,7 @@ def test_a_drive_to_a_view_of_what_bars_a_way_does_not_end_early():
     world, exploration = barred_corridor(3.0), NextBestView(PIONEER)
     viewpoint = next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi))
     assert viewpoint.opens
+    assert viewpoint.stands
     world.update(ground_points(flat, (-3, 3), (-1, 1)))
     assert not exploration.is_shown(world)
 

@@ -89,14 +89,22 @@ class Pilot:
         return ConfirmedPose(localised, was_carried)
 
     def _confirmed(self, localised: LocalisedFrame, last: Frame | None) -> ConfirmedPose:
-        """Turn for other views until the pose is confirmed; if that fails after a halt, drive back and look again."""
+        """Turn for other views until the pose is confirmed.
+
+        If that fails after a halt, or shows that the robot is still held, it drives back and looks again.
+        """
         for _ in range(self._mapper.config.navigation.recovery.drives_back):
             try:
-                return self.pose_check.confirm(localised, last, self._turn)
+                confirmed = self.pose_check.confirm(localised, last, self._turn)
             except LostError:
                 if not self.navigator.drive_back(self._move):
                     raise
-                last, localised = None, self._note(self._mapper.localise(self.sense()))
+            else:
+                if confirmed.was_carried or not self.navigator.is_still_held(self._mapper.T_map_odom):
+                    return confirmed
+                self.correct()
+                self.navigator.drive_back(self._move)
+            last, localised = None, self._note(self._mapper.localise(self.sense()))
         return self.pose_check.confirm(localised, last, self._turn)
 
     def _turn(self, angle: float) -> LocalisedFrame | None:

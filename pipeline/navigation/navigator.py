@@ -50,6 +50,9 @@ MIN_WAY, MIN_TURN = 0.02, radians(2)
 """Minimum distance by which the robot backs out, m, and minimum angle by which it turns back, rad."""
 MIN_UNDONE_FRACTION = 0.5
 """Fraction of the intended distance or angle above which the robot is considered to have backed out."""
+SPUN = 0.1
+"""Distance between the positions according to the camera and to the odometry above which the wheels of a robot that
+backed out are considered to have spun, m."""
 
 AVERAGED = 0.5
 """Time over which speeds are averaged to detect that something holds the robot, s."""
@@ -217,12 +220,14 @@ class Halt:
     Attributes:
         T_map_base: pose at which the robot stopped.
         command: the command that the robot was following.
-        freed: whether the robot could back out.
+        freed: whether the robot could back out, according to its odometry.
+        backed: distance by which it then backed out, according to its odometry, m; 0 after a turn.
     """
 
     T_map_base: Pose
     command: Velocity
     freed: bool
+    backed: float = 0.0
 
     @property
     def touches(self) -> bool:
@@ -407,6 +412,18 @@ class Navigator:
 
         return self._supervised(commands(), send) is Outcome.REACHED
 
+    def is_still_held(self, T_map_odom: Pose) -> bool:
+        """Whether the camera, by the newest ``T_map_odom``, shows that the robot did not back out after all.
+
+        Wheels that spin on a ramp turn as if the robot backed out. It is then that much farther ahead than its
+        odometry says.
+        """
+        if not self.halts or not self.halts[-1].touches:
+            return False
+        seen = (T_map_odom @ self._T_odom_base)[:3, 3]
+        error = float(np.linalg.norm(seen - self.T_map_base[:3, 3]))
+        return error > max(SPUN, MIN_UNDONE_FRACTION * self.halts[-1].backed)
+
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool, send: Send) -> Outcome:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
@@ -543,9 +560,11 @@ class Navigator:
             leans = self._tips
             spins = verdict is Verdict.SPINNING
             if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
-                T = self.T_map_base
-                self.halts.append(Halt(T, command, self._back_out(way, command, leans, send)))
-                self.recovered += self.halts[-1].freed
+                T, T_odom_held = self.T_map_base, self._T_odom_base
+                freed = self._back_out(way, command, leans, send)
+                backed = _moved_back(self._T_odom_base, T_odom_held, Velocity(-command.v)) if command.v else 0.0
+                self.halts.append(Halt(T, command, freed, backed))
+                self.recovered += freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         if self._rest is None:
             self._stop(send)

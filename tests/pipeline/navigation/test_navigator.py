@@ -193,6 +193,14 @@ def test_it_drives_back_by_the_distance_that_it_is_given():
     assert robot.T[0, 3] == pytest.approx(-BACKED_OUT, abs=0.01)
 
 
+@pytest.mark.parametrize(("ahead", "is_held"), [(0.0, False), (0.05, False), (0.2, True)])
+def test_it_is_still_held_if_the_camera_sees_it_where_it_was(ahead, is_held):
+    navigator = Follower(RobotBeforeWall(0.6))
+    assert not navigator.drive(np.array([(2, 0)]))
+    assert navigator.halts[-1].backed == pytest.approx(BACKED_OUT, abs=0.02)
+    assert navigator.is_still_held(from_yaw(ahead, 0, 0, 0)) is is_held
+
+
 @pytest.mark.parametrize("turned", [90, 120, 150])
 def test_it_backs_out_as_far_where_arcs_have_turned_it_round(turned):
     robot = KinematicRobot(blocked=lambda time: yaw_of(robot.T) > np.deg2rad(turned) and robot.commands[-1].v > 0)

@@ -63,6 +63,7 @@ class Explorer:
         self.pilot = Pilot(robot, mapper, self._sinks, navigator)
         self.steps = 0
         self._failed_drives = self._ways_back = 0
+        self._had_room = True  # Whether the last plan left room downhill on slopes
 
     def watch(self, *sinks: Sink) -> None:
         """Add sinks, which are notified of every event in the given order."""
@@ -84,8 +85,7 @@ class Explorer:
         self.reobservation.count(keyframe.frame)
         # Choose a viewpoint, or drive back if no path leads to where the robot came from, or end the exploration.
         with mapper.stopwatch("exploration"):
-            viewpoint, context = self.decide(keyframe)
-            back = self._way_back(context) if viewpoint is None else None
+            viewpoint, context, back = self.decide(keyframe)
             self._ways_back = self._ways_back + 1 if back else 0
             if back is not None:
                 self.mission.set_out_to_see_nothing()
@@ -140,20 +140,26 @@ class Explorer:
         self.pilot.correct()
         return moves is not None
 
-    def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
-        """The viewpoint to drive to (None if there is none), and the context of the decision.
+    def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context, PathPlan | None]:
+        """The viewpoint to drive to, the context of the decision, and a plan back along the robot's own track.
 
         Without a viewpoint, the search is repeated without room downhill on slopes, at the risk that the robot leans
         or slides into an obstacle. If no path leads to a goal, not even over unseen ground, the search is repeated
-        without the safety margin.
+        without the safety margin. If all this fails, or if the robot slid to where it has no room downhill, it drives
+        back to where it came from.
         """
         viewpoint, context = self._choose(keyframe)
+        had_room, self._had_room = self._had_room, True
         if viewpoint is None and not self.is_held and context.traversability.ramp.any():
+            if had_room and (back := self._way_back(context)):
+                return None, context, back
             fallback = self._choose(keyframe, ignores_downhill_room=True)
-            viewpoint, context = (viewpoint, context) if fallback[0] is None else fallback
+            if fallback[0] is not None:
+                viewpoint, context = fallback
+                self._had_room = False
         if viewpoint is None and not self.is_held and self.mission.tighten():
-            return self._choose(keyframe)
-        return viewpoint, context
+            viewpoint, context = self._choose(keyframe)
+        return viewpoint, context, self._way_back(context) if viewpoint is None else None
 
     def _choose(self, keyframe: Keyframe, ignores_downhill_room: bool = False) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance costs more, so that the same path is not tried again.

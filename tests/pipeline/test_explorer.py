@@ -125,7 +125,7 @@ def test_ways_to_goals_need_no_margin_once_nothing_else_is_left(explorer):
     assert not explorer.step().traversability.is_tight
 
 
-def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer):
+def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer, monkeypatch):
     def falls_to_the_right(x, y):
         return 0.28 * y * np.interp(x, [0.5, 2, 3, 4.5], [0, 1, 1, 0])
 
@@ -140,8 +140,15 @@ def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer):
     near = explorer.step()
     assert near.plan is not None and not near.traversability.ignores_downhill_room
     explorer.mission.goals = Goals([(5.0, 0.0)])
+    # A robot that has slid to where it has no room drives back first. Where it chose to do without room, it goes on.
+    back = PathPlan(np.array([(0.5, 0.0, 0.0)]), np.array([True]), [], 0.5)
+    monkeypatch.setattr("pipeline.explorer.way_back", lambda poses, paths: back)
+    assert explorer.step().plan is back
+    monkeypatch.setattr("pipeline.explorer.way_back", lambda poses, paths: None)
     far = explorer.step()
     assert far.plan is not None and far.traversability.ignores_downhill_room
+    monkeypatch.setattr("pipeline.explorer.way_back", lambda poses, paths: back)
+    assert explorer.step().traversability.ignores_downhill_room
 
 
 def test_goals_that_were_seen_come_before_views_and_views_only_as_long_as_goals_are_left(explorer):

@@ -229,9 +229,14 @@ def test_a_robot_that_drove_back_by_itself_was_not_carried(outlook, monkeypatch)
 
 def test_a_robot_whose_wheels_spun_while_it_backed_out_drives_back_again(outlook, monkeypatch):
     outlook.confirm()
-    outlook.pilot.navigator.turn(0.1, outlook.pilot._move)
     monkeypatch.setattr(outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), freed=True, backed=0.3)])
     is_held = [True, False]
+
+    def confirm(localised, last, turn):
+        turn(0.1)
+        return ConfirmedPose(localised, None)
+
+    monkeypatch.setattr(outlook.pilot.pose_check, "confirm", confirm)
     monkeypatch.setattr(outlook.pilot.navigator, "is_still_held", lambda T_map_odom: is_held.pop(0))
     assert not outlook.confirm().was_carried
     assert outlook.robot.T[0, 3] == pytest.approx(START[0, 3] - 0.3, abs=0.05)

@@ -118,9 +118,13 @@ class Traversability:
 
     @cached_property
     def without_downhill_room(self) -> "Traversability":
-        """The same ground without room downhill on slopes, a risk that is taken only if no other path exists."""
-        free = pose_kernels.free_poses(self.level, self.required_clearance, SWEEP)
-        return replace(self, clearance=self.level, free=free, ignores_downhill_room=True)
+        """The same ground without room downhill on slopes, a risk that is taken only if no other path exists.
+
+        Poses without this room have no more clearance than they need, so paths that avoid them remain cheaper.
+        """
+        clearance = _without_downhill_room(self.clearance, self.level, self.required_clearance)
+        free = pose_kernels.free_poses(clearance, self.required_clearance, SWEEP)
+        return replace(self, clearance=clearance, free=free, ignores_downhill_room=True)
 
     def keeping_off(
         self, people: NDArray[np.floating], been: MaskLayer, beside_people: float = 0.0, people_speed: float = np.inf
@@ -183,11 +187,13 @@ class Traversability:
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
         level = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
-        clearance = level if self.ignores_downhill_room else _on_slopes(level, known["uphill"], self.robot, grid.cell)
+        clearance = _on_slopes(level, known["uphill"], self.robot, grid.cell)
         # Where the robot has driven, the clearance is larger.
         level, clearance = np.maximum(level, known["level"]), np.maximum(clearance, known["clearance"])
         required_clearance = known["required_clearance"]
         required_clearance[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
+        if self.ignores_downhill_room:
+            clearance = _without_downhill_room(clearance, level, required_clearance)
         known |= {
             "obstacle": obstacle,
             "to_obstacle": distance,
@@ -316,6 +322,13 @@ def assess_map(elevation_map: ElevationMap) -> Traversability:
     """Assess every cell of an elevation map for its robot."""
     m = elevation_map
     return assess(m.grid, m.elevation, m.dropout, m.driven, m.robot, m.config.traversability)
+
+
+def _without_downhill_room(
+    clearance: NDArray[np.int8], level: NDArray[np.int8], required_clearance: NDArray[np.int8]
+) -> NDArray[np.int8]:
+    """(nx, ny, 16) ``clearance``, raised to the required one where the footprint's own clearance ``level`` allows."""
+    return np.maximum(clearance, np.minimum(level, required_clearance[..., None]))
 
 
 def assess(

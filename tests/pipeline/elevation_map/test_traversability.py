@@ -233,6 +233,8 @@ def test_downhill_there_is_room_to_lean_and_in_turns_to_slide():
         assert off == pytest.approx(downhill, abs=traversability.grid.cell)
     relaxed = traversability.without_downhill_room
     assert np.count_nonzero(relaxed.free[..., 1]) > np.count_nonzero(traversability.free[..., 1])
+    is_raised = relaxed.clearance > traversability.clearance
+    assert (relaxed.clearance <= relaxed.required_clearance[..., None])[is_raised].all()
     beside = np.array([[0.0, 0.05 - wall + PIONEER.half_width, 0.0]])
     assert relaxed.pose_clearances(beside)[0] > 0 > traversability.pose_clearances(beside)[0]
 

@@ -100,6 +100,8 @@ class ExplorationConfig:
         max_unseen_gap: maximum width of unseen ground that is looked at because it may block a path, m.
         looks: number of looks at a cell that may block the path to seen ground after which the cell is treated as
             blocked.
+        drives_to_look: number of drives to looks at such a cell, wherever they ended, after which it is treated as
+            blocked.
         progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
             a bend.
         min_shown_fraction: minimum fraction of the expected ground that must be seen, even if only during the drive,
@@ -118,6 +120,7 @@ class ExplorationConfig:
     max_drives_without_progress: int = 5
     max_unseen_gap: float = 0.5
     looks: int = 3
+    drives_to_look: int = 8
     progress: float = 1.5
     min_shown_fraction: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
@@ -128,4 +131,4 @@ class ExplorationConfig:
         require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "max_unseen_gap")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
-        require_at_least(1, "exploration", self, "max_drives_without_progress", "looks")
+        require_at_least(1, "exploration", self, "max_drives_without_progress", "looks", "drives_to_look")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, MaskLayer, Place, Values
+from pipeline.arrays import Cells, MaskLayer, Place, Pose, Values
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.errors import required
@@ -22,7 +22,7 @@ from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import best_of_blocks
 from pipeline.planning.pose_paths import PosePaths, heading_mask
 from pipeline.robot import RobotModel
-from pipeline.transforms import wrap_angle
+from pipeline.transforms import wrap_angle, yaw_of
 
 DECK_PROBABILITY = 0.5
 """Probability that a level deck, not a falling slope, follows a crest: nothing tells which until the robot has looked
@@ -81,7 +81,10 @@ class NextBestView(Strategy):
         self.sightings = Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
-        self._looks: Counter[tuple[float, float]] = Counter()  # by the position of a cell that blocks a path
+        # By the position of a cell that blocks a path, m: number of keyframes for it, and of drives to take one.
+        self._looks: Counter[tuple[float, float]] = Counter()
+        self._drives: Counter[tuple[float, float]] = Counter()
+        self._look: Viewpoint | None = None  # Where the robot is driving to look at such cells
         self._promised = np.zeros((0, 2)), 0.0  # centres and area of the cells that the last viewpoint should show
         self._is_for_ground = False
         # Rays cast under one assumption about the ground behind crests, or for one camera, are not valid for
@@ -91,6 +94,9 @@ class NextBestView(Strategy):
 
     def observe(self, context: Context) -> None:
         """Record the cells that keyframes since the last call showed and missed, and the remaining unseen ground."""
+        if self._look is not None and self._is_at(self._look, context.T_map_base):
+            self._looks.update(_keys(self._promised[0]))
+        self._look = None
         camera = visibility.camera_view(context.frame, self.config.visibility)
         terrain = self.sightings.observe(context, camera)
         self._began = context.frame.time if self._began is None else self._began
@@ -136,12 +142,19 @@ class NextBestView(Strategy):
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
         self._is_for_ground = not viewpoint.opens
         if viewpoint.opens:
-            self._looks.update((float(x), float(y)) for x, y in self._promised[0].round(2))
+            self._look = viewpoint
+            self._drives.update(_keys(self._promised[0]))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             # Only a keyframe there shows what the rewards are for, however early the drive shows the ground.
             self._is_for_ground &= not context.rewards.gains(place[None], np.array([viewpoint.heading])).any()
             context.rewards.aim(place, viewpoint.heading)
+
+    def _is_at(self, viewpoint: Viewpoint, T_map_base: Pose) -> bool:
+        """Whether the robot has arrived at a viewpoint, with its heading."""
+        distance = np.linalg.norm(T_map_base[:2, 3] - viewpoint.position)
+        turned = abs(wrap_angle(yaw_of(T_map_base) - viewpoint.heading))
+        return bool(distance <= self.config.arrived and turned <= np.pi / len(HEADING_ANGLES))
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the robot set out to see."""
@@ -192,7 +205,9 @@ class NextBestView(Strategy):
         pieces, areas = _pieces(context)
         half = self.config.max_unseen_gap / 2
         bars = terrain.target & cells_touching(context, context.paths.reachable, half)
-        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]  # treated as blocked
+        # After too many looks or drives, cells are treated as blocked.
+        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
+        often += [place for place, drives in self._drives.items() if drives >= self.config.drives_to_look]
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
         # The largest piece for which looking at the cells that may block the path is worth the time.
         context = replace(context, rewards=None)
@@ -392,3 +407,8 @@ def _joined(context: Context, ground: MaskLayer) -> MaskLayer:
     """The pieces of a mask ``ground`` that contain reachable cells."""
     pieces, _ = ndimage.label(ground, np.ones((3, 3)))
     return np.isin(pieces, np.unique(pieces[context.paths.reachable])) & (pieces > 0)
+
+
+def _keys(places: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """The positions of cells (N, 2), m, as keys."""
+    return [(float(x), float(y)) for x, y in places.round(2)]

@@ -385,16 +385,21 @@ def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_
         assert viewpoint.position[0] < 0
 
 
-def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_forever():
-    exploration = NextBestView(PIONEER)
-    here, looks = context(barred_corridor(3.0, half=0.1), from_yaw(-2.5, 0, 0, np.pi)), 0
+@pytest.mark.parametrize("arrives", [True, False])
+def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_forever(arrives):
+    exploration, world = NextBestView(PIONEER), barred_corridor(3.0, half=0.1)
+    here, looks = context(world, from_yaw(-2.5, 0, 0, np.pi)), 0
     exploration.observe(here)
     while viewpoint := exploration.next_viewpoint(here):
         assert viewpoint.opens
         looks += 1
         assert looks < 10
         exploration.commit(viewpoint, here)
-    assert looks > 1
+        if arrives:
+            here = context(world, from_yaw(*viewpoint.position, 0, viewpoint.heading))
+        exploration.observe(here)
+    # A drive that ended elsewhere is no look.
+    assert looks == (exploration.config.looks if arrives else exploration.config.drives_to_look)
 
 
 def test_a_drive_to_a_view_of_what_bars_a_way_does_not_end_early():

@@ -143,10 +143,15 @@ class Explorer:
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context, PathPlan | None]:
         """The viewpoint to drive to, the context of the decision, and a plan back along the robot's own track.
 
-        Without a viewpoint, the search is repeated without room downhill on slopes, at the risk that the robot leans
-        or slides into an obstacle. If no path leads to a goal, not even over unseen ground, the search is repeated
-        without the safety margin. If all this fails, or if the robot slid to where it has no room downhill, it drives
-        back to where it came from.
+        If the search yields no viewpoint, the following steps are tried in turn until one of them yields a viewpoint
+        or a plan back:
+
+        - If there are ramps, and the last plan left room downhill on slopes: a plan back, because the robot may have
+          slid to where it has no room downhill.
+        - If there are ramps: a search without room downhill, at the risk that the robot leans or slides into an
+          obstacle.
+        - If the task is to drive to goals: a search without the safety margin.
+        - A plan back.
         """
         viewpoint, context = self._choose(keyframe)
         had_room, self._had_room = self._had_room, True
@@ -162,7 +167,7 @@ class Explorer:
         return viewpoint, context, self._way_back(context) if viewpoint is None else None
 
     def _choose(self, keyframe: Keyframe, ignores_downhill_room: bool = False) -> tuple[Viewpoint | None, Context]:
-        # After failed drives clearance costs more, so that the same path is not tried again.
+        # After failed drives, too little clearance costs more, so that the same path is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
         pose = self.pilot.navigator.next_pose(keyframe.T_map_base)
         context = context_of(
@@ -199,8 +204,9 @@ class Explorer:
     def drive(self, step: Step) -> bool:
         """Follow the plan of a step and turn to the viewpoint's heading; True if the robot arrived.
 
-        The robot stops in front of an obstacle that is not on the map, or if it slides off its path; the next step
-        then plans again.
+        The result is also True if the drive ended early because the map already shows what the robot set out to see.
+        The robot stops in front of an obstacle that is not on the map, beside a person of whom the plan did not know,
+        or if it slides off its path; the next step then plans again.
         """
         viewpoint, plan = step.viewpoint, step.plan
         if viewpoint is None or plan is None:

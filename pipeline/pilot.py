@@ -78,7 +78,8 @@ class Pilot:
         if last is None:
             self.faults.check_depth_scale(localised.frame)
 
-        # To confirm its pose, the robot may turn, drive back, and roll to a stop before.
+        # The distance is computed first, because the robot may roll to a stop, turn, and drive back to confirm its
+        # pose.
         here, left = localised.frame.T_odom_base, self._T_odom_left
         moved = np.inf if left is None else np.linalg.norm((here - left)[:3, 3])
         localised, was_carried = self._confirmed(localised, last)
@@ -91,7 +92,7 @@ class Pilot:
     def _confirmed(self, localised: LocalisedFrame, last: Frame | None) -> ConfirmedPose:
         """Turn for other views until the pose is confirmed.
 
-        If that fails after a halt, or shows that the robot is still held, it drives back and looks again.
+        If this fails after a halt, or shows that the robot is still held, the robot drives back and looks again.
         """
         for _ in range(self._mapper.config.navigation.recovery.drives_back):
             try:
@@ -122,7 +123,7 @@ class Pilot:
     def follow(self, check: ObstacleCheck, course: Course, is_done: Callable[[], bool] = lambda: False) -> Outcome:
         """Follow a course as :meth:`Navigator.follow` does, while taking keyframes and watching for obstacles.
 
-        ``is_done``: called after each keyframe; the drive ends early if it returns True.
+        ``is_done``: called after each frame taken on the drive; the drive ends early if it returns True.
         """
         outcome = self.navigator.follow(course, partial(self._watched, check, is_done))
         self._leave(outcome)

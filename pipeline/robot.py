@@ -60,7 +60,7 @@ class RobotModel:
         max_gap: maximum width of a gap that the robot can roll over, m.
         max_tilt: maximum tilt of the ground that the robot may drive on, rad.
         tipping_tilt: tilt of the robot at which it stops and backs out, rad.
-        speed, ramp_speed: driving speeds on level ground and on ramps, m/s.
+        speed, ramp_speed: maximum speeds on level ground and on ramps, m/s.
         turn_rate, ramp_turn_rate: maximum turn rates on level ground and on ramps, rad/s.
         acceleration, turn_acceleration: maximum accelerations of the drive, m/s² and rad/s².
         ramp_slide: maximum displacement in a quarter turn on the steepest ramp, m.

@@ -46,7 +46,7 @@ class SimulationConfig:
         sensor: the Xtion with its noise, or only with its limited range.
         lighting: lighting of the arena; in the dark, the robot's lamp is on.
         dust: dust in the air, from 0 to 1; it absorbs depth returns, causes false returns and veils colours.
-        speed: the robot's speed on level ground, m/s; by default its model's.
+        speed: the robot's maximum speed, m/s; by default, its model's.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteerRobot`.
         tyre_error: relative error of the wheels' radius, unknown to the odometry.
         camera_size: width and height of the camera's images, pixels.

@@ -14,8 +14,8 @@ class PathCosts:
             space makes no difference, so clearances are computed only up to this distance.
         narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
-        ramp_pace: fraction of its ramp speed and turn rate that costs assume. It is less than the robot reaches,
-            because the robot may slip and slide on ramps; as a cost, this risk is not part of a drive's duration.
+        ramp_pace: fraction of its ramp speed and turn rate that costs assume. It is lower than the fraction that the
+            robot reaches, because the robot may slip and slide on ramps; expected durations do not include this risk.
         expected_ramp_pace: fraction of its ramp speed and turn rate that the robot reaches: a Pioneer and a Jackal
             reach 0.85 to 0.95 (measured in the simulator). The expected durations of drives assume it.
         turn_pace: fraction of its maximum turn rate that the robot reaches on average, including acceleration and

@@ -229,7 +229,8 @@ class Traversability:
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
         """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path.
 
-        With ``caution`` 0, they are the expected durations of the moves.
+        With ``caution`` 0, they are the expected durations of the moves, with backward drives counted ``backing``
+        times.
         """
         robot, costs = self.robot, self.config.costs
         drives = costs.ramp_pace if caution else costs.expected_ramp_pace
@@ -343,7 +344,7 @@ def assess(
     """Assess every cell of a grid, beyond which everything is unknown.
 
     The footprint keeps :func:`min_clearance` from hazards and from depth dropouts, where a thin panel may stand,
-    and slightly less from unknown ground, which may be a wall that is only seen at grazing angles.
+    and slightly less from unknown ground, which may be a wall that is seen only at grazing angles.
 
     Args:
         grid: the grid of the layers.

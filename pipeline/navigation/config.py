@@ -20,8 +20,8 @@ class FollowerConfig:
             1, the wheels do not skid past the end.
         pivot_level: maximum heading error that the robot corrects while driving on level ground, rad; to correct a
             larger error, it turns in place.
-        pivot_ramp: maximum heading error that the robot corrects while driving on a ramp, rad; in a turn in place,
-            it would slide there.
+        pivot_ramp: maximum heading error that the robot corrects while driving on a ramp, where it would slide in a
+            turn in place, rad.
         max_offset: maximum distance from the line of a stretch, after the turn to its heading, at which the robot
             begins the stretch, m. The default is the deviation that plans allow for on a straight drive.
         hold_gain: ratio of the speed that compensates for sliding in a turn on a ramp to the present and expected
@@ -53,8 +53,8 @@ class RecoveryConfig:
         max_distance: maximum distance by which the robot backs out, m, unless it leans; it never backs out much
             farther than it drove.
         max_turn: maximum angle by which the robot turns back, rad; it never turns back much farther than it turned.
-        drives_back: maximum number of times that a robot that is lost after a halt drives back by ``max_distance`` to
-            look around again.
+        drives_back: maximum number of times that the robot drives back by ``max_distance`` and looks around again if,
+            after a halt, it is lost or still held.
     """
 
     max_distance: float = 0.3
@@ -95,8 +95,7 @@ class ObstacleCheckConfig:
 
     Attributes:
         distance_between_checks: distance driven between two checks, m.
-        turn: angle by which the camera turns along an arc between two checks, rad; keyframes are taken about as
-            often.
+        turn: angle by which the camera turns along an arc between two checks, rad.
         ahead: distance along the path from the robot's centre beyond which obstacles are ignored, m.
         min_returns: minimum number of the camera's returns in a cell that contains an obstacle. In measurements,
             noise caused no returns in a cell, and the thickest dust at most 17.

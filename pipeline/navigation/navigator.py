@@ -377,8 +377,8 @@ class Navigator:
     def _stop(self, send: Send) -> None:
         """Brake until the robot stands still, because the next plan begins where it then stands.
 
-        On a slope, or with noisy sensors, it may never seem to stand still, so this takes no longer than braking from
-        its top speed and turn rate.
+        On a slope, or with noisy sensors, the robot may never seem to stand still, so the wait ends once the robot
+        could have braked from its top speed and turn rate.
         """
         model = self._robot
         longest = REACTION + max(model.speed / model.acceleration, model.turn_rate / model.turn_acceleration)
@@ -415,8 +415,7 @@ class Navigator:
     def is_still_held(self, T_map_odom: Pose) -> bool:
         """Whether the camera, by the newest ``T_map_odom``, shows that the robot did not back out after all.
 
-        Wheels that spin on a ramp turn as if the robot backed out. It is then that much farther ahead than its
-        odometry says.
+        If wheels spin on a ramp, the odometry reports that the robot backs out, although it stays where it is.
         """
         if not self.halts or not self.halts[-1].touches:
             return False
@@ -486,8 +485,8 @@ class Navigator:
 
         Speed control can correct only the slide's component along the heading, so the slide expected during the rest
         of the turn is compensated for in advance. In a quarter turn on a slope of 16°, this reduces the robot's
-        maximum displacement from 0.21 m to 0.13 m (measured). Slides later than in the next quarter turn can be
-        corrected then, with another heading.
+        maximum displacement from 0.21 m to 0.13 m (measured). Slides after the next quarter turn can be corrected
+        later, with another heading.
         """
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self._robot.slide_per_radian * min(abs(left), np.pi / 2) * T[:2, 2]
@@ -595,8 +594,8 @@ class Navigator:
         """Undo the motion along ``T_odom_way``, which was free; return whether the robot got far enough.
 
         A robot that leans drives back until it is level. A robot that tips while it backs out, for example up a wall,
-        undoes this motion as well. If the wheels spin, the motion ends, because the encoders alone would report
-        that the robot moves.
+        undoes this motion as well. The motion ends if the caller forbids the command, for example because the wheels
+        spin, which the encoders alone would report as motion of the robot.
         """
         model = self._robot
         config = self._config.recovery

@@ -93,10 +93,11 @@ class ObstacleCheck:
         self.obstacles = np.zeros((0, 3), np.float32)
 
     def meets(self, people: Sequence[Points], command: Approach) -> bool:
-        """Whether the path leads too near to a part of a person of whom the plan did not know.
+        """Whether the path leads too near to a part of a person of which the plan did not know.
 
-        That is ``keep_off`` from the footprint, because a hand on the floor is too low to be an obstacle. If the plan
-        did not know of the person at all, it is the distance within which the robot drives slowly.
+        Parts nearer than ``keep_off`` to the footprint are too near, because a hand on the floor is too low to be an
+        obstacle. If the plan did not know of the person at all, all parts within ``beside_people`` of the path are
+        too near.
 
         Args:
             people: the points of each person seen so far, m.

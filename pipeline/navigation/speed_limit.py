@@ -38,8 +38,8 @@ class SpeedLimit:
         robot, poses = self._traversability.robot, stretch.poses
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
         along, tiny = stretch.distances_along, np.finfo(np.float64).eps
-        # The median leaves out single bends without an arc, which the follower corrects while driving. Until it has
-        # turned the robot, the robot drives straight on, off its line.
+        # The median leaves out single bends without an arc. In such a bend, the follower turns the robot while it
+        # drives; until the robot has turned, it drives straight on and leaves its line.
         curvature = np.abs(stretch.curvature)
         in_arcs = ndimage.median_filter(curvature, 3, mode="mirror")
         bends = np.append(np.maximum(curvature - in_arcs, 0.0)[:-1] * np.diff(along), 0.0)

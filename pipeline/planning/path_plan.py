@@ -103,8 +103,8 @@ def plan_path(
 
     Dijkstra's algorithm on the topological map gives the nodes of the route. On the tree, the path passes through
     these nodes, unless a single straight drive reaches the goal. On the roadmap, the path is the result of the search
-    over poses; it takes less time and need not pass through the nodes. Returns None if no path leads to the goal;
-    :func:`unreachable_reason` gives the reason.
+    over poses, which takes less time to drive and need not pass through the nodes. Returns None if no path leads to
+    the goal; :func:`unreachable_reason` gives the reason.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if unreachable_reason(paths, goal) is not None:

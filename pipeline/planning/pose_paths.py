@@ -40,7 +40,8 @@ class PosePaths:
         traversability: where the robot may drive.
         start: (2,) m, position of the (first) start; None if no path can begin there or nearby.
         heading: heading of the robot at the start, rad; None for any.
-        caution: factor on the measured deviations that the costs allow for; with 0, the costs do not include risk.
+        caution: factor on the measured deviations that the costs allow for; with 0, the costs are expected durations
+            without risk.
     """
 
     def __init__(

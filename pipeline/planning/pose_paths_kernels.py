@@ -122,7 +122,7 @@ class Search(NamedTuple):
         source: (N,) int16 index of the start from which the path to each pose comes.
         level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
         escape: distance from the start within which the robot may drive through poses without enough room, m;
-            negative if all starts have enough room. The robot may only do so where it has been before or its
+            negative if all starts have enough room. The robot may do so only where it has been before, or where its
             clearance does not decrease.
         first: (B,) int32 first entry of each bucket; -1 for an empty bucket.
         state, after: (4 N + K,) int32 pose of each entry, and next entry in the same bucket.

@@ -161,8 +161,8 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
     """Restore the map of an earlier run into a new mapper; the restored keyframes keep their poses.
 
     Raises:
-        InputError: the file is missing, damaged, or of another kind or version. The mapper must not be used after
-            this error.
+        InputError: the file is missing, damaged, of another kind or version, or without surfaces that the mapper's
+            localisation needs. The mapper must not be used after this error.
     """
     with _opened(path) as rows:
         keyframes = rows["keyframe"]

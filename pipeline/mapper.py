@@ -83,7 +83,7 @@ class Mapper:
     """Keeps all of the robot's maps.
 
     Attributes:
-        observers: notified of every keyframe and correction, in the order of this list.
+        observers: notified of all events, in the order of this list.
         config: all parameters.
         policy: the spacing of keyframes and of labelled keyframes.
         keyframes: the observations and poses of all keyframes.
@@ -204,8 +204,8 @@ class Mapper:
     def add_frame(self, localised: LocalisedFrame, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
         """Make the newest frame a keyframe: add it to every map except the topological map.
 
-        An unlabelled frame is added to the metric map and the elevation map only. The people and objects in such a
-        frame are added to the map with the next frame, people as candidates for another look.
+        An unlabelled frame is not added to the semantic map and the segments. The people and objects in such a frame
+        are added to the map with the next frame or correction.
 
         Args:
             localised: the result of :meth:`localise`.
@@ -216,8 +216,8 @@ class Mapper:
 
         Raises:
             InputError: the pose is so far from the other poses that the maps would take too much memory, or the
-                classifier, the detector or a reader has given an invalid result. The frame has then become a keyframe
-                only if the invalid result is of the detector or a reader for this frame.
+                classifier, the detector or a reader has given an invalid result. In this case, the frame has become
+                a keyframe only if the detector or a reader gave the invalid result for this frame.
         """
         frame = localised.frame
         T_map_base = localised.T_map_base

@@ -73,13 +73,13 @@ class OdometryConfig:
             the angle. On level ground in four simulated arenas, 0.004 was measured.
         added_distance: distance added to every motion when its noise is computed, m, so that the noise is above 0
             even at rest.
-        slide_noise: standard deviation of the slide in a single turn on a slope, m per rad turned, about the mean of
-            turns on the same slope; it is multiplied by the sine of the tilt. Changes of pitch count as turns,
-            because the robot may drop off an edge. On plain slopes of 3 to 16°, 0.2 was measured; on half ramps, 0.5,
-            because of a few turns across their edges.
+        slide_noise: standard deviation of the slide in a single turn from the mean of turns on the same slope, m per
+            rad turned, to be multiplied by the sine of the tilt. Changes of pitch count as turns, because the robot
+            may drop off an edge. On plain slopes of 3 to 16°, 0.2 was measured; on half ramps, 0.5, because of a few
+            turns across their edges.
         slide: mean of each of the three parts of the slide of a skid-steered robot that turns on a slope, m per rad
-            turned; it is multiplied by the sine of the tilt. For a Pioneer 3-AT and a Jackal on slopes of 3 to 16°,
-            0.29, 0.31 and 0.28 were measured.
+            turned, to be multiplied by the sine of the tilt. For a Pioneer 3-AT and a Jackal on slopes of 3 to
+            16°, 0.29, 0.31 and 0.28 were measured.
         distance_scale_sigma, rotation_scale_sigma: standard deviations of the scale errors (relative errors) of
             distance, caused by the tyres, and of rotation, taken from data sheets of gyros.
         centre_sigma: standard deviation of the distance from ``base_link`` forward to the centre of rotation, m.
@@ -121,8 +121,8 @@ class PoseGraphConfig:
         tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
             systematic errors, which are weakly determined, hardly change the error.
         window: number of new keyframes after which the whole graph is solved; until then, only the newest
-            ``2 * window`` poses are free. If a constraint such as a loop closure contradicts the fixed poses, the
-            whole graph is solved immediately.
+            ``2 * window`` poses are free. After a loop was closed or removed, or if a motion contradicts the fixed
+            poses, the whole graph is solved immediately.
     """
 
     fixed_sigma: float = 1e-4

@@ -57,9 +57,10 @@ class OdometryErrors:
             - relative error of distance
             - relative error of rotation
             - distance from ``base_link`` forward to the centre of rotation, m
-            - slide in turns on a slope, m per rad turned, to be multiplied by the sine of the tilt: downhill
-            - the same: along the axle, in proportion to the component of gravity along it
-            - the same: of the point about which the robot turns, downhill along the robot's forward axis
+            - downhill slide in turns on a slope, m per rad turned, to be multiplied by the sine of the tilt
+            - slide along the axle, in proportion to the component of gravity along the axle; in the same unit
+            - slide of the point about which the robot turns, downhill along the robot's forward axis; in the same
+              unit
             - bias of the yaw rate, rad/s
 
         covariance: (7, 7) covariance of the errors.

@@ -50,8 +50,8 @@ class MeasuredMotion:
     def turn(self) -> NDArray[np.float64]:
         """(3,) rotation vector, rad; its length exceeds π after more than half a turn.
 
-        Full turns are about the axis of the shortest turn or, if this axis is far from vertical, about the vertical:
-        after a full turn, the shortest turn may be zero, or only the change of the robot's tilt.
+        Full turns are about the axis of the shortest turn or, if this axis is far from vertical, about the vertical.
+        After a full turn, the shortest turn may be zero, or may be only the change of the robot's tilt.
         """
         turn = self.shortest_turn
         length, upwards = np.linalg.norm(turn), turn @ self.up
@@ -71,9 +71,9 @@ class MeasuredMotion:
     def _slides(self) -> NDArray[np.float64]:
         """(3, 3) m, displacements by the three parts of a slide on a slope: downhill, along the axle, of the pivot.
 
-        With the downhill vector g, the turn ψ about z, and the base's axes x and y as they turn, the parts are the
-        integrals over ψ of g, (g · y) y and -(g · x) y. The first two do not depend on the sense of the turn. In
-        complex numbers, 2 (g · y) y = g - e^(2iψ) g* and 2 (g · x) y = i (g + e^(2iψ) g*).
+        Let g be the downhill vector, ψ the turn about z, and x and y the axes of ``base_link`` as they turn. The
+        parts are the integrals over ψ of g, (g · y) y and -(g · x) y. The first two do not depend on the sense of the
+        turn. In complex numbers, 2 (g · y) y = g - e^(2iψ) g* and 2 (g · x) y = i (g + e^(2iψ) g*).
         """
         turn, downhill = self.turn[2], -complex(*self.up[:2])
         straight, turning = turn * downhill, np.sin(turn) * np.exp(1j * turn) * downhill.conjugate()

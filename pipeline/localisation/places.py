@@ -31,7 +31,8 @@ BESIDE = 0.5
 SIGMAS = 3.0
 """Range of the search on either side of the estimate, in standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
-"""Spacing of the positions, m, and headings, rad, that are tried: at 4 m, half a step moves a point by 5 cm."""
+"""Spacing of the positions, m, and headings, rad, that are tried. At 4 m, half a step of either moves a point by
+5 cm."""
 WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
 """Maximum range of the search, m and rad."""
 SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)

@@ -134,8 +134,8 @@ class PoseCheck:
     def check_depth(self, localised: LocalisedFrame) -> None:
         """Raise LostError if the camera measures no depth in a full turn or on a drive longer than its near limit.
 
-        Only frames in a row count for which the map predicts enough returns or, before the camera has measured any
-        depth, all frames.
+        Until the camera has measured any depth, all frames count. Afterwards, a frame without returns counts only if
+        the map predicts enough returns; any other frame starts the count again.
         """
         frame = localised.frame
         has_returns = bool(frame.returns.any())

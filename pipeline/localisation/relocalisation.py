@@ -45,14 +45,14 @@ RIVAL = 1e-4
 CORRELATED_PATCHES = 3
 """Number of patches that are treated as one observation, because neighbours fit, or fail to fit, together."""
 DRIFT = 0.1
-"""Standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns."""
+"""Standard deviation of the odometry's drift since the first frame, m. On a slope, a robot slides as it turns."""
 MAX_UNCERTAIN = 0.05
 """Maximum standard deviation of the position at which a robot is found, m."""
 SEARCHED = 256
 """Number of patches that the search uses, drawn at random; also the minimum number of points."""
 HEADINGS = 72
-"""Number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m, which the
-voxel on either side of a surface allows for."""
+"""Number of evenly spaced headings that are tried. At 3 m, half a step of 5° moves a point by 0.13 m, for which the
+voxel on either side of a surface allows."""
 RANDOM_POSES = 2000
 """Number of random poses from which a patch's probability of meeting a surface by chance is estimated."""
 MISSED = 0.05

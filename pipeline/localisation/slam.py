@@ -126,7 +126,7 @@ class Slam(Localisation):
         loops: loop closures so far.
         closes_loops: whether loops are closed; False only for comparison.
         on_ground: whether ``base_link`` is on the ground, which is true of a robot but not of a hand-held camera.
-        slips: number of frames in which registration showed that wheels slipped or spun.
+        slips: number of frames that showed that the wheels had slipped or spun.
         belief: belief about the robot's motion and position.
     """
 
@@ -381,7 +381,7 @@ class Slam(Localisation):
         if odometry and self._reference.is_keyframe:
             motion_prior = Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.motion_covariance)))
         # Where the certain keyframes saw too little, as after a turn without a view, try less certain ones. If these
-        # saw too little, too, take the prediction as the pose.
+        # saw too little as well, take the prediction as the pose.
         predicted = RegisteredFrame(frame, first.T, prediction=odometry, motion_prior=motion_prior, cloud=cloud)
         if cloud is None:
             return predicted

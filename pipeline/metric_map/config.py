@@ -26,8 +26,8 @@ class MetricMapConfig:
         hit: amount that an end point adds to a voxel's value; large, because a single return proves a surface.
         miss: amount that a crossing ray subtracts from a voxel's value; small, because many rays cross a voxel with a
             surface in only one corner.
-        max_log_odds: maximum value of a voxel; a surface that has vanished is erased after ``max_log_odds`` /
-            ``miss`` frames.
+        max_log_odds: maximum value of a voxel; a surface that has vanished is erased after at most
+            ``max_log_odds`` / ``miss`` frames that see through it.
         max_bytes: maximum memory of the voxels, bytes.
 
     Raises:

@@ -35,7 +35,7 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float, highest: f
     """Write a 2D map for ROS map_server: a PGM image at ``path`` and its YAML description next to it.
 
     A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. Heights
-    from 0.25 to 0.65 m contain the obstacles of a Pioneer 3-AT, but no ramps.
+    from 0.25 to 0.65 m contain the obstacles to a Pioneer 3-AT on level ground.
 
     Args:
         path: the image, ``.pgm``.

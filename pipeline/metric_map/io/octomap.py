@@ -1,8 +1,8 @@
 """The metric map as OctoMap files: ``.bt`` with free and occupied space only, ``.ot`` with log-odds and colours.
 
 OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) has no
-grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header gives the corner of
-voxel (0, 0, 0) in ``map``, m.
+grid offset. Voxel (i, j, k) is therefore written as OctoMap's voxel (i, j, k), and a comment in the header gives the
+corner of voxel (0, 0, 0) in ``map``, m.
 """
 
 from pathlib import Path

@@ -10,9 +10,9 @@ from pipeline.transforms import wrap_angle
 
 
 class NearestFrontier(NextBestView):
-    """Drives to the cheapest position from which unseen ground should be visible (Yamauchi 1997).
+    """Drives to the cheapest position from which unseen ground is expected to be visible (Yamauchi 1997).
 
-    The heading there is the one with the greatest gain. Unseen ground, the ground that a keyframe should show, and
+    The heading there is the one with the greatest gain. Unseen ground, the ground that a keyframe can show, and
     given-up cells are defined as in :class:`NextBestView`, but gain per second and the time of the final turn are
     ignored. As in Yamauchi's method, frontiers smaller than the robot are visited last.
     """

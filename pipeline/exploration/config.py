@@ -53,7 +53,7 @@ class UnseenWaysConfig:
     """Settings of the search for paths to goals through unseen ground.
 
     Attributes:
-        margin: distance around a goal within which a path may go around obstacles, m.
+        margin: distance from a goal within which the search also covers ground beyond the map, m.
         farthest: maximum distance from the robot to a goal, m. Goals farther away are reached over seen ground only,
             because the time and memory of the search grow with the area.
         view_length: length of the path through unseen ground that a view should show, m.
@@ -62,7 +62,8 @@ class UnseenWaysConfig:
         min_fraction: minimum fraction of this ground that a view must show.
         alternatives: maximum number of paths through different unseen ground that are compared.
         tries: number of keyframes that miss unseen ground after which it is treated as blocked.
-        drives: number of drives to views of unseen ground, wherever they ended, after which it is treated as blocked.
+        drives: number of drives to views of unseen ground, wherever they ended, after which this ground is treated as
+            blocked.
     """
 
     margin: float = 3.0
@@ -96,16 +97,17 @@ class ExplorationConfig:
         min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal is considered reached, m.
-        max_drives_without_progress: number of drives without progress towards a goal after which it is given up.
+        max_drives_without_progress: number of drives without progress towards a goal after which the goal is given
+            up.
         max_unseen_gap: maximum width of unseen ground that is looked at because it may block a path, m.
-        looks: number of looks at a cell that may block the path to seen ground after which the cell is treated as
-            blocked.
-        drives_to_look: number of drives to looks at such a cell, wherever they ended, after which it is treated as
-            blocked.
+        looks: number of looks after which a cell that may block the path to seen ground is treated as blocked.
+        drives_to_look: number of drives to look at such a cell, wherever they ended, after which the cell is treated
+            as blocked.
         progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
             a bend.
         min_shown_fraction: minimum fraction of the expected ground that must be seen, even if only during the drive,
-            for a viewpoint to be done.
+            for a viewpoint to be done. Also, minimum gain of a view of cells that may block a path, as a fraction of
+            the gain of the best such view.
         visibility: settings for the ground that a view is expected to show.
         unseen_ways: settings for paths to goals through unseen ground.
     """

@@ -81,9 +81,9 @@ class Deadline:
         self._near = None if max_victim_distance is None else max_victim_distance - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
-        # All drives: planned and actual time, s. The last drive: its start and planned time, None if it has none.
-        # Longest delay so far.
+        # Planned and actual time of all drives, and the longest delay so far, s.
         self._planned, self._taken, self._late = 0.0, 0.0, 0.0
+        # Start and planned time of the last drive, s; None if it has no planned time.
         self._last: tuple[float, float] | None = (begin, 0.0)
 
     def observe(self, context: Context) -> None:
@@ -132,7 +132,7 @@ class Deadline:
         self._last = context.frame.time, seconds
 
     def set_out_unplanned(self) -> None:
-        """Begin a drive without a planned time, which therefore cannot be late."""
+        """Begin a drive that has no planned time and therefore cannot be late."""
         self._last = None
 
 

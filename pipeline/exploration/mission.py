@@ -41,8 +41,8 @@ class Mission:
         exploration: the strategy that explores unseen ground.
         goals: the goals of the current task; None while the task is to explore.
         may_explore: whether exploration may continue.
-        deadline: the running clock; None if the mission has none.
-        inspection: the strategy used when nothing is left to explore; None for none.
+        deadline: the running clock; None without a time limit.
+        inspection: the strategy used when nothing is left to explore; None if there is none.
     """
 
     def __init__(self, exploration: Strategy, *, config: ExplorationConfig = ExplorationConfig()):
@@ -118,7 +118,7 @@ class Mission:
         return None
 
     def set_out_to_see_nothing(self) -> None:
-        """Begin a drive that no strategy has chosen, so that none may end it early, and the clock ignores it."""
+        """Begin a drive that no strategy has chosen; no strategy may end it early, and the clock ignores it."""
         self._sender = None
         if self.deadline is not None:
             self.deadline.set_out_unplanned()
@@ -141,7 +141,7 @@ class Mission:
         return True
 
     def left(self, context: Context) -> list[Viewpoint]:
-        """Viewpoints that would show more unseen ground but are not worth the drive."""
+        """The ground that exploration has given up, see :meth:`Strategy.leftovers`."""
         has_answer = hasattr(self.exploration, "leftovers")  # A user's own strategy may lack this method
         return self.exploration.leftovers(context) if has_answer else []
 
@@ -179,7 +179,7 @@ class Mission:
         goals.refuse("the robot was stuck" if robot.is_held else None)
 
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:
-        """A line for each goal visited or given up since the last call, and whether it was reached."""
+        """Yield a line for each goal visited or given up since the last call, and whether the goal was reached."""
         for name, goals in self._visited.items():
             for visit in goals.visits[self._reported.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
@@ -254,7 +254,7 @@ class Goals(Strategy):
         self._goal: Place | None = None
         self._unseen: UnseenGroundSearch | None = None
         self._view: PathView | None = None
-        # By ``id`` of a goal: cost of the shortest path to it so far, s, and number of drives since without progress.
+        # By ``id`` of a goal: lowest cost of a path to it so far, s, and number of drives without progress since.
         self._tries: dict[int, tuple[float, int]] = {}
 
     def observe(self, context: Context) -> None:
@@ -321,7 +321,7 @@ class Goals(Strategy):
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
-        """Give up the remaining goals for the reason ``why``, which by default is the last step's."""
+        """Give up the remaining goals; ``why``: the reason, by default why no path led to them in the last step."""
         for goal in list(self.remaining):
             reason = self._unreachable_reason(goal) if why is None else None
             self._end(goal, reason or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")

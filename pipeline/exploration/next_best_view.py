@@ -25,8 +25,8 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle, yaw_of
 
 DECK_PROBABILITY = 0.5
-"""Probability that a level deck, not a falling slope, follows a crest: nothing tells which until the robot has looked
-behind it, and a look that shows no deck reduces the probability of its cells."""
+"""Probability that a level deck, not a falling slope, follows a crest. Nothing tells which until the robot has looked
+behind the crest, and a look that shows no deck reduces the probability of the deck's cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class RemainingGround:
     seconds: float
 
     def in_view(self, viewpoint: Viewpoint) -> tuple[MaskLayer, MaskLayer]:
-        """The targets that a keyframe at a viewpoint should show if unknown ground behind crests falls or not."""
+        """The targets that a keyframe is expected to show if ground behind crests falls, and if it is level."""
         falling, decks = (
             visibility.cells_in_view(
                 viewpoint.position, viewpoint.heading, self.camera, self.terrain._replace(falls=falls)
@@ -56,7 +56,7 @@ class RemainingGround:
         return falling, decks
 
     def after(self, viewpoint: Viewpoint) -> "RemainingGround":
-        """The ground that remains after a keyframe at a viewpoint has shown all the ground that it should."""
+        """The ground that remains after a keyframe at a viewpoint has shown all the ground expected of it."""
         falling, decks = self.in_view(viewpoint)
         target = self.terrain.target & ~falling & ~decks
         return replace(self, terrain=self.terrain._replace(target=target))
@@ -69,7 +69,7 @@ class NextBestView(Strategy):
         takes_rewards: whether the rewards of a context are added to the gains.
         config: settings of exploration.
         sightings: the cells that keyframes showed and missed.
-        remaining: the ground that remains to be seen; set by the first call of :meth:`observe`.
+        remaining: the ground that remains to be seen; set by :meth:`observe`.
     """
 
     takes_rewards = True
@@ -81,11 +81,11 @@ class NextBestView(Strategy):
         self.sightings = Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
-        # By the position of a cell that blocks a path, m: number of keyframes for it, and of drives to take one.
+        # By the position, m, of a cell that may block a path: number of looks at the cell, and of drives to look.
         self._looks: Counter[tuple[float, float]] = Counter()
         self._drives: Counter[tuple[float, float]] = Counter()
         self._look: Viewpoint | None = None  # Where the robot is driving to look at such cells
-        self._promised = np.zeros((0, 2)), 0.0  # centres and area of the cells that the last viewpoint should show
+        self._promised = np.zeros((0, 2)), 0.0  # centres and expected area of the last viewpoint's cells
         self._is_for_ground = False
         # Rays cast under one assumption about the ground behind crests, or for one camera, are not valid for
         # another.
@@ -93,7 +93,7 @@ class NextBestView(Strategy):
         self._gains = {kind: visibility.ViewpointGains(config.visibility.stride) for kind in kinds}
 
     def observe(self, context: Context) -> None:
-        """Record the cells that keyframes since the last call showed and missed, and the remaining unseen ground."""
+        """Record looks at blocking cells, the cells that new keyframes showed and missed, and the unseen ground."""
         if self._look is not None and self._is_at(self._look, context.T_map_base):
             self._looks.update(_keys(self._promised[0]))
         self._look = None
@@ -131,7 +131,7 @@ class NextBestView(Strategy):
         return [first, *islice(self._in_turn(self._next, self.remaining.after(first), context), limit - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember the ground that a keyframe at this viewpoint should show."""
+        """Remember the ground that a keyframe at this viewpoint is expected to show."""
         falling, decks = self.remaining.in_view(viewpoint)
         cells = falling | decks
         ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
@@ -146,7 +146,7 @@ class NextBestView(Strategy):
             self._drives.update(_keys(self._promised[0]))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
-            # Only a keyframe there shows what the rewards are for, however early the drive shows the ground.
+            # Only a keyframe at the viewpoint earns the rewards, however early the drive has shown the ground.
             self._is_for_ground &= not context.rewards.gains(place[None], np.array([viewpoint.heading])).any()
             context.rewards.aim(place, viewpoint.heading)
 
@@ -184,8 +184,8 @@ class NextBestView(Strategy):
     def _next(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best viewpoint that is worth the drive, or else one that may open a path.
 
-        From below a crest, a deck behind it is visible, but falling ground is not. If no viewpoint is worth the drive
-        otherwise, decks are assumed to be certain.
+        If no viewpoint is worth the drive, decks are then assumed to be certain, because from below a crest, a deck
+        behind it is visible, but falling ground is not.
         """
         for deck_probability in (DECK_PROBABILITY, 1.0):
             best = self._best(remaining, context, deck_probability)
@@ -366,7 +366,7 @@ class NextBestView(Strategy):
     def _ground_in_view(
         self, here: Place, spread: Cells, remaining: RemainingGround, *, falls: bool
     ) -> NDArray[np.float64]:
-        """(1 + N, 16) m², ground that viewpoints at a position (2,) and in cells (N, 2) should show.
+        """(1 + N, 16) m², ground that viewpoints at a position (2,) and in cells (N, 2) are expected to show.
 
         ``falls``: whether unknown ground behind crests is assumed to fall.
         """

@@ -1,4 +1,4 @@
-"""The unseen ground that keyframes should have shown, and whether they showed it."""
+"""The unseen ground that keyframes were expected to show, and whether they showed this ground."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": L
 
 
 class Sightings:
-    """Counts how often ground that should have been in view was shown, and how often it was missed.
+    """Counts how often ground that was expected in view was shown, and how often it was missed.
 
     Attributes:
         chances: (256,) probability that ground in view is shown, by the number of keyframes that missed it.
@@ -40,17 +40,17 @@ class Sightings:
         # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
         self._shown = np.zeros(MAX_MISSES + 1, np.int64)
         self._missed = np.zeros(MAX_MISSES + 1, np.int64)
-        # The cells that the next keyframe should show, and the ends of the drive to it.
+        # The cells that the next keyframe is expected to show, and the ends of the drive.
         self._expected = NOWHERE
         self._drive = NOWHERE
-        # Cells that viewpoints should have shown but did not, except those counted as misses of their keyframes.
+        # Cells that viewpoints were expected to show but did not, except those counted as misses of their keyframes.
         self._disappointing: list[AnchoredPlaces] = []
         # Poses of the keyframes when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
 
     @property
     def misses(self) -> NDArray[np.uint8]:
-        """(nx, ny) number of keyframes that, according to the newest map, should have shown each cell but did not."""
+        """(nx, ny) number of keyframes that missed each cell, although the newest map puts the cell in their view."""
         return self._layers["misses"]
 
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
@@ -87,13 +87,13 @@ class Sightings:
         return terrain._replace(probability=rounded[layers["misses"]], missed_from=layers["missed_from"])
 
     def expect(self, cells: Cells, drive: NDArray[np.float64], poses: Poses) -> None:
-        """Remember the cells that the next keyframe should show, and the ends (2, 2) of the drive to it, m."""
+        """Remember the cells that the next keyframe is expected to show, and the ends (2, 2) of its drive, m."""
         newest = len(poses) - 1
         self._expected = AnchoredPlaces.anchored(self._layers.grid.centre_of(cells), poses, newest)
         self._drive = AnchoredPlaces.anchored(drive, poses, newest)
 
     def _count_shown(self, context: Context, camera: CameraView) -> int:
-        """Count the targets that were shown; return the index of the first keyframe whose misses are not counted."""
+        """Count the targets that were shown; return the index of the first keyframe with uncounted misses."""
         layers = self._layers
         before = self._poses
         first = len(before)

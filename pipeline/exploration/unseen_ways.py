@@ -33,7 +33,7 @@ class PathView(Viewpoint):
     """A view of unseen ground on a path to a goal.
 
     Attributes:
-        shows: (N, 2) m, centres of the cells that the view should show.
+        shows: (N, 2) m, centres of the cells that the view is expected to show.
     """
 
     shows: NDArray[np.float64] = field(default_factory=lambda: NONE)
@@ -99,7 +99,7 @@ class UnseenGroundSearch:
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
-        self._promised = NONE  # centres of the cells that the last view should show, m
+        self._promised = NONE  # centres of the cells expected in the last view, m
         self._aimed: list[AnchoredPlaces] = []  # the same for each view so far, anchored
 
     def observe(self, context: Context) -> None:
@@ -179,14 +179,14 @@ class UnseenGroundSearch:
         return min(views, key=lambda found: found[0])[1] if views else None
 
     def commit(self, view: PathView, context: Context) -> None:
-        """Remember the ground that a view returned by :meth:`view_towards` should show."""
+        """Remember the ground that a view returned by :meth:`view_towards` is expected to show."""
         self._promised = view.shows
         self._aimed.append(AnchoredPlaces.anchored(view.shows, context.poses, len(context.poses) - 1))
         ends = np.stack([context.T_map_base[:2, 3], view.position])
         self._sightings.expect(context.traversability.grid.cell_of(view.shows), ends, context.poses)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the map already shows most of the ground that the last view should show."""
+        """Whether the map already shows most of the ground that the last view is expected to show."""
         seen = np.isfinite(elevation_map.grid.at(elevation_map.elevation, self._promised, outside=np.nan))
         return bool(seen.sum() >= self._config.min_shown_fraction * len(seen))
 
@@ -234,7 +234,7 @@ class UnseenGroundSearch:
         return int(near.max()) + 1
 
     def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
-        """The start of the path: the robot's pose, or a reachable pose if it has too little room there."""
+        """The start of the path: the robot's pose or, if it lacks room there, a reachable pose; None if neither."""
         paths = context.paths
         grid = context.traversability.grid
         start = required(paths.start)

@@ -26,7 +26,7 @@ class Viewpoint:
         heading: heading of the robot, rad.
         turn: whether the robot turns to the heading on arrival.
         gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
-        seconds: expected time until the keyframe is taken, s; infinite if no path leads there.
+        seconds: expected time until the keyframe is taken, s; infinite if no path leads there, 0 if not computed.
         opens: whether the viewpoint's purpose is to show the cells that may block the path to ground that was seen.
         why: the reason for giving the viewpoint up, if it is given up:
 
@@ -35,8 +35,8 @@ class Viewpoint:
             - ``too_steep``: slopes block the path
             - ``no_way``: something else blocks the path
 
-        stands: whether the robot must stop at the viewpoint, unless the drive itself shows enough, because the next
-            drive depends on the view, or because only a keyframe there shows what it is for.
+        stands: whether the robot must stop at the viewpoint unless the drive itself shows enough. It must if the next
+            drive depends on the view, or if only a keyframe there shows what the viewpoint is for.
     """
 
     position: Place
@@ -67,7 +67,7 @@ class ViewpointRewards(Protocol):
         ...
 
     def aim(self, place: Place, heading: float) -> None:
-        """Remember that the next keyframe should be taken at a position (3,) on the ground with a heading (rad)."""
+        """Remember that the next keyframe is meant for a position (3,) on the ground and a heading (rad)."""
         ...
 
 
@@ -79,7 +79,7 @@ class Context:
         frame: the newest frame.
         T_map_base: pose of the robot.
         measured: (nx, ny) float32 m, height of the ground where it was seen; NaN elsewhere.
-        paths: cheapest paths from the robot's position.
+        paths: cheapest paths from the pose at which the robot stands or will come to rest.
         poses: ``T_map_base`` of all keyframes, the newest last.
         rewards: rewards for viewpoints, in addition to unseen ground; None if there are none.
         driven: distance driven so far by odometry, m.
@@ -122,5 +122,8 @@ class Strategy(Protocol):
         return False
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """Viewpoints that would show more, whether or not they are worth the drive. The call has no side effects."""
+        """Viewpoints that would show more, worth the drive or not, and pieces of seen ground to which no path leads.
+
+        The call has no side effects.
+        """
         return []

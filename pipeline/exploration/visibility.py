@@ -79,7 +79,7 @@ def rounded(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-    """(N, 16) m², area that viewpoints at N positions should show with each heading."""
+    """(N, 16) m², area that viewpoints at N positions are expected to show with each heading."""
     shape = len(places), camera.rays
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
 
@@ -94,7 +94,7 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
 def cells_in_view(
     position: Place, heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> MaskLayer:
-    """The target cells that a keyframe at a position with a heading (rad) should show."""
+    """The target cells that a keyframe at a position with a heading (rad) is expected to show."""
     return kernels.cells_in_view(*position, _bearings(heading, camera), camera, terrain)
 
 
@@ -105,7 +105,7 @@ def count_misses(
     misses: NDArray[np.uint8],
     missed: Indices,
 ) -> None:
-    """Count the target cells that keyframes should have shown but did not, one keyframe after another.
+    """Count the target cells that keyframes were expected to show but did not, one keyframe after another.
 
     Args:
         poses: ``T_map_base`` of the keyframes.
@@ -121,8 +121,8 @@ def count_misses(
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:
     """(R,) bearings (rad) of rays across the field of view at a heading (rad)."""
     half, middle = _rays_in_view(camera) // 2, int(_nearest_rays(np.array(heading), camera))
-    # These include exactly the rays from which the gain was computed, because the slightest change may let a ray
-    # slip between two cells that meet at a corner. More rays are added in between, for the cells between these rays.
+    # The result includes exactly the rays from which the gain was computed, because the slightest change may let a
+    # ray slip between two cells that meet at a corner. More rays are added for the cells between these rays.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
     return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
 
@@ -146,7 +146,7 @@ class ViewpointGains:
         self._terrain: kernels.SearchedTerrain | None = None
 
     def of(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-        """(N, 16) m², area that viewpoints in ``cells`` (N, 2) of the terrain should show with each heading."""
+        """(N, 16) m², area that viewpoints in ``cells`` (N, 2) of the terrain are expected to show, by heading."""
         if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
             # The cached rays are not valid.
             self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)

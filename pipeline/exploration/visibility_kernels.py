@@ -51,7 +51,7 @@ class SearchedTerrain(NamedTuple):
         cell: side of a cell, m.
         elevation: float32 m, height of the ground; NaN where unknown.
         gradient: (nx, ny, 2) float32 slope along x and y.
-        target: bool, the unseen cells that keyframes should show.
+        target: bool, the unseen cells to be shown by keyframes.
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
@@ -83,8 +83,8 @@ def cast_ray(x, y, level, bearing, tilt, view, terrain, seen):
 
     The ray runs over the ground seen so far; a cell is hidden if a nearer one rises higher in the view. Unknown
     ground is assumed to continue at the last height seen or, if ``terrain.falls``, to fall behind the crest of a ramp
-    as steeply as the ramp rose. Ground that a keyframe missed is assumed to fall as well. Ground seen at a grazing
-    angle gives no return.
+    as steeply as the ramp rose. Level ground seen behind the crest reduces this fall. Ground that a keyframe missed
+    is assumed to fall as well. Ground seen at a grazing angle gives no return.
 
     Unknown ground is never more likely to be seen than the unknown ground just before it, which the ray must pass.
 
@@ -184,7 +184,7 @@ def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, earlier):
-    """(N, R) m², area that each ray from points (N, 2) should show; ``earlier`` values where not ``wanted``."""
+    """(N, R) m², area that each ray from points (N, 2) is expected to show; ``earlier`` where not ``wanted``."""
     result = earlier.copy()
     step = 2 * np.pi / view.rays
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
@@ -233,7 +233,7 @@ def cells_in_view(x, y, bearings, view, terrain):
 
 @njit(cache=True)
 def count_misses(T, bearings, view, terrain, misses, missed):
-    """Count the target cells that a keyframe at a pose (4×4) should have shown along ``bearings``, rad, but did not.
+    """Count the target cells along ``bearings``, rad, that a keyframe at a 4×4 pose was expected to show but did not.
 
     Updated in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of these cells
     by their number of earlier misses.

@@ -11,7 +11,7 @@ class RescueReportConfig:
 
     Attributes:
         drop: minimum height of a drop, m; a robot that climbs stairs can also climb lower steps. The edge of a drop
-            and the ground in front of the edge differ in height by less than this, a kerb and the ground by more.
+            differs in height from the ground in front of it by less than this value, a kerb by more.
         upright_headroom: headroom below which a person must stoop, m.
         expected_extent: distance beyond the reachable ground within which more ground is expected unless a wall or
             step is in between, m.

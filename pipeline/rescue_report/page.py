@@ -18,7 +18,7 @@ from pipeline.rescue_report.words import FILTERS
 from pipeline.tracks.find import plain_text
 
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
-"""Parts of report.json that describe the run and its duration; the others, except settings, need the ground truth."""
+"""Parts of report.json that describe the run and its duration; all others except settings are shown as scores."""
 SETTINGS = "config"
 
 

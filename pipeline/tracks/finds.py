@@ -65,7 +65,7 @@ class Finds(Tracks):
         return self._policies[kind]
 
     def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:
-        """Add the readings of a keyframe, and count misses of finds that the keyframe should have shown.
+        """Add the readings of a keyframe, and count misses of finds that the keyframe was expected to show.
 
         Args:
             frame: the keyframe's frame, with its depth.

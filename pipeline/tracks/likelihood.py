@@ -1,8 +1,8 @@
 """Bayes factors: how much better the depth returns of a detection agree with its kind than with background.
 
-For every kind of find, one Bayes factor combines the extents of the returns, their height, and the fraction of the
-box that they fill. An object may show any part of each of its extents, which are log-normal; the extents of
-background are scale-free, with uniform logarithms.
+For every kind of find, one Bayes factor combines the extents of the returns, their height, their fraction of all
+returns in the box, and the fraction of the box that they span. An object may show any part of each of its extents,
+which are log-normal; the extents of background are scale-free, with uniform logarithms.
 """
 
 from collections.abc import Iterator, Sequence

@@ -74,7 +74,7 @@ class Reobservation:
     def count(self, frame: Frame) -> None:
         """Count a keyframe's frame as a try for each object at which it was aimed.
 
-        A frame that was taken elsewhere, because the drive ended early, says nothing about the place.
+        A frame that was taken elsewhere, because the drive ended early, says nothing about the intended place.
         """
         self.camera = frame
         poses = self._keyframes.poses

@@ -116,11 +116,11 @@ class TrackPolicy(ABC):
 
     @abstractmethod
     def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
-        """Whether a frame should have shown the object, so that a frame without the object is a miss."""
+        """Whether a frame is expected to show the object, so that a frame without the object is a miss."""
 
     @abstractmethod
     def is_worth_a_look(self, track: "Track") -> bool:
-        """Whether the robot should look at the object again."""
+        """Whether another look at the object is worth a drive."""
 
     @abstractmethod
     def distances(self, track: "Track", sensor: SensorModel) -> tuple[float, float]:
@@ -140,7 +140,7 @@ class Track:
         seen: observations of the object, in the ``base_link`` of their keyframes.
         placed: the same observations in ``map``.
         ground: height of the lowest ground from which the object was seen, m in ``map``.
-        missed: indices of the keyframes that should have shown the object and did not.
+        missed: indices of the keyframes that were expected to show the object but did not.
         tried: place on the ground from which the robot tried to see the object again, for each try; no place if the
             robot did not get there.
         tried_at: the same places in ``map``.
@@ -228,9 +228,9 @@ class Track:
 
     @property
     def evidence(self) -> float:
-        """Sum of the confidences of the keyframes' detections, the highest of each keyframe.
+        """Sum, over the keyframes that show the object, of the highest confidence of each keyframe's detections.
 
-        Several detections in a keyframe may show the same part, so that they are no further evidence.
+        Several detections in a keyframe may show the same part, so the others are no further evidence.
         """
         highest = defaultdict[int, float](float)
         for seen in self.seen:
@@ -239,7 +239,7 @@ class Track:
 
     @property
     def confidence(self) -> float:
-        """1 if the object was decoded; else the mean confidence of the keyframes, 0 for a miss."""
+        """1 if the object was decoded; else the mean of the keyframes' highest confidences, with 0 for each miss."""
         return 1.0 if self.is_decoded else self.evidence / (len(self.keyframes) + len(self.missed))
 
     @property

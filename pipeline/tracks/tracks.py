@@ -72,7 +72,7 @@ class Tracks:
 
 
 def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Add each observation to its nearest track, as several observations in a frame may be parts of one object."""
+    """Add each observation to its nearest track, because a frame's observations may be parts of one object."""
     seen = []
     for one in new:
         distances = [_of_kind(one.policy.distance, track, one) for track in tracks]
@@ -86,7 +86,7 @@ def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
 
 
 def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Add observations to tracks one to one, with minimum total distance, as a frame shows each object only once."""
+    """Add observations to tracks one to one with minimum total distance, because a frame shows each object once."""
     before = list(tracks)
     cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))

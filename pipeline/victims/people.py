@@ -111,7 +111,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom the keyframes show in these voxels, except voxels that few of those in view of them show."""
+        """A person located by voxels; voxels shown by few of the keyframes in whose view they lie are left out."""
         points = voxels.agreed(AGREED * self._views(voxels.seen, keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
@@ -130,7 +130,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
-        """Number of the person's voxels, times the confidence."""
+        """Number of voxels that the observation shows, times its confidence."""
         return len(observation.points) * observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
@@ -149,7 +149,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
-        """Whether a frame shows both tracks without contact, so that they are two people, however near."""
+        """Whether a keyframe shows both tracks apart, so that they are two people, however near to each other."""
         both = one.keyframes & other.keyframes
         return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
 

@@ -133,8 +133,8 @@ def _compute_alone() -> None:
     """Keep OpenCV and PyTorch from starting threads of their own, which would wait for work in a busy loop.
 
     On two cores, while another thread computes as well, such loops make an image take up to seven times as long.
-    PyTorch's setting applies only to the calling thread. OpenCV's setting applies to the whole process, so that every
-    call of OpenCV then computes in the calling thread.
+    PyTorch's setting applies only to the calling thread. OpenCV's setting applies to the whole process, so every call
+    of OpenCV then computes in the calling thread.
     """
     torch.set_num_threads(1)
     cv2.setNumThreads(1)

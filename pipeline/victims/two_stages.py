@@ -32,7 +32,8 @@ VIEW = 128, 128
 CONTEXT = 1.25
 """Side of the square around a suspect that this input shows, relative to the suspect's longer side."""
 LYING = 0.8
-"""Minimum ratio of a suspect's width to its height for its square to be rotated, as few photos show people lying."""
+"""Minimum ratio of a suspect's width to its height for its square to be rotated, because few photos show people
+lying."""
 NOTHING: ScoredBoxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
@@ -96,7 +97,7 @@ class TwoStages:
         return self._are_corroborated(suspects, seen), seen
 
     def _lying(self, image: Rgb) -> ScoredBoxes:
-        """Boxes that the COCO network sees in an image rotated by 90° either way, as few photos show people lying."""
+        """Boxes that the COCO network sees in an image rotated by 90° either way, which sets lying people upright."""
         sides = ((turns, np.rot90(image, turns)) for turns in (1, -1))
         return joined(
             (turned_back(boxes, turns, image.shape), scores)
@@ -105,7 +106,7 @@ class TwoStages:
         )
 
     def _are_corroborated(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
-        """(N,) whether each of (N, 4) suspects overlaps a box that was seen."""
+        """(N,) whether each of (N, 4) suspects overlaps a seen box, with an IoU above ``CORROBORATION_IOU``."""
         boxes, _ = self._best(seen, self._config.min_corroboration)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > CORROBORATION_IOU)
 

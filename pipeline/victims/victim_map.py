@@ -31,7 +31,7 @@ class Victims(Tracks):
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:
-        """Add observations of a keyframe's detections, and count misses of people whom the keyframe should show.
+        """Add observations of a keyframe's detections, and count misses of people whom it was expected to show.
 
         Args:
             frame: the keyframe's frame, with its depth.

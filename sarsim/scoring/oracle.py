@@ -26,7 +26,7 @@ from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown
 
 SPACING = KeyframePolicy()
-"""Spacing of the keyframes on the oracle's paths: the robot's default."""
+"""Spacing of the keyframes on the oracle's paths: the robot's default on level ground."""
 SEARCHES = 32
 """Maximum number of path searches that are kept in memory; one takes up to 70 MB on 52 × 15 m."""
 
@@ -141,7 +141,7 @@ class Oracle(ViewTours):
         return seconds.astype(np.float64)
 
     def leg(self, here: int, there: int) -> Leg:
-        """The drive between two viewpoints, with keyframes as frequent as the robot's."""
+        """The drive between two viewpoints, with keyframes spaced as the robot's are on level ground."""
         if (here, there) not in self._legs:
             drive, shown = self.drive(here, there), np.zeros(len(self.sight.cells), np.bool_)
             keyframes = _keyframes(drive.stops, drive.backwards, drive.first, drive.last)

@@ -116,7 +116,7 @@ class SurfaceScore:
 def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
     """The F1 score for each distance in :data:`F1_WITHIN`: the harmonic mean of precision and recall.
 
-    Precision is the fraction of the points (M, 3) m within that distance of the surface (N, 3) m; recall is the
+    Precision is the fraction of the points (M, 3) m within that distance of the surface (N, 3) m. Recall is the
     fraction of the surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
     """
     if not len(points):

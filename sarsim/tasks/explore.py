@@ -99,8 +99,8 @@ class Explore(gymnasium.Env[Any, Any]):
     excludes ground that earlier chosen viewpoints show. Path length is the expected driving time multiplied by the
     robot's speed.
 
-    An episode terminates when no viewpoint is worth the drive, or the robot tips over or is lost; it is
-    truncated after ``steps``.
+    An episode terminates when no viewpoint is worth the drive, or when the robot cannot drive away, tips over or is
+    lost. It is truncated after ``steps``.
 
     Attributes:
         explorer: the robot's software; None before the first reset.

@@ -17,7 +17,7 @@ SIGNIFICANT = 6
 
 
 def check_names(methods: Sequence[str], arenas: Sequence[str]) -> None:
-    """Raise InputError unless all methods and arenas of a sweep exist; avoid imports that take seconds."""
+    """Raise InputError unless all methods and arenas of a sweep exist, without imports that take seconds."""
     if not arenas:
         raise InputError("--arenas: give at least one arena")
     for arena in arenas:

@@ -82,7 +82,7 @@ class SweepJob:
 
 
 def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder: Path) -> None:
-    """Run an episode, and write its row to a sweep's folder.
+    """Run an episode, and write its result to a sweep's folder.
 
     ``settings``: fields of :class:`EpisodeConfig`; ``limit``: the episode's wall-clock limit, s.
 

@@ -1,12 +1,12 @@
 #!/bin/sh
-# Make sarsim run on this machine: the system packages that it lacks, then .venv with the pinned Python packages.
-#   scripts/setup.sh        what an episode and the other commands need
-#   scripts/setup.sh dev    the rest: what tests, style checks, benchmarks and Ray need
+# Install what sarsim needs: missing system packages, then the pinned Python packages in .venv.
+#   scripts/setup.sh        installs what episodes and the other commands need
+#   scripts/setup.sh dev    installs what tests, style checks, benchmarks and Ray need in addition
 set -eu
 
 LIBRARIES="libegl1 libgl1 libgl1-mesa-dri libgomp1 libidn2-0 libusb-1.0-0" # rendering without a screen; Open3D
 TORCH_FOR_CPUS=https://download.pytorch.org/whl/cpu
-PYTHONS="python3.11 python3 python3.12 python3.13 python3.14"    # every pinned package has a build for 3.11 to 3.14
+PYTHONS="python3.11 python3 python3.12 python3.13 python3.14"    # every pinned package has builds for 3.11 to 3.14
 
 main() {
     cd "$(dirname "$0")/.."
@@ -25,7 +25,7 @@ install_episode() {
     install_python_packages
     pip install --no-deps --no-build-isolation --editable .
     compile_imports
-    # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
+    # Functions compiled by an earlier version may refer to classes that no longer exist; numba then fails to load them.
     find pipeline sarsim -name '*.nb[ic]' -delete
 }
 
@@ -34,14 +34,14 @@ install_development() {
     pip install --no-deps --requirement requirements-dev.txt
 }
 
-# Number of packages in a file of requirements.
+# The number of packages in a requirements file.
 count() {
     grep -c '^[^#]*==' "$1"
 }
 
 install_libraries() {
     if command -v dpkg-query >/dev/null; then
-        # shellcheck disable=SC2046 # one word a package
+        # shellcheck disable=SC2046 # each word is one package
         install_packages $(missing $LIBRARIES)
     else
         say "dpkg-query is missing; install your system's equivalents of these Debian packages: $LIBRARIES"
@@ -76,7 +76,7 @@ make_venv() {
     fi
 }
 
-# A Python that is there already comes before any that apt-get would bring; Ubuntu 22.04's own python3 is too old.
+# Use an installed Python if possible; otherwise, install one with apt-get. Ubuntu 22.04's own python3 is too old.
 usable_python() {
     find_python && return
     for package in python3-venv python3.11-venv; do
@@ -100,7 +100,8 @@ usable() {
     "$1" -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null
 }
 
-# torch is unpacked beside all others, for pip uses one core. Its build for this machine may need more than a CPU's does.
+# Install torch in parallel with all other packages, because pip uses only one core. Then install torch's dependencies:
+# builds for GPUs may have more than the pinned ones.
 install_python_packages() {
     others=.venv/requirements-but-torch.txt
     grep -v '^torch==' requirements.txt >"$others"
@@ -114,7 +115,8 @@ install_python_packages() {
     install_torch
 }
 
-# PyPI's build for Linux brings 3 GB of CUDA, which is of no use without a GPU; PyTorch's own index has one without.
+# On Linux, torch from PyPI includes 3 GB of CUDA libraries, which are useless without a GPU. PyTorch's own index
+# offers a build without them.
 install_torch() {
     if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS/torch/"; then
         pip install --no-compile --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
@@ -127,7 +129,7 @@ reachable() {
     .venv/bin/python -c 'import sys, urllib.request; urllib.request.urlopen(sys.argv[1], timeout=5)' "$1" 2>/dev/null
 }
 
-# The file has the last detail, so pip need not look for what its packages need.
+# The file lists all dependencies, so pip need not resolve them.
 install_pinned() {
     pip install --no-compile --no-deps --requirement "$1"
 }
@@ -136,8 +138,9 @@ pip() {
     .venv/bin/python -m pip --disable-pip-version-check --quiet "$@"
 }
 
-# Python's bytecode of what commands import, also where Python is told to write none. pip would compile ten times as much,
-# for a minute and 0.4 GB. An import that fails, as without OpenGL, is for the command that needs it to report.
+# Compile the modules that the commands import to bytecode, even if Python is configured to write none. pip would compile
+# ten times as many modules, which would take a minute and 0.4 GB. Imports may fail, for example without OpenGL; the
+# command that needs the module reports this later.
 compile_imports() {
     PYTHONDONTWRITEBYTECODE='' .venv/bin/python -c \
         'import open3d, rerun, torch, sarsim.dataset.generate, sarsim.episode, sarsim.teleoperation' 2>/dev/null || true

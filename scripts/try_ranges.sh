@@ -1,6 +1,7 @@
 #!/bin/sh
-# Try the ranges of pyproject.toml: make a virtual environment of the lowest or the newest versions that they allow, and run tests
-# in it. With TORCH=VERSION in the environment that torch is taken, such as one of which there is a build for CPUs.
+# Test the version ranges in pyproject.toml: create a virtual environment with the lowest or the newest versions that
+# they allow, and run tests in it. The environment variable TORCH=VERSION selects another version of torch, for example
+# one that has a build for CPUs.
 #   scripts/try_ranges.sh lowest|newest PYTHON FOLDER [PYTEST ARGUMENTS …]
 set -eu
 

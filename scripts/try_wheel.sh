@@ -1,5 +1,5 @@
 #!/bin/sh
-# Install the wheel of `make dist` into an empty environment in FOLDER, and run the commands there, outside the checkout.
+# Install the wheel built by `make dist` in a new environment in FOLDER, and try the commands there.
 #   scripts/try_wheel.sh FOLDER [PYTHON]
 set -eu
 

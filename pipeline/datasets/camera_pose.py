@@ -80,7 +80,7 @@ def find_pose_above_floor(
 def _seen(
     frames: Iterator[Frame], pose: Callable[[Frame], Pose | None], config: LocalisationConfig
 ) -> tuple[_Surfaces | None, list[Direction]]:
-    """The surfaces in the first frames, and the verticals that these frames show, in the first frame's camera."""
+    """The surfaces in the first frames, and the verticals that they show, in the first frame's ``camera_optical``."""
     first: Pose | None = None
     last: Pose | None = None
     points, normals, ups = list[NDArray[np.float64]](), list[Directions](), list[Direction]()

@@ -69,7 +69,7 @@ class FrameTree:
     def take(self, message: Message, time: float = 0.0) -> None:
         """Store a TransformStamped; ``time``, s, is used if it has no stamp.
 
-        A transform that is not finite only counts as a pose of the odometry.
+        A transform that is not finite is stored only among the poses of the odometry, if its parent is ``odom``.
         """
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")

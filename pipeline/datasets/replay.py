@@ -260,7 +260,7 @@ class Replay:
         return keyframe
 
     def _is_labelled(self, frame: Frame) -> bool | None:
-        """Whether the frame should become a labelled keyframe; None if it should not become a keyframe."""
+        """Whether the keyframe to be made of a frame is to be labelled; None if no keyframe is due."""
         if self.recording.keyframes is not None:
             return self.recording.keyframes.get(frame.time)
         if not self.mapper.is_due(frame.T_odom_base):

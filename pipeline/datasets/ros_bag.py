@@ -379,7 +379,7 @@ def _pose(message: Message) -> Pose:
 def _frames(
     recording: Recording, topics: Topics, camera: RgbdCamera, T_base_camera: Pose | None, span: float, buffered: int
 ) -> Iterator[Frame]:
-    """A frame for each depth image, with the colour image nearest in time, in the order of their timestamps."""
+    """Yield a frame for each depth image, in the order of their times, with the colour image nearest in time."""
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics, buffered):

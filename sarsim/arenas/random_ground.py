@@ -11,7 +11,7 @@ FENCE_PROBABILITY = 0.5  # Probability of a wall on a side with a drop to floor
 HOLES_PROBABILITY = 0.15  # Probability that an inner wall has holes, if the arena has such walls
 TALL_WALL_PROBABILITY = 0.25  # Probability that any other wall is twice as high
 OTHER_WALL_PROBABILITY = 0.25  # Probability that an inner wall is not a panel, if the arena has such walls
-MAX_CORRIDOR_LENGTH = 4  # tiles, maximum length of the open floor ahead by which starts are compared
+MAX_CORRIDOR_LENGTH = 4  # tiles; a longer row of open floor ahead counts as this long when starts are compared
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
@@ -77,7 +77,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on sides with a drop: on all sides, but next to floor only with ``FENCE_PROBABILITY``."""
+    """Put walls on all sides with a drop, except that a drop to floor gets one only with ``FENCE_PROBABILITY``."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.is_passable(tile, side)

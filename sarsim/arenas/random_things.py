@@ -29,7 +29,7 @@ from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall in each direction: half a doll's box, and more than half the diagonal of any sign
 THING_SPACING = 0.6  # m between objects, so that they do not touch
-HIGHEST, LOWEST = 0.25, -0.15  # m relative to ``SIGHT_HEIGHT``, limits of objects' heights due to the camera's view
+HIGHEST, LOWEST = 0.25, -0.15  # m above ``walls.SIGHT_HEIGHT``, limits of objects' heights due to the camera's view
 DEAD_SHARE = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes

@@ -18,8 +18,8 @@ from sarsim.ground_truth.contacts import OBSTACLES
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
 HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
-MAX_COMPARED_LENGTH = 3.0  # m, maximum length of the free floor ahead by which starts are compared
-MAX_COMPARED_CLEARANCE = 0.6  # m, maximum clearance by which starts are compared
+MAX_COMPARED_LENGTH = 3.0  # m; a greater length of free floor ahead counts as this one when starts are compared
+MAX_COMPARED_CLEARANCE = 0.6  # m; a greater clearance counts as this one when starts are compared
 HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
 LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
 ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level

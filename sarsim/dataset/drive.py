@@ -41,7 +41,7 @@ RADIUS = 0.110  # m; a tyre with a radius of 0.111 m is compressed by 1 mm under
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) lowest points of the chassis in ``base_link``, m."""
-CONTACT_REACH = 0.2  # m; a surface that is higher than this above the ground at the robot's centre is no ground
+CONTACT_REACH = 0.2  # m; a surface more than this above the ground at the robot's centre does not count as ground
 
 
 class WheelContact:

@@ -88,7 +88,7 @@ class Recipe(DatasetConfig):
             yield SceneRecipe(index, f"{PREFIX}{rng.integers(1 << 31)}", config, conditions)
 
     def _arena(self, index: int) -> str:
-        """The arena of scene ``index``: in turn, shifted so that every split gets every arena equally often."""
+        """The arena of scene ``index``: in turn, but shifted so that each split gets all arenas equally often."""
         count = len(self.arenas)
         shift = index // math.lcm(count, SPLIT_PERIOD) % math.gcd(count, SPLIT_PERIOD)
         return self.arenas[(index + shift) % count]

@@ -25,7 +25,7 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-PER_METRE = np.float32(1000)  # Depth units per metre; division by this number is as exact as in other formats
+PER_METRE = np.float32(1000)  # Depth units per metre; readers of other formats divide too, so the depths are the same
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}

@@ -15,7 +15,7 @@ _SETTLED = 1e-6
 _SAMPLES = 20
 """Number of points on each side of the axle, front and rear, at which a tyre is tested for contact."""
 _REACH = 0.75
-"""Fraction of the radius over which the points extend; slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Fraction of the radius over which the points extend; the outermost touch slopes of 48° and steps of 3.7 cm."""
 
 
 class Ground(NamedTuple):

@@ -101,8 +101,8 @@ class Columns:
 def plane_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Places:
     """(4, 3) m, the corners of a plane in its own frame, counter-clockwise from above.
 
-    An infinite plane extends beyond all other shapes that can collide, so far that it has at least the area of one
-    that is alone.
+    An infinite plane extends beyond all other shapes that can collide, so far that its area is at least that of an
+    infinite plane without other shapes.
     """
     half = model.geom_size[geom, :2]
     low, high = np.where(half > 0, (-half, half), (0, 0) if half.all() else _extended(model, data, geom))

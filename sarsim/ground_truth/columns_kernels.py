@@ -115,8 +115,9 @@ def flood(
 ):  # fmt: skip
     """Flood-fill the ground from a first cell over steps of at most ``max_step``.
 
-    Fills ``height`` (nx, ny), NaN where the ground does not reach, and ``edge``: cells where the ground ends at a
-    step, a drop, too little headroom or the grid's border, and cells too steep to continue. Obstacles cause no edge.
+    Fills ``height`` (nx, ny), NaN where the ground does not reach, and ``edge`` (nx, ny). Cells are edges if the
+    ground ends there at a step, a drop, too little headroom or the grid's border, or if they are too steep to
+    continue. Obstacles cause no edge.
     """
     nx, ny = height.shape
     queue = np.empty((nx * ny, 2), np.int32)

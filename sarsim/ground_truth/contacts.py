@@ -15,8 +15,8 @@ DEBOUNCE_TIME = 0.5
 """s; a contact that recurs between the same geoms within this time is not counted again, because contacts chatter."""
 
 ROLLED_OVER = float(np.sqrt(0.5))
-"""Upward component of the contact normal above which a wall only supports the robot. The side of a floor plate does
-so when a wheel rolls onto its upper edge."""
+"""Upward component of the contact normal above which a wall only supports the robot. For example, the side of a floor
+plate supports a wheel that rolls onto the plate's upper edge."""
 
 
 class CollisionCounter:

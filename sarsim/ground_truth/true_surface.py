@@ -37,8 +37,8 @@ class GroundTruthSurface:
         height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
         drivable: bool, whether the cell's ground is connected to the start and has headroom for the robot. Within
             :func:`clearance_of` the robot, there must be no step, wall, clutter or victim, and no tilt beyond the
-            robot's maximum; within ``PERSON_CLEARANCE``, there must be no victim. A step is a height difference
-            above twice the robot's ``max_step``.
+            robot's maximum. Unless the start is within ``PERSON_CLEARANCE`` of a victim, there must also be no victim
+            within this distance. A step is a height difference above twice the robot's ``max_step``.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 

@@ -40,7 +40,7 @@ class Air:
     def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
         """(H, W, 3) float32 radiance seen through the dust, blended with the scattered light according to distance.
 
-        The lamp's light is also attenuated on its way to the surface, and dust in its beam scatters light back.
+        The lamp's light is also attenuated on its path to the surface, and dust in its beam scatters light back.
         """
         if self.dust == 0:
             return radiance

@@ -97,8 +97,8 @@ def projector_shadow(disparity):
 def cosine_of_incidence(disparity, per_column, per_row, rays, fx, fy):
     """(H, W) float32 cosine between the line of sight and the surface's normal.
 
-    A plane a X + b Y + c Z = 1 has, up to a factor, the disparity a x + b y + c at the image point
-    x = X / Z, y = Y / Z. Disparity and its slopes per column and row are (H, W) float32, ``rays`` (H, W, 3).
+    At the image point x = X / Z, y = Y / Z, a plane a X + b Y + c Z = 1 has a disparity proportional to
+    a x + b y + c. Disparity and its slopes per column and row are (H, W) float32, ``rays`` (H, W, 3).
     """
     height, width = disparity.shape
     cosine = np.empty((height, width), np.float32)

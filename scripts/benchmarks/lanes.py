@@ -1,7 +1,8 @@
 """Autonomous traverses of RoboCup Rescue lanes, judged by the robot's true pose.
 
-The goal of each try is the middle of the other end zone; the maps persist from try to try. After a try without a
-traverse, the lane is reset, and the robot starts in the next end zone with empty maps.
+The goal of each try is the middle of the other end zone; the maps persist from try to try. After a try that fails, or
+after which the robot cannot continue, the lane is reset. The robot then starts with empty maps in the end zone where
+the next try begins.
 """
 
 from collections import Counter
@@ -53,12 +54,12 @@ class LaneTry:
 
     @property
     def needs_reset(self) -> bool:
-        """Whether the robot cannot continue from its current position."""
+        """Whether the try failed, or the robot cannot continue from its current position."""
         return self.seconds is None or self.ended in ("lost", "tipped", "time")
 
 
 def measure(settings: LanesSettings) -> Result:
-    """Traverses, times, fallen posts and resets of each lane, or why the robot's body does not fit through it."""
+    """Traverses, times, fallen posts and resets of each lane, or why the robot's body is unsuited to the lane."""
     at_least(1, settings, "repetitions")
     at_least(0, settings, "seed")
     lanes = settings.lanes or tuple(LANES)
@@ -149,7 +150,7 @@ class LaneDrive(Sink):
         return LaneTry(towards, ended, judge.seconds, len(fell))
 
     def _drive_to(self, towards: int) -> str:
-        """Drive to the middle of an end zone, a goal in the map; explore while the map shows no path to the goal."""
+        """Drive to the middle of an end zone, even through unseen ground, and return how the drive ended."""
         goals = Goals([np.array([towards * self._lane.goal, 0.0])])
         self._explorer.mission.goals = goals
         explore(self._explorer)

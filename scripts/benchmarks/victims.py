@@ -29,7 +29,7 @@ from scripts.benchmarks.settings import VictimsSettings
 
 THREADS = 2
 MIN_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
-MAX_HIDDEN = 0.6  # Maximum occluded fraction of a person who should be found
+MAX_HIDDEN = 0.6  # Maximum occluded fraction of a person whom the detector has to find
 
 
 def measure(settings: VictimsSettings) -> Result:
@@ -142,7 +142,7 @@ class PeopleInFrame:
 
     @property
     def counts(self) -> Mask:
-        """(V,) whether each person should be found."""
+        """(V,) whether the detector has to find each person."""
         return (self.area >= MIN_VISIBLE_PIXELS) & (self.hidden <= MAX_HIDDEN)
 
 
@@ -172,7 +172,7 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
 
 
 def ap50(frames: Sequence[PeopleInFrame]) -> float:
-    """Average precision at an IoU of 0.5, ignoring detections of other people; NaN if no person should be found."""
+    """Average precision at an IoU of 0.5, ignoring people who need not be found; NaN if nobody has to be found."""
     result = AveragePrecision()
     for people in frames:
         result.add(people.found, people.confidence, people.boxes, ~people.counts)

@@ -1,8 +1,8 @@
 """Labels convex bodies by shape and position, because SDF has no labels.
 
 The ground is at the lowest height such that level surfaces up to a step (8 cm) above this height fill a quarter of
-the world's bounding rectangle. A height is excluded if level surfaces above the step, but within the P3-AT's
-headroom, have at least the same area, as above the underside of a slab. Planes are infinite.
+the world's bounding rectangle. To exclude the undersides of slabs, a height does not count if level surfaces above
+the step, but within the P3-AT's headroom, have at least the same area. The area of a plane is infinite.
 
 The label of a body depends on its main face, the largest of its faces that do not face down. The first rule that
 applies gives the label:

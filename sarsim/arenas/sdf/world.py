@@ -2,8 +2,8 @@
 
 Poses are resolved as in SDF 1.12, including ``placement_frame``, ``attached_to``, the pose and ``merge`` of an
 ``<include>``, and ``relative_to`` with any frame, link, joint or nested model of the same scope. As in Gazebo 11, the
-first ``<state>`` of a world overrides the poses of models and links; the sizes in the state already equal the sizes
-in the file. All models are static.
+first ``<state>`` of a world overrides the poses of models and links. Sizes in the state are not read, because they
+equal the sizes in the rest of the file. All models are static.
 
 A link has the shapes of its collision elements, in the colours of its visuals. If no collision shape can be read, the
 link has the shapes of its visuals. Physics settings are not read, and joints are read only as frames. Plugins,
@@ -299,7 +299,7 @@ class SdfWorld:
                     yield from self._placed(nested, placed, own, without)
 
     def _is_missing(self, model: _Model) -> bool:
-        """Whether a model should have a shape, but none of its shapes can be read."""
+        """Whether a model without nested models could not be included, or has shapes of which none can be read."""
         shapes = _shapes_in(model)
         return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
 

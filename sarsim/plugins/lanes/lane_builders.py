@@ -138,7 +138,7 @@ def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
         _divider(deck, x, side)
     hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
     deck = flat[0] if end < 0 else halves[1]
-    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley, as the next divider is too near for the depth camera
+    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley, because the next divider is too near to be measured
 
 
 def _divider(deck: Deck, x: float, side: int) -> None:

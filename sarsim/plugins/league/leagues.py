@@ -146,8 +146,8 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
 def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
     """The score of a run in the labyrinth of the small league (2026).
 
-    It has points for codes that were read and for fiducials at the right distances, times
-    ``rewards.reading_alone`` if the run was autonomous.
+    Points are given for codes that were read, and for codes at the right distances from the fiducials. The sum is
+    multiplied by ``rewards.reading_alone`` if the run was autonomous.
 
     Laps are not scored in mapping. Assumed: a reading scores if a code in the arena has its text, but only once.
     """

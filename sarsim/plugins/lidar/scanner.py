@@ -241,12 +241,13 @@ class Scanner:
         """(N,) measured distances, m, and (N,) returns, from true distances and cosines of the incidence angles.
 
         The standard deviation grows linearly with the distance, between the values of the data sheet. It also grows
-        with the inverse cosine of the incidence angle, as the signal gets weaker (Soudarissanane et al., "Incidence
-        angle influence on the quality of terrestrial laser scanning points", Laser Scanning 2009). The signal of a
-        matt surface falls with the cosine and with the square of the distance. Speckle spreads the signal
-        exponentially (Goodman, "Some effects of target-induced scintillation on optical radar performance", Proc.
-        IEEE 1965). The fraction of the signals above the detector's threshold is therefore exp(-threshold / signal).
-        At ``detection_range`` and normal incidence, this fraction is ``detection_probability``.
+        with the inverse cosine of the incidence angle, because the signal gets weaker (Soudarissanane et al.,
+        "Incidence angle influence on the quality of terrestrial laser scanning points", Laser Scanning 2009). The
+        signal of a matt surface is proportional to the cosine, and inversely proportional to the square of the
+        distance. Speckle distributes the signal exponentially (Goodman, "Some effects of target-induced scintillation
+        on optical radar performance", Proc. IEEE 1965). The fraction of the signals above the detector's threshold is
+        therefore exp(-threshold / signal). At ``detection_range`` and normal incidence, this fraction is
+        ``detection_probability``.
         """
         if self._rng is None:
             return distance, np.ones(len(distance), np.bool_)

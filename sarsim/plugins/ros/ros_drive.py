@@ -173,7 +173,7 @@ class RosDrive(ExplorerRun):
             raise InterruptedDriveError
 
     def _send(self, topic: str, time: float, message: Message) -> None:
-        """Send data in sarsim's frame ``map``, unless the robot has its own map, because Nav2 would mix up both."""
+        """Send data in sarsim's frame ``map``, unless the robot has its own map, which Nav2 would confuse with it."""
         if not self._has_other_map:
             self._node.publish(topic, time, message)
 

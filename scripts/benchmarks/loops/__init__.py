@@ -25,7 +25,8 @@ MEDIANS = "ate_m", "ate_percent", "path_m", "keyframes", "frame_ms", "settle_ms"
 
 @dataclass(frozen=True)
 class TourJob(Job):
-    """A tour to record and to replay; its group is the world's name, and its arena one of ``WORLDS``, or an arena.
+    """A tour to record and to replay; its group is the world's name, and its arena is a world of this benchmark or
+    any arena.
 
     Attributes:
         length: length of the tour, m.

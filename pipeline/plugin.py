@@ -75,9 +75,9 @@ class Plugin:
         return ()
 
     def wrap(self, robot: Robot, world: Any, mapper: Mapper | None) -> Robot:
-        """Return the robot to drive, for example with another sensor. ``mapper``: None if nothing is mapped.
+        """Return the robot to drive, for example one with another sensor, which measures when the robot is driven.
 
-        ``world``: the simulated robot, as in :class:`RunContext`. Its sensors measure after each control period.
+        ``world``: the simulated robot, as in :class:`RunContext`. ``mapper``: None if nothing is mapped.
         """
         return robot
 

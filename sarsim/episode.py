@@ -172,7 +172,7 @@ class Episode(ExplorerRun):
 
 
 def _with_new_folder(config: EpisodeConfig) -> EpisodeConfig:
-    """Create the default folder for the results, or the next one if another command has created it meanwhile."""
+    """Create a new default folder for the results, which no other command uses, and return the settings with it."""
     while True:
         config = replace(config, out=replace(config, out=None).folder)
         with suppress(FileExistsError):

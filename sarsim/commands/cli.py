@@ -35,7 +35,7 @@ from sarsim.startup import prepare_process
 
 BAD_INPUT = 2
 TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals sent by Ctrl-C, by service managers and containers, and by a closed terminal; all end a command alike."""
+"""Signals sent by Ctrl-C, service managers, containers and a closed terminal; all end a command in the same way."""
 SIGNALLED = 128  # Exit status after a signal, less the signal's number, as in shells
 SIGPIPE_STATUS = 141  # Exit status if the output has no reader: 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # Indentation of a flag's help in tyro's messages about wrong flags
@@ -57,8 +57,8 @@ def is_verbose() -> bool:
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
     """Call ``command`` with its parameters taken from ``args``, by default the command line.
 
-    Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130 and
-    SIGTERM with 143, each with a message on stderr.
+    Wrong flags and :class:`pipeline.errors.InputError` end the process with status 2, Ctrl-C with status 130,
+    SIGTERM with 143 and a closed terminal with 129, each with a message on stderr.
     """
 
     @functools.wraps(command)
@@ -113,7 +113,7 @@ def apply_common_flags(args: Sequence[str] | None = None) -> list[str]:
 
 
 def program() -> str:
-    """The command's name for messages: the path by which it was called, or its last part if the path is absolute."""
+    """The command's name for messages: the path by which it was called, or only the last part of an absolute path."""
     called = Path(sys.argv[0])
     return called.name if called.is_absolute() else str(called)
 

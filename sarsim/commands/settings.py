@@ -29,10 +29,10 @@ CONFIG = tyro.conf.arg(
 RESULTS = ("out", "resume", "tum", "json")
 """Settings that say where results go; only flags may set them, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
-"""Settings left out of a run's config.yaml; a repeat must not overwrite results, and may use other workers."""
+"""Settings that a run's config.yaml omits, because a repeat must not overwrite results and may use other workers."""
 NO_DETECTOR = "--no-detector"
 MAX_SETTINGS, DEEPEST = 100_000, 8
-"""Maximum size, bytes, and nesting depth of a settings file; a run's config.yaml has 1,500 bytes and 3 levels."""
+"""Maximum size, bytes, and nesting depth of a settings file; a run's config.yaml has 6,400 bytes and 5 levels."""
 Settings = TypeVar("Settings")
 
 
@@ -223,7 +223,11 @@ def _unknown(place: Sequence[str], names: Collection[str]) -> str:
 
 
 def _yaml(path: Path, where: str) -> Any:
-    """The content of a YAML file; InputError, which begins with ``where``, if the file is not valid YAML."""
+    """The content of a YAML file; ``where`` begins the error messages.
+
+    Raises:
+        InputError: the file is too large, is nested too deeply, contains aliases or is not valid YAML.
+    """
     try:
         text, depth = read_text(path, MAX_SETTINGS), 0
         for event in yaml.parse(text):

@@ -81,7 +81,7 @@ def _large(contours: Sequence[cv2.typing.MatLike], min_side: int) -> Iterator[cv
 
 
 def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
-    """Four corners of a hull that is a quadrilateral; None if it is not one, too small or seen too obliquely."""
+    """Four corners of a hull that is a quadrilateral; None if it has another shape, is too small or too oblique."""
     area = cv2.contourArea(hull)
     for tolerance in config.tolerances:
         corners = cv2.approxPolyDP(hull, tolerance * cv2.arcLength(hull, True), True)[:, 0].astype(np.float32)

@@ -118,7 +118,7 @@ class MissionBrief:
 
     @property
     def codes_name(self) -> str:
-        """File name of the QR codes; an assumption, as the small league requires a file but specifies no name."""
+        """File name of the QR codes; an assumption, because the small league specifies no name for this file."""
         return f"{self.stem}-{self.start:%H-%M-%S}-codes.json"
 
     @property

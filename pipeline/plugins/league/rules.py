@@ -3,7 +3,7 @@
 MAP_COLOURS = {
     "file_name": (0, 44, 207),
     "scale": (0, 50, 140),  # and the axes
-    "light": (237, 237, 238),  # unexplored: the greys of hector_geotiff; the rules only say light and dark grey
+    "light": (237, 237, 238),  # unexplored: the greys of hector_geotiff; the rules say only light and dark grey
     "dark": (226, 226, 227),
     "grid": (0, 0, 0),  # on explored ground
     "start": (0, 240, 0),

@@ -45,8 +45,9 @@ class LiveConfig:
             on the robot's clock, s. A frame may be older than the newest odometry by at most half of this time.
         starting: number of odometry messages from which their period is estimated.
         trajectory: how long an odometry pose is valid.
-        depth_range: nearest and farthest depth that the camera measures, m; by default, the range of the camera that
-            topics or frames name. If they name no camera, an Xtion is assumed, and no returns are left out.
+        depth_range: nearest and farthest depth that the camera measures, m; by default, the range in the robot's file
+            or, if the file gives none, that of the camera that topics or frames name. If they name no camera either,
+            an Xtion is assumed, and no returns are left out.
         depth_noise: standard deviation of depth at 1 m, m, which grows with the square of depth; by default, the
             noise of the camera that topics or frames name, or else of an Xtion.
         nav2: parameters of drives performed by a robot's Nav2 stack.

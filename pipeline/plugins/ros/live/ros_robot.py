@@ -84,7 +84,7 @@ class RosRobot:
         node.idle = self._rest
 
     def _find(self, wait: float) -> None:
-        """Wait up to ``wait`` s longer than patience for all necessary topics, and subscribe to them."""
+        """Wait for all necessary topics, up to ``wait`` s longer than ``patience``, and subscribe to them."""
         node, topics, senses = self._node, self.topics, self._senses
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 

@@ -213,6 +213,8 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
         rows = {kind: _rows(arrays, kind, layout) for kind, layout in LAYOUT.items()}
         _check(rows)
         yield rows
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     except (ValueError, IndexError, KeyError, RuntimeError, np.linalg.LinAlgError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"{path}: the map is invalid ({said}); repeat the run that wrote it") from error

@@ -254,7 +254,8 @@ class Explore(gymnasium.Env[Any, Any]):
         explorer, viewpoint = required(self.explorer), self._chosen(action)
         try:
             if viewpoint is not None:
-                explorer.drive(explorer.redirect(self._seen, viewpoint))
+                is_own = viewpoint is self._seen.viewpoint
+                explorer.drive(self._seen if is_own else explorer.redirect(self._seen, viewpoint))
             if self._achieved.is_tipped:
                 return True
             self._look()
@@ -293,7 +294,7 @@ class Explore(gymnasium.Env[Any, Any]):
     def _observation(self) -> Maps:
         T, robot = self._seen.keyframe.T_map_base, required(self._robot).model
         reach = self._seen.keyframe.frame.sensor.farthest
-        left = sum(viewpoint.gain for viewpoint in self._offered)
+        left = sum(viewpoint.gain for viewpoint in self._offered) or 1.0  # the way back shows nothing
         keyframe_time = self._strategy.config.keyframe_time
         rows = [
             (*(v.position - T[:2, 3]) / reach, (v.seconds - keyframe_time) * robot.speed / reach, v.gain / left)

@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
+from pipeline.planning.path_plan import PathPlan
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
@@ -66,6 +67,20 @@ def test_an_episode_ends_where_nothing_is_worth_the_drive(arena: str, monkeypatc
     assert info["action_mask"].sum() == 1
     *_, is_over, is_cut, info = env.step(0)
     assert (is_over, is_cut) == (True, False) and info["exploration.ended"] == "not_worth_it"
+    env.close()
+
+
+def test_on_the_way_back_the_robots_own_choice_drives_back(arena: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = Explore(arena)
+    _, info = env.reset(seed=0)
+    back = PathPlan(np.array([[0.5, 0.0, 0.0]]), np.array([False]), [], 0.5)
+    decide = Explorer.decide
+    monkeypatch.setattr(Explorer, "decide", lambda *given: (None, decide(*given)[1], back))
+    monkeypatch.setattr(NextBestView, "offers", lambda self, context, first, limit: [first])
+    observation, *_, info = env.step(info["own_choice"])
+    assert env.observation_space.contains(observation)
+    observation, *_ = env.step(info["own_choice"])
+    assert observation["pose"][:2] == pytest.approx([0.5, 0.0], abs=0.15)
     env.close()
 
 

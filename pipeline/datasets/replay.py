@@ -52,7 +52,7 @@ class Replayed(NamedTuple):
     T_world_base: Pose | None
 
 
-def default_poses(recording: Recording) -> PoseSource:
+def default_pose_source(recording: Recording) -> PoseSource:
     """The default source of poses: odometry corrected by registration or, without odometry, registration alone."""
     return "registration" if recording.odometry is None else "slam"
 

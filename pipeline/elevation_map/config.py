@@ -20,7 +20,7 @@ class PathCosts:
             reach 0.85 to 0.95 (measured in the simulator). The expected durations of drives assume it.
         turn_pace: fraction of its maximum turn rate that the robot reaches on average, including acceleration and
             braking.
-        stray: maximum deviation of the robot from its path, m.
+        max_path_deviation: maximum deviation of the robot from its path, m.
         backing: cost of driving backwards relative to driving forwards, because the camera then looks away from the
             direction of travel.
         collision_penalty: cost added per second of driving in which the robot is certain to hit an obstacle, s.
@@ -32,7 +32,7 @@ class PathCosts:
     ramp_pace: float = 0.65
     expected_ramp_pace: float = 0.9
     turn_pace: float = 0.42
-    stray: float = 0.1
+    max_path_deviation: float = 0.1
     backing: float = 2.0
     collision_penalty: float = 20.0
     stop: float = 1.5
@@ -40,7 +40,8 @@ class PathCosts:
     def __post_init__(self) -> None:
         positive = "full_speed_clearance", "narrow_stop", "ramp_pace", "expected_ramp_pace", "turn_pace", "backing"
         require_positive("elevation_map.traversability.costs", self, *positive)
-        require_at_least(0, "elevation_map.traversability.costs", self, "stray", "collision_penalty", "stop")
+        not_negative = "max_path_deviation", "collision_penalty", "stop"
+        require_at_least(0, "elevation_map.traversability.costs", self, *not_negative)
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class Costs(NamedTuple):
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
         people_speed: maximum speed near people, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
-        stray: maximum deviation of the robot from its path, m.
+        max_deviation: maximum deviation of the robot from its path, m.
         spread: additional deviation in a turn, m per unit of slope.
         slide: distance by which the robot slides downhill in a turn, m per unit of slope; the value for a quarter
             turn is used.
@@ -86,7 +86,7 @@ class Costs(NamedTuple):
     people_speed: float
     turn_rate: float
     ramp_turn_rate: float
-    stray: float
+    max_deviation: float
     spread: float
     slide: float
     lean: float
@@ -263,7 +263,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, is_beside_people, backw
     if is_beside_people:
         speed = min(speed, costs.people_speed)
     seconds = (1.0 + costs.across * across) / speed
-    risk = costs.collision_penalty * collision_probability(clearance, costs.stray)
+    risk = costs.collision_penalty * collision_probability(clearance, costs.max_deviation)
     return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)
 
 
@@ -272,9 +272,8 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    return seconds * (
-        1.0 + costs.collision_penalty * collision_probability(clearance, 0.5 * costs.stray + costs.spread * slope)
-    )
+    deviation = 0.5 * costs.max_deviation + costs.spread * slope
+    return seconds * (1.0 + costs.collision_penalty * collision_probability(clearance, deviation))
 
 
 @njit(cache=True)

@@ -60,7 +60,7 @@ class Traversability:
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: steps and slopes that the robot cannot drive over.
         to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
-        level: clearance without room downhill on slopes, see :attr:`without_downhill_room`.
+        level_clearance: clearance without room downhill on slopes, see :attr:`without_downhill_room`.
         obstacle, to_obstacle, clearance, required_clearance, ramp, uphill: see :class:`pose_kernels.Terrain`;
             distances are at most :func:`reach_of` the robot, and a cell where a thin panel may stand is a hazard.
         free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
@@ -82,7 +82,7 @@ class Traversability:
     to_hazard: Layer
     obstacle: NDArray[np.uint8]
     to_obstacle: Layer
-    level: NDArray[np.int8]
+    level_clearance: NDArray[np.int8]
     clearance: NDArray[np.int8]
     required_clearance: NDArray[np.int8]
     ramp: MaskLayer
@@ -122,7 +122,7 @@ class Traversability:
 
         Poses without this room have no more clearance than they need, so paths that avoid them remain cheaper.
         """
-        clearance = _without_downhill_room(self.clearance, self.level, self.required_clearance)
+        clearance = _without_downhill_room(self.clearance, self.level_clearance, self.required_clearance)
         free = pose_kernels.free_poses(clearance, self.required_clearance, SWEEP)
         return replace(self, clearance=clearance, free=free, ignores_downhill_room=True)
 
@@ -152,14 +152,14 @@ class Traversability:
         box = box_around(kept_off, ceil(reach / cell))
         level = _clearances(alone, distance, self.robot, cell, self.config, box)
         clearance = np.minimum(self.clearance, _on_slopes(level, self.uphill, self.robot, cell))
-        level = np.minimum(self.level, level)
+        level = np.minimum(self.level_clearance, level)
         return replace(
             limited,
             hazard=hazard,
             to_hazard=np.minimum(self.grid.distance_to(hazard), reach),
             obstacle=np.maximum(self.obstacle, alone),
             to_obstacle=np.minimum(self.to_obstacle, distance),
-            level=level,
+            level_clearance=level,
             clearance=clearance,
             free=pose_kernels.free_poses(clearance, self.required_clearance, SWEEP),
             turnable=self.turnable & (clearance.min(axis=2) >= min_clearance(cell)),
@@ -189,7 +189,7 @@ class Traversability:
         level = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
         clearance = _on_slopes(level, known["uphill"], self.robot, grid.cell)
         # Where the robot has driven, the clearance is larger.
-        level, clearance = np.maximum(level, known["level"]), np.maximum(clearance, known["clearance"])
+        level, clearance = np.maximum(level, known["level_clearance"]), np.maximum(clearance, known["clearance"])
         required_clearance = known["required_clearance"]
         required_clearance[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
         if self.ignores_downhill_room:
@@ -197,7 +197,7 @@ class Traversability:
         known |= {
             "obstacle": obstacle,
             "to_obstacle": distance,
-            "level": level,
+            "level_clearance": level,
             "clearance": clearance,
             "required_clearance": required_clearance,
         }
@@ -243,7 +243,7 @@ class Traversability:
             people_speed=float(self.people_speed),
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=turns * robot.ramp_turn_rate,
-            stray=caution * costs.stray,
+            max_deviation=caution * costs.max_path_deviation,
             spread=caution * slide_of(robot),
             slide=0.0 if self.ignores_downhill_room else slide_of(robot),
             lean=0.0 if self.ignores_downhill_room else WIDEST_HEIGHT_FRACTION * robot.body_height,
@@ -282,7 +282,7 @@ UNSEEN: dict[str, float] = {
     "elevation": np.nan,
     "sealed": np.nan,
     "to_hazard": np.inf,
-    "level": np.iinfo(np.int8).min,
+    "level_clearance": np.iinfo(np.int8).min,
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
@@ -381,7 +381,7 @@ def assess(
         to_hazard=to_hazard,
         obstacle=obstacle,
         to_obstacle=to_obstacle,
-        level=level,
+        level_clearance=level,
         clearance=clearance,
         required_clearance=required_clearance,
         ramp=ramp,

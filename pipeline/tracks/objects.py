@@ -92,8 +92,8 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         """Whether an object has no depth or is unread, and was missed less often than seen.
 
         An object with a checksum is unread if no text was decoded. A flat object without a checksum is unread if it
-        always looked too small. The robot does not drive anywhere to see a shape again, because in arenas without
-        finds, such drives made exploration take a quarter more time.
+        always looked too small. An object that is recognised by its shape never counts as unread: in arenas without
+        finds, drives to see such objects again made exploration take 25% longer.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable

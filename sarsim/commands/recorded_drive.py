@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Pose
 from pipeline.datasets.recording import CameraPose, Recording
-from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
+from pipeline.datasets.replay import Replay, Replayed, default_pose_source, localisation_of
 from pipeline.errors import InputError
 from pipeline.localisation.localisation import LostError
 from pipeline.progress import Progress
@@ -72,7 +72,7 @@ class RecordedDrive(MappingRun):
     def __init__(self, recording: Recording, config: MapRecordingConfig):
         """Prepare the run; InputError if the recording lacks the requested poses, or the folder cannot be written."""
         self.recording, self.config = recording, config
-        poses, model = config.poses or default_poses(recording), robot_model(config.robot)
+        poses, model = config.poses or default_pose_source(recording), robot_model(config.robot)
         plugins = make_plugins(config)
         localisation = localisation_of(poses, config.pipeline.localisation)
         sensor = recording.sensor or XTION

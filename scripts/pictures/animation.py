@@ -88,13 +88,13 @@ def read(folder: Path, robot: SimulatedRobot) -> Drive:
         for person in json.loads((folder / "victims.json").read_text())["people"]
         if person["confirmed"]
     ]
-    times = true[passed(true[:, 1:], np.array(keyframes.poses)), 0].tolist()
+    times = true[passing_indices(true[:, 1:], np.array(keyframes.poses)), 0].tolist()
     seen = list(zip(times, keyframes.seen, strict=True))
     turns = Slerp(true[:, 0], Rotation.from_quat(true[:, 4:]))
     return Drive(true[:, 0], true[:, 1:4], turns, seen, keyframes.poses, people)
 
 
-def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
+def passing_indices(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
     """(K,) indices in a track (N, 7), positions and quaternions, at which the robot passed ``poses`` (K, 4, 4).
 
     Dynamic programming finds the indices, in the order of the drive, with the minimum sum of distances.

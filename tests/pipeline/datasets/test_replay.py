@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.datasets.recording import CameraPose, Recording
-from pipeline.datasets.replay import PoseSource, Replay, Replayed, default_poses, localisation_of
+from pipeline.datasets.replay import PoseSource, Replay, Replayed, default_pose_source, localisation_of
 from pipeline.errors import InputError
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Mapper
@@ -51,8 +51,8 @@ def test_registration_alone_follows_the_camera() -> None:
 
 def test_odometry_is_corrected_or_taken_at_its_word() -> None:
     odometry = Trajectory(TIMES, np.array(ODOMETRY))
-    assert default_poses(recording(odometry=odometry)) == "slam"
-    assert default_poses(recording()) == "registration"
+    assert default_pose_source(recording(odometry=odometry)) == "slam"
+    assert default_pose_source(recording()) == "registration"
     mapper, found = replayed(recording(odometry=odometry), "slam")
     assert np.linalg.norm((mapper.keyframes.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) < 0.018
     trusted, found = replayed(recording(odometry=odometry), "odometry")

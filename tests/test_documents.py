@@ -113,8 +113,8 @@ def test_a_page_begins_with_what_it_is_about(page: Path) -> None:
 
 def test_every_picture_is_shown_on_a_page() -> None:
     pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
-    shown = set().union(*(targets(page.read_text()) for page in PAGES))
-    assert pictures <= shown | {target.removeprefix("docs/") for target in targets(README.read_text())}
+    shown = set().union(*(targets(page.read_text()) for page in (*PAGES, *RESULTS, README)))
+    assert pictures <= {target.removeprefix("docs/").removeprefix("../") for target in shown}
 
 
 def test_badges_are_drawn_from_the_project() -> None:

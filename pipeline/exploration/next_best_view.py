@@ -112,9 +112,12 @@ class NextBestView(Strategy):
         """
         if viewpoint := self._next(self.remaining, context):
             return viewpoint
-        given_up = list(self._in_turn(self._best, self.remaining, context))
-        is_much = sum(view.gain for view in given_up) > self.config.max_given_up * self.remaining.seen
-        return given_up[0] if is_much else None
+        first, area = None, 0.0
+        for view in self._in_turn(self._best, self.remaining, context):
+            first, area = first or view, area + view.gain
+            if area > self.config.max_given_up * self.remaining.seen:
+                return first
+        return None
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
         """All ground that is given up: viewpoints that would show more, and seen ground to which no path leads.

@@ -197,7 +197,12 @@ class Explorer:
         return self._failed_drives >= self._config.explorer.max_failed_drives
 
     def redirect(self, step: Step, viewpoint: Viewpoint) -> Step:
-        """A copy of the step with a viewpoint chosen by the caller, and a plan that leads there if there is one."""
+        """A copy of the step with a viewpoint chosen by the caller, and a plan that leads there if there is one.
+
+        The step's own viewpoint has been committed to and planned for, so the step is returned as it is.
+        """
+        if viewpoint is step.viewpoint:
+            return step
         self.mission.exploration.commit(viewpoint, step.context)
         return replace(step, viewpoint=viewpoint, plan=self._plan(viewpoint, step.context))
 

@@ -254,8 +254,7 @@ class Explore(gymnasium.Env[Any, Any]):
         explorer, viewpoint = required(self.explorer), self._chosen(action)
         try:
             if viewpoint is not None:
-                is_own = viewpoint is self._seen.viewpoint
-                explorer.drive(self._seen if is_own else explorer.redirect(self._seen, viewpoint))
+                explorer.drive(explorer.redirect(self._seen, viewpoint))
             if self._achieved.is_tipped:
                 return True
             self._look()

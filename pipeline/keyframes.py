@@ -294,7 +294,7 @@ class Keyframes:
         return moves
 
     def moves_to(self, T_map_base: Poses) -> Moves:
-        """How far the keyframes would move if they had given poses; InputError as in :meth:`place`."""
+        """How far the keyframes would move if placed at the poses ``T_map_base``; InputError as in :meth:`place`."""
         poses = np.asarray(T_map_base, np.float64)
         if poses.shape != self.poses.shape:
             raise InputError(

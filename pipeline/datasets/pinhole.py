@@ -54,7 +54,7 @@ class ImageRectifier:
                     f"{path}: distortion model {info.distortion_model!r} is not supported; rectify the images"
                 )
             self._distortion = K, d
-            self._find_maps((1, 1))  # to raise an error as early as possible
+            self._undistortion_maps((1, 1))  # to raise an error as early as possible
 
     def is_like(self, other: "ImageRectifier") -> bool:
         """Whether another camera has the same intrinsics, and images of the same size."""
@@ -88,10 +88,10 @@ class ImageRectifier:
         if self._distortion is None:
             return image
         if self._maps is None:
-            self._maps = self._find_maps(self._size)
+            self._maps = self._undistortion_maps(self._size)
         return cv2.remap(image, *self._maps, cv2.INTER_NEAREST if kind == "depth" else cv2.INTER_LINEAR)
 
-    def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
+    def _undistortion_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
         """(H, W) column and (H, W) row of each rectified pixel in the distorted image.
 
         Raises:

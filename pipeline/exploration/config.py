@@ -93,7 +93,7 @@ class ExplorationConfig:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
-        max_given_up: maximum fraction of the seen ground that may be given up as not worth the drive.
+        max_given_up_fraction: maximum fraction of the seen ground that may be given up as not worth the drive.
         min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         arrived: distance within which a viewpoint or goal is considered reached, m.
@@ -115,7 +115,7 @@ class ExplorationConfig:
     keyframe_time: float = 2.0
     more_ground: float = 1.002
     more_time: float = 1.15
-    max_given_up: float = 0.01
+    max_given_up_fraction: float = 0.01
     min_piece_area: float = 0.25
     horizon: float = 1.5
     arrived: float = 0.15
@@ -130,7 +130,7 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
-        require_at_least(0, "exploration", self, "max_given_up", "min_piece_area", "max_unseen_gap")
+        require_at_least(0, "exploration", self, "max_given_up_fraction", "min_piece_area", "max_unseen_gap")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "max_drives_without_progress", "looks", "drives_to_look")

@@ -107,15 +107,15 @@ class NextBestView(Strategy):
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows the most per second, or else one that may open a path; None if none is worthwhile.
 
-        While the ground that would be given up exceeds the fraction ``max_given_up`` of the seen ground, every drive
-        is worth its time.
+        While the ground that would be given up exceeds the fraction ``max_given_up_fraction`` of the seen ground,
+        every drive is worth its time.
         """
         if viewpoint := self._next(self.remaining, context):
             return viewpoint
         first, area = None, 0.0
         for view in self._in_turn(self._best, self.remaining, context):
             first, area = first or view, area + view.gain
-            if area > self.config.max_given_up * self.remaining.seen:
+            if area > self.config.max_given_up_fraction * self.remaining.seen:
                 return first
         return None
 

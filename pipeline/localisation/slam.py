@@ -338,7 +338,7 @@ class Slam(Localisation):
         self.belief.predict(way, max(0.0, frame.time - last.time))
 
     def _has_jumped(self, before: Frame, frame: Frame) -> bool:
-        """Whether the odometry measured more between two frames than the robot can have driven."""
+        """Whether the odometry measured over ``jump`` m more between two frames than the robot can have driven."""
         config, moved = self._config.slam, frame.T_odom_base[:3, 3] - before.T_odom_base[:3, 3]
         return bool(np.linalg.norm(moved) > config.jump + config.max_speed * max(0.0, frame.time - before.time))
 

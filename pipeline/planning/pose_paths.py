@@ -125,7 +125,7 @@ class PosePaths:
         """The cheapest paths from the (first) start if the risk of hitting an obstacle costs nothing."""
         return PosePaths(self.traversability, required(self.start), self.heading, caution=0.0)
 
-    def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
+    def _known_costs(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) costs of reaching cells with each heading, s; inf where the search has not arrived yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
         is_known = (cost > 0) & ((cost <= self._search.progress[0]) | self.is_complete)
@@ -134,7 +134,7 @@ class PosePaths:
     def seconds_to(self, cells: Cells, until: float = np.inf) -> NDArray[np.float32]:
         """(N, 16) costs of reaching cells (N, 2) with each heading, s; costs above ``until`` may be inf."""
         self._extend(until)
-        return self._known(tuple(cells.T))
+        return self._known_costs(tuple(cells.T))
 
     def min_seconds_to(self, cells: Cells) -> Values:
         """(N,) s, lower bounds on the costs of paths to cells (N, 2) from the start; there must be only one start."""
@@ -146,7 +146,7 @@ class PosePaths:
     def seconds(self) -> NDArray[np.float32]:
         """(nx, ny, 16) cost of reaching each cell with each heading, s; inf where no path leads."""
         self._extend(np.inf)
-        return self._known(...)
+        return self._known_costs(...)
 
     @cached_property
     def cost(self) -> NDArray[np.float32]:
@@ -206,7 +206,7 @@ class PosePaths:
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
         where = tuple(np.moveaxis(cells, -1, 0))
         while True:
-            seconds = self._known(where)
+            seconds = self._known_costs(where)
             wanted = seconds if heading is None else seconds[..., heading]
             if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
                 return seconds

@@ -143,7 +143,7 @@ def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """The content of the page, except figures that need the ground truth.
+    """The content of the page, except the title, the date, the figures of the run, the scores and the settings.
 
     Attributes:
         poses: ``T_map_base`` of the run's keyframes; the first is the pose at which the robot was set down.

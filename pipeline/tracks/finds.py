@@ -88,8 +88,8 @@ def one_per_person(
     """Yield the finds; heat from several parts of one person is merged into one find at the middle of the person.
 
     Clothes, blankets and objects in front of a person leave several warm regions. A warm region where no person was
-    seen stays where it is. An extinguisher or lever on a person is left out, because it is a part of the person. The
-    heat of a person who is only ``suspected`` is also merged, because heat supports the suspicion.
+    seen stays where it is. What looks like an extinguisher or lever on a person is left out, because it is a part of
+    the person. The heat of a person who is only ``suspected`` is also merged, because heat supports the suspicion.
 
     Args:
         finds: finds to report; none of them are people.

@@ -40,13 +40,13 @@ class GenerateDataset(DatasetConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GenerateHarder(HarderDatasetConfig, GenerateDataset):
+class GenerateHarderDataset(HarderDatasetConfig, GenerateDataset):
     """Settings as in :class:`GenerateDataset`, with the defaults of the harder mix."""
 
 
 def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
-    if settings.harder and not isinstance(settings, GenerateHarder):
+    if settings.harder and not isinstance(settings, GenerateHarderDataset):
         raise InputError("--config: a file must not set harder; give --harder as a flag")
     check("scenes", settings.scenes, 1)
     if settings.workers is not None:
@@ -82,4 +82,4 @@ def generate_dataset(settings: GenerateDataset) -> None:
 
 def main() -> None:
     """Entry point of ``sarsim-dataset``."""
-    run_with_settings(generate_dataset, GenerateHarder if "--harder" in sys.argv[1:] else GenerateDataset)
+    run_with_settings(generate_dataset, GenerateHarderDataset if "--harder" in sys.argv[1:] else GenerateDataset)

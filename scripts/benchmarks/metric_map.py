@@ -83,7 +83,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
 
 
 class _Album(Sink):
-    """Takes frames at a constant period, which doubles whenever there are twice as many frames as wanted."""
+    """Takes frames at regular intervals; at twice the wanted number, drops half of them and doubles the interval."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
         self._robot, self._wanted = robot, wanted

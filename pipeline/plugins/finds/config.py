@@ -21,7 +21,7 @@ class SquaresConfig:
         hue_step: step from one colour mask to the next, 256ths of the circle of hues.
         hue_width: range of hues in a colour mask, 256ths of the circle.
         min_saturation: saturation, out of 255, above which a pixel has a hue.
-        faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
+        canny_low, canny_high: lower and upper threshold of the Canny edge detector, grey levels.
         tolerances: maximum errors of the polygon that approximates an outline, as fractions of the outline's length,
             tried in turn until the polygon has at most four corners.
         filled: minimum ratio of the smaller to the larger of two areas: the quadrilateral and its outline's hull.
@@ -42,8 +42,8 @@ class SquaresConfig:
     hue_step: int = 16
     hue_width: int = 32
     min_saturation: int = 64
-    faint_edge: int = 32
-    sure_edge: int = 96
+    canny_low: int = 32
+    canny_high: int = 96
     tolerances: tuple[float, ...] = (0.02, 0.04, 0.06)
     filled: float = 0.88
     max_side_ratio: float = 3.0
@@ -55,7 +55,7 @@ class SquaresConfig:
     def __post_init__(self) -> None:
         require_positive("squares", self, "filled", "max_side_ratio", "oblong", "largest")
         require_at_least(1, "squares", self, "max_pixels", "min_side", "hue_step")
-        require_at_least(0, "squares", self, "same", "smallest", "faint_edge", "sure_edge")
+        require_at_least(0, "squares", self, "same", "smallest", "canny_low", "canny_high")
         for name in ("small_window", "window"):
             side = getattr(self, name)
             if side < 3 or side % 2 == 0:

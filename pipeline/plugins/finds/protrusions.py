@@ -79,7 +79,7 @@ class Protrusions:
         return cls(np.dstack([frame.rgb, whole]), regions)
 
 
-def outline(region: NDArray[np.int64]) -> Pixels:
+def convex_hull(region: NDArray[np.int64]) -> Pixels:
     """Corners of the convex hull of a region, which is given by (N, 2) rows and columns of its pixels."""
     return np.asarray(cv2.convexHull(region[:, ::-1].astype(np.float32) + np.float32(0.5))[:, 0], np.float32)
 

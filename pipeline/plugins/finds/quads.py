@@ -51,7 +51,7 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.min_saturation)
         if np.count_nonzero(is_one) >= config.min_side**2:
             yield np.where(is_one, most, 0).astype(np.uint8)
-    thresholds = config.faint_edge, config.sure_edge
+    thresholds = config.canny_low, config.canny_high
     edges = np.max([cv2.Canny(channel, *thresholds) for channel in cv2.split(smooth)], axis=0)
     yield np.where(cv2.dilate(edges, np.ones((3, 3), np.uint8)) > 0, 0, most).astype(np.uint8)
 

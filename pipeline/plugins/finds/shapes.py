@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.frame import Frame
 from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.patch_network import PatchNetwork
-from pipeline.plugins.finds.protrusions import Protrusions, outline, square_around
+from pipeline.plugins.finds.protrusions import Protrusions, convex_hull, square_around
 from pipeline.plugins.finds.squares import Pyramid, rectified
 from pipeline.tracks.find import SHAPED, Reading, is_same
 
@@ -34,7 +34,7 @@ class ShapeReader:
         chances = self._network.probabilities(patches, turns=1)
         found: list[Reading] = []
         for best in chances[:, -1].argsort(kind="stable"):
-            kind, corners = int(chances[best, :-1].argmax()), outline(seen.regions[best])
+            kind, corners = int(chances[best, :-1].argmax()), convex_hull(seen.regions[best])
             is_sure = chances[best, kind] > self._config.shapes.confidence
             if is_sure and not any(is_same(corners, other.corners) for other in found):
                 found.append(Reading(SHAPED[kind], "", corners, float(chances[best, kind])))

@@ -120,12 +120,12 @@ def read_cloud(path: Path) -> CloudFile:
         read.errors.append('not an ASCII PLY file: the header must contain the line "format ascii 1.0"')
         return read
     read.comments = [line.removeprefix("comment").strip() for line in lines if line.startswith("comment")]
-    count, names = _vertices(read, lines)
+    count, names = _vertex_element(read, lines)
     _read_body(read, body.split(b"\n")[1:], count, names)
     return read
 
 
-def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
+def _vertex_element(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     """Number of vertices, which must be the first element, and names of their properties."""
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]

@@ -50,16 +50,18 @@ def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> 
     lists = {path: read_pois(path) for path in files[".csv"]}
     headers = [read.header for read in lists.values()]
     for path, read in lists.items():
-        errors += _of(path, [*_wrong_list_name(path, read), *read.errors])
+        errors += _with_file_name(path, [*_wrong_list_name(path, read), *read.errors])
     for path in files[".ply"]:
-        errors += _of(path, [*_wrong_name(path, headers), *cloud_errors(read_cloud(path), headers, config)])
+        errors += _with_file_name(
+            path, [*_wrong_name(path, headers), *cloud_errors(read_cloud(path), headers, config)]
+        )
     types = {poi.type for read in lists.values() for poi in read.pois}
     for path in files[".tiff"]:
-        errors += _of(path, [*_wrong_name(path, headers), *map_errors(path, types, config)])
+        errors += _with_file_name(path, [*_wrong_name(path, headers), *map_errors(path, types, config)])
     return errors
 
 
-def _of(path: Path, errors: list[str]) -> list[str]:
+def _with_file_name(path: Path, errors: list[str]) -> list[str]:
     return [f"{path.name}: {error}" for error in errors]
 
 

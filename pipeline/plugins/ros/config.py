@@ -32,7 +32,7 @@ class LiveConfig:
     """Parameters of robots on a network.
 
     Attributes:
-        discovery: time within which nodes on one machine discover each other and acknowledge messages, s.
+        discovery_timeout: time within which nodes on one machine discover each other and acknowledge messages, s.
         idle: maximum time between two calls of a node's ``idle``, s.
         odometry_queue: number of messages that are queued per subscribed topic while the pipeline computes, and
             number of odometry poses that are kept; enough for a few seconds of odometry.
@@ -53,7 +53,7 @@ class LiveConfig:
         nav2: parameters of drives performed by a robot's Nav2 stack.
     """
 
-    discovery: float = 1.0
+    discovery_timeout: float = 1.0
     idle: float = 0.02
     odometry_queue: int = 100
     queue: int = 10

@@ -45,7 +45,9 @@ class SetAbstraction(nn.Module):
 
 
 def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[PointFeatures, Tensor]:
-    """Centres of balls of ``radius``, m, and (Q, K, C) ``layer`` of the edges [(x_j − x_i) / ``unit``, features_j].
+    """Centres of balls of ``radius`` m, and (Q, K, C) outputs of ``layer`` for their edges.
+
+    The input of an edge is [(x_j − x_i) / ``unit``, features_j].
 
     The layer is linear, so it is applied to points and centres, which are fewer than the edges.
     """

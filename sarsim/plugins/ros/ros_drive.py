@@ -100,7 +100,7 @@ class RosDrive(ExplorerRun):
 
     Attributes:
         robot: the robot on the network.
-        stopped: reason why the robot was stopped before the end; None if it was not stopped.
+        stopped: message of the InputError that ended the run; None if there was none.
     """
 
     def __init__(self, config: RosExplorationConfig, node: RosNode):

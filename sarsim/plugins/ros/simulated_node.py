@@ -93,7 +93,7 @@ class SimulatedNode:
         try:
             while not interrupted():
                 start, commands = self._node.now(), self.commands
-                self.period()
+                self.run_period()
                 on_period(self.robot.time - self._begin)
                 if self.config.pace == "real-time":
                     self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
@@ -108,7 +108,7 @@ class SimulatedNode:
     def _is_commanded_since(self, commands: int) -> bool:
         return self.commands > commands
 
-    def period(self) -> None:
+    def run_period(self) -> None:
         """Follow the newest command for a control period, and publish the sensors' measurements, odometry last."""
         with self._node.received:
             is_commanded = self.robot.time - self._commanded < WATCHDOG

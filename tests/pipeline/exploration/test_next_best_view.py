@@ -496,7 +496,7 @@ def test_as_long_as_much_would_be_given_up_every_drive_is_worth_it():
     config = ExplorationConfig(more_ground=2.0)  # no view is worth its time
     world, pose = corridor(-6, 2), from_yaw(0, 0, 0, 0)
     found = [
-        next_viewpoint(NextBestView(PIONEER, config=replace(config, max_given_up=share)), world, pose)
+        next_viewpoint(NextBestView(PIONEER, config=replace(config, max_given_up_fraction=share)), world, pose)
         for share in (0.0, 1.0)
     ]
     assert found[0] is not None

@@ -58,7 +58,7 @@ class Nav2Robot(RosRobot):
         """End the drive, and wait briefly for Nav2 to confirm the end."""
         super().stop()
         if (goal := self._goal) is not None:
-            self._node.wait(lambda: goal.end is not None, self._config.discovery)
+            self._node.wait(lambda: goal.end is not None, self._config.discovery_timeout)
 
     def _missing_receivers(self) -> list[str]:
         if self._served():

@@ -62,7 +62,7 @@ class RosNode:
             thread.start()
             stack.callback(thread.join)
             stack.callback(self._closing.set)
-            if self.wait(lambda: self._node.get_node_names().count(name) > 1, config.discovery):
+            if self.wait(lambda: self._node.get_node_names().count(name) > 1, config.discovery_timeout):
                 raise InputError(f"a node named {name!r} is already on the network; choose another --name")
             self._stack = stack.pop_all()
 
@@ -78,7 +78,7 @@ class RosNode:
 
     def close(self) -> None:
         """Leave the network, after waiting briefly until sent messages are acknowledged."""
-        timeout = import_module("rclpy.duration").Duration(seconds=self._config.discovery)
+        timeout = import_module("rclpy.duration").Duration(seconds=self._config.discovery_timeout)
         for publisher in self._publishers.values():
             if publisher is not None:
                 publisher.wait_for_all_acked(timeout)

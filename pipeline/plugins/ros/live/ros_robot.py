@@ -136,7 +136,7 @@ class RosRobot:
             )
 
         # These topics may not be discovered yet.
-        node.wait(lambda: bool(node.publishers(topics.imu)) and bool(places()), self._config.discovery)
+        node.wait(lambda: bool(node.publishers(topics.imu)) and bool(places()), self._config.discovery_timeout)
         takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
         of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
         if of_colour not in (None, topics.camera_info):
@@ -150,7 +150,7 @@ class RosRobot:
             with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.publishers(topic):
                     self._subscribe(topic, take)
-        node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
+        node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery_timeout)
 
     def _others(self, needed: Sequence[str]) -> str:
         """The published topics that a user may have meant instead of ``needed``, as part of an error message."""

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
 from pipeline.plugins.finds.config import FindsConfig
-from pipeline.plugins.finds.protrusions import Protrusions, outline, relief, square_around
+from pipeline.plugins.finds.protrusions import Protrusions, convex_hull, relief, square_around
 
 LENS = Intrinsics(640, 480, 570.0, 570.0, 320.0, 240.0)
 GREY = np.full((480, 640, 3), 90, np.uint8)
@@ -60,7 +60,7 @@ def test_what_is_red_may_be_a_bottle_on_any_ground() -> None:
     red[200:300, 300:340] = (150, 10, 8)
     (region,) = protrusions(frame(room(), red)).regions
     assert [*region.min(axis=0), *region.max(axis=0)] == pytest.approx([200, 300, 299, 339], abs=2)
-    np.testing.assert_allclose(outline(region).mean(axis=0), (320, 250), atol=2)
+    np.testing.assert_allclose(convex_hull(region).mean(axis=0), (320, 250), atol=2)
     square = square_around(region)
     np.testing.assert_allclose(square.mean(axis=0), (320, 250), atol=2)
     np.testing.assert_allclose(np.ptp(square, axis=0), 2 * 100, atol=4)

@@ -83,7 +83,7 @@ def test_a_robot_on_a_network_sends_scans() -> None:
     config = RosRobotConfig(plugins={"lidar": LidarConfig("utm-30lx")})
     node = SimulatedNode(config, End(wire, "robot"))
     for _ in range(5):
-        node.period()
+        node.run_period()
     node.robot.close()
     assert len(wire.heard["/scan"]) == len(wire.heard["/points"]) == 5
     scan = wire.heard["/scan"][-1]
@@ -96,7 +96,7 @@ def test_a_robot_on_a_network_sends_scans() -> None:
 def _topics_without_a_lidar() -> set[str]:
     wire = Wire()
     node = SimulatedNode(RosRobotConfig(), End(wire, "robot"))
-    node.period()
+    node.run_period()
     node.robot.close()
     return set(wire.heard)
 

@@ -44,7 +44,7 @@ class Pair:
 
     def work(self) -> None:
         self.wire.time += self.simulated.robot.control_period
-        self.simulated.period()
+        self.simulated.run_period()
 
     @property
     def report(self) -> dict:

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from pipeline.arrays import Mask, Places, Values
 from pipeline.elevation_map.traversability import Traversability
-from pipeline.geometry.parts import parts
+from pipeline.geometry.parts import part_numbers
 
 
 def is_inaccessible(
@@ -45,7 +45,7 @@ def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, join
     point, m.
     """
     part_of = np.zeros(len(points), np.intp)
-    part_of[counts] = parts(points[counts] - points.min(axis=0), joint)
+    part_of[counts] = part_numbers(points[counts] - points.min(axis=0), joint)
     return counts & np.isin(part_of, part_of[counts & (height < joint)])
 
 

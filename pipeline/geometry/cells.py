@@ -1,8 +1,9 @@
 """Sets of small grid cells, which show where in its bounding box a surface lies.
 
 A set holds distinct cell indices, sorted. The grid belongs to the map, not to a surface, so the union of sets from
-different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length, where
-floors and walls also tend to lie: noise would spread a surface on the face between two cells over both of them.
+different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length,
+because floors and walls tend to lie there, too; on the face between two cells, noise would spread a surface over
+both.
 """
 
 from typing import TypeAlias
@@ -25,7 +26,7 @@ REACH = 2
 
 With 2 and cells of 0.05 m, gaps of 0.15 m always divide a surface, and gaps of 0.05 m never do.
 """
-FRONT = (REACH + 1) ** 2 + 1
+MIN_FRONT_CELLS = (REACH + 1) ** 2 + 1
 """Minimum number of a set's cells near another set for both to form one surface: one more than at a corner."""
 MIN_POINT_RATIO = 0.25
 """Minimum number of points in a cell, as a fraction of a neighbour's; a cell with fewer is noise at the surface's
@@ -41,7 +42,7 @@ def cells_of(points: NDArray[np.floating], edge: float) -> tuple[SurfaceCells, I
 
 
 def centres(cells: SurfaceCells, edge: float) -> Places:
-    """The centres of cells (K, 3) of edge length ``edge``, m."""
+    """(K, 3) m, the centres of cells (K, 3) of edge length ``edge``, m."""
     return np.multiply(cells, edge, dtype=np.float64)
 
 
@@ -53,7 +54,7 @@ def unite(a: SurfaceCells, b: SurfaceCells) -> SurfaceCells:
 def in_contact(a: SurfaceCells, b: SurfaceCells) -> bool:
     """Whether two sets (K, 3) and (L, 3) meet along a front, not only at a corner."""
     small, large = (a, b) if len(a) < len(b) else (b, a)
-    return kernels.count_near(small, large, REACH, FRONT) >= FRONT
+    return kernels.count_near(small, large, REACH, MIN_FRONT_CELLS) >= MIN_FRONT_CELLS
 
 
 def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
@@ -78,12 +79,16 @@ def connected_pieces(cells: SurfaceCells, points: Indices) -> Indices:
 
 
 def _components(pairs: NDArray[np.intp], size: int) -> Indices:
+    """(``size``,) number of the connected component of each cell, given the (P, 2) pairs of neighbouring cells."""
     graph = coo_array((np.ones(len(pairs), np.int8), pairs.T), shape=(size, size))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _flood(piece: Indices, pairs: NDArray[np.intp]) -> None:
-    """Spread pieces in place, step by step, to neighbouring cells without a piece; the lowest number wins."""
+    """Spread the numbers ``piece`` (K,) in place, step by step, over ``pairs`` (P, 2) to neighbours without a number.
+
+    Where several pieces meet, the lowest number wins.
+    """
     both_ways = np.vstack([pairs, pairs[:, ::-1]])
     while True:
         source, target = both_ways[(piece[both_ways] == NONE) @ [1, 2] == 2].T

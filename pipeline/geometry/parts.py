@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 
-def parts(points: NDArray[np.floating], edge: float) -> NDArray[np.intp]:
+def part_numbers(points: NDArray[np.floating], edge: float) -> NDArray[np.intp]:
     """(N,) number, starting at 1, of the connected part to which each point (N, 3), m, belongs.
 
     Points in the same cube of edge length ``edge``, m, or in neighbouring cubes are connected.

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 FREE, HIT = 1, 2
+"""Marks of voxels: crossed by a ray, or containing an end point; 0 means neither."""
 
 
 @njit(cache=True, nogil=True)
-def trace_points(points, stops, ends, origin, marks):
+def trace_rays(points, stops, ends, origin, marks):
     """Mark the voxels of end points as HIT, and the voxels that rays only cross as FREE.
 
     Args:
@@ -24,15 +25,15 @@ def trace_points(points, stops, ends, origin, marks):
     for n in range(points.shape[0]):
         if ends[n]:
             marks[int(points[n, 0]), int(points[n, 1]), int(points[n, 2])] = HIT
-        walk(origin[0], origin[1], origin[2], stops[n, 0], stops[n, 1], stops[n, 2], marks)
+        mark_line(origin[0], origin[1], origin[2], stops[n, 0], stops[n, 1], stops[n, 2], marks)
 
 
 @njit(cache=True)
-def walk(x, y, z, x_stop, y_stop, z_stop, marks):
-    """Mark as FREE all voxels of ``marks`` that are not HIT on a line, including its end points."""
-    i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
-    j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
-    k, k_end, k_step, k_next, k_gap = _along(z, z_stop)
+def mark_line(x, y, z, x_stop, y_stop, z_stop, marks):
+    """Mark as FREE the voxels of ``marks`` on a line, including both ends of the line, unless they are HIT."""
+    i, i_end, i_step, i_next, i_gap = _ray_axis(x, x_stop)
+    j, j_end, j_step, j_next, j_gap = _ray_axis(y, y_stop)
+    k, k_end, k_step, k_next, k_gap = _ray_axis(z, z_stop)
     # Counting the faces left to cross, instead of comparing ray parameters, ends each ray exactly in its last voxel.
     for _ in range(abs(i_end - i) + abs(j_end - j) + abs(k_end - k)):
         if marks[i, j, k] != HIT:
@@ -51,7 +52,7 @@ def walk(x, y, z, x_stop, y_stop, z_stop, marks):
 
 
 @njit(cache=True)
-def _along(begin, end):
+def _ray_axis(begin, end):
     """One axis of a ray: first and last voxel, step, and ray parameter at the next face and between two faces."""
     first, last = int(begin), int(end)
     if first == last:
@@ -62,7 +63,7 @@ def _along(begin, end):
 
 
 @njit(cache=True)
-def cast(rays, origins, voxels, reach, step, free, surface):
+def cast_rays(rays, origins, voxels, reach, step, free, surface):
     """Find the smallest free depth of each ray, and the largest depth at which it meets a surface, over all origins.
 
     All depths are in voxels along the optical axis.
@@ -80,16 +81,16 @@ def cast(rays, origins, voxels, reach, step, free, surface):
     for n in range(len(rays)):
         free[n], surface[n] = np.inf, 0.0
         for origin in origins:
-            depth, is_occupied = _follow(rays[n], origin, voxels, reach, step)
+            depth, is_occupied = _free_depth(rays[n], origin, voxels, reach, step)
             free[n] = min(free[n], depth)
             surface[n] = max(surface[n], depth if is_occupied else np.inf)
 
 
 @njit(cache=True)
-def _follow(ray, origin, voxels, reach, step):
+def _free_depth(ray, origin, voxels, reach, step):
     """Depth at which the free part of a ray ends, in voxels, and whether an occupied voxel ends it.
 
-    Unknown voxels right in front of the camera, which are too near for it to measure, are skipped.
+    Unknown voxels right in front of the camera, which are too near to be measured, are skipped.
     """
     depth, last_free = 0.0, 0.0
     while depth < reach:

@@ -23,10 +23,10 @@ def visible_cells(cells: Cells, target: MaskLayer, walls: MaskLayer, reach: int)
 
 @cache
 def ray_tree(reach: int) -> NDArray[np.int32]:
-    """(N, 3) the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
+    """(N, 3) int32 the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
 
-    An entry consists of the offset of a cell and of the index of the next entry that does not lie behind this cell,
-    from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these
+    An entry consists of a cell's offset (i, j), and of the index of the next entry that does not lie behind this
+    cell, from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these
     cells.
     """
     across = np.arange(-reach, reach + 1)

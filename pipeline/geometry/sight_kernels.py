@@ -54,7 +54,7 @@ def cells_in_sight(places, target, origin, cell, sight, free):
 
 @njit(cache=True)
 def visible_cells(cells, target, walls, rays, reach):
-    """Find the target cells that are seen from each of several cells; walls end the ``rays``.
+    """Find the target cells that are seen from each of several cells, along rays that end at walls.
 
     Args:
         cells: (K, 2) int64 grid indices of the cells from which to look.

@@ -8,13 +8,13 @@ import small_gicp
 from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Places, Points
-from pipeline.geometry.voxel_hash import first_of, voxels_of
+from pipeline.geometry.voxel_hash import first_points, voxels_of
 
 
 def first_in_voxels(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> Indices:
     """(M,) index of the first of the points (N, 3) in each voxel, ascending; arguments as in :func:`voxels_of`."""
     voxel_of_point, keys = voxels_of(points, per_unit)
-    return np.sort(first_of(voxel_of_point, len(keys)))
+    return np.sort(first_points(voxel_of_point, len(keys)))
 
 
 def voxel_means(points: Places | Points, size: float) -> Places:
@@ -35,8 +35,8 @@ class VoxelCloud:
     Attributes:
         points: (M, 3) mean of the points in each voxel.
         hits: (M,) uint32 number of points in each voxel.
-        voxel_of_point: index of the voxel of each original point; M for points that are not finite or too far from
-            the origin for a key.
+        voxel_of_point: (N,) index of the voxel of each original point; M for points that are not finite or too far
+            from the origin for a key.
     """
 
     points: Points

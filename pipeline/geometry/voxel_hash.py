@@ -21,7 +21,7 @@ def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0)
     return number[of_point], keys[order]
 
 
-def first_of(voxel_of_point: Indices, count: int) -> Indices:
+def first_points(voxel_of_point: Indices, count: int) -> Indices:
     """(``count``,) index of the first point in each voxel, given each point's voxel, as from :func:`voxels_of`."""
     first = np.empty(count + 1, np.int64)
     first[voxel_of_point[::-1]] = np.arange(len(voxel_of_point))[::-1]

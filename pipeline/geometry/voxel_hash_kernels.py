@@ -7,12 +7,13 @@ EMPTY.
 import numpy as np
 from numba import int64, njit, uint64
 
-BITS = 21
+INDEX_BITS = 21
 """Number of bits of a key for each of a voxel's three indices."""
-HALF = 1 << (BITS - 1)
+INDEX_LIMIT = 1 << (INDEX_BITS - 1)
 """Limit of a voxel's indices; a voxel at this distance from the origin or farther, along any axis, has no key."""
 EMPTY = -1
-NO_INDEX = -HALF
+"""Key of a free slot, and of a point without a voxel."""
+NO_INDEX = -INDEX_LIMIT
 """Index of a point without a voxel."""
 FIBONACCI = 0x9E3779B97F4A7C15
 """2⁶⁴ over the golden ratio, for multiplicative hashing (Knuth, The Art of Computer Programming 6.4)."""
@@ -20,9 +21,10 @@ FIBONACCI = 0x9E3779B97F4A7C15
 
 @njit(cache=True)
 def voxels_of(points, per_unit):
-    """(N,) int32 index of the key of each point (N, 3), EMPTY for points without one, and the (M,) keys as found.
+    """(N,) int32 index of the key of each point's voxel, and the (M,) int64 keys in the order of their first points.
 
-    ``per_unit`` is the number of voxels per unit of the points' coordinates.
+    The index is EMPTY for points (N, 3) that are not finite or too far from the origin for a key. ``per_unit`` is the
+    number of voxels per unit of the points' coordinates.
     """
     bits, count, of_point = 10, 0, np.empty(len(points), np.int32)
     voxel_keys, last_key, voxel = np.empty(1 << bits, np.int64), int64(EMPTY), int64(EMPTY)
@@ -63,7 +65,7 @@ def voxel_key(point, per_unit):
 def indices_of(point, per_unit):
     """Indices of the voxel that contains a point (3,); the first is NO_INDEX if the point is NaN or too far away."""
     i, j, k = np.floor(point[0] * per_unit), np.floor(point[1] * per_unit), np.floor(point[2] * per_unit)
-    if not (abs(i) < HALF and abs(j) < HALF and abs(k) < HALF):
+    if not (abs(i) < INDEX_LIMIT and abs(j) < INDEX_LIMIT and abs(k) < INDEX_LIMIT):
         return int64(NO_INDEX), int64(0), int64(0)
     return int64(i), int64(j), int64(k)
 
@@ -71,7 +73,7 @@ def indices_of(point, per_unit):
 @njit(cache=True, inline="always")
 def packed(i, j, k):
     """The key of the indices (i, j, k), int64."""
-    return ((i + HALF) << BITS | (j + HALF)) << BITS | (k + HALF)
+    return ((i + INDEX_LIMIT) << INDEX_BITS | (j + INDEX_LIMIT)) << INDEX_BITS | (k + INDEX_LIMIT)
 
 
 @njit(cache=True, inline="always")
@@ -86,8 +88,8 @@ def find_slot(keys, shift, key):
 @njit(cache=True)
 def unpacked(keys):
     """(M, 3) int32 indices of the voxels of (M,) keys."""
-    result, mask = np.empty((len(keys), 3), np.int32), (1 << BITS) - 1
+    result, mask = np.empty((len(keys), 3), np.int32), (1 << INDEX_BITS) - 1
     for n in range(len(keys)):
         for axis in range(3):
-            result[n, axis] = (keys[n] >> (2 - axis) * BITS & mask) - HALF
+            result[n, axis] = (keys[n] >> (2 - axis) * INDEX_BITS & mask) - INDEX_LIMIT
     return result

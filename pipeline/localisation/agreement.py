@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
-from pipeline.geometry.ray_kernels import cast
+from pipeline.geometry.ray_kernels import cast_rays
 from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tile_log_likelihoods
 from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
@@ -162,5 +162,5 @@ def expected_depths(
     free, surface = np.empty(len(rays)), np.empty(len(rays))
     origins = (origins - metric_map.corner) / size - lower
     log_odds = metric_map.log_odds(lower, upper)
-    cast(rays, origins, log_odds, metric_map.max_range / size, RAY_STEP, free, surface)
+    cast_rays(rays, origins, log_odds, metric_map.max_range / size, RAY_STEP, free, surface)
     return free.reshape(shape) * size, surface.reshape(shape) * size

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.geometry.ray_kernels import FREE, HIT, walk
+from pipeline.geometry.ray_kernels import FREE, HIT, mark_line
 from pipeline.metric_map.grid_kernels import WORD
 
 # fastmath={"contract"} fuses a product and a sum into one instruction, which rounds once instead of twice.
@@ -188,7 +188,7 @@ def _mark_narrow(depth, camera, marks):
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
                 z_stop = z + reach * (ax[0, 2] * a + ax[1, 2] * b + ax[2, 2])
-                walk(x, y, z, x_stop, y_stop, z_stop, marks)
+                mark_line(x, y, z, x_stop, y_stop, z_stop, marks)
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Depth, Place, Places, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
-from pipeline.geometry.ray_kernels import trace_points
+from pipeline.geometry.ray_kernels import trace_rays
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.grid_kernels import box_around, mark_ends
 from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
@@ -83,7 +83,7 @@ class Updater:
         ends = length <= far
         scan = self._scan_around(np.vstack([origin[None], stops, points[ends]]) / size)
         points, stops, origin = (array / size - scan.lower for array in (points, stops, origin))
-        trace_points(points, stops, ends, origin, scan.marks)
+        trace_rays(points, stops, ends, origin, scan.marks)
         return scan
 
     def _scan_around(self, points: NDArray[np.float64]) -> Scan:

@@ -20,8 +20,9 @@ class OrientedBox:
     """An oriented bounding box of a piece of a plane.
 
     Attributes:
-        T_map_box: pose of the box; the origin is the centre, z is the plane's normal, x is horizontal, and y points
-            upwards in the plane.
+        T_map_box: pose of the box; the origin is the centre, and z is the plane's normal. On a slope or wall, x is
+            horizontal, and y points upwards in the plane. On level ground, the rectangle with sides along x and y is
+            nearly the smallest.
         extent: (3,) m, lengths along x, y and z; the length along z is the thickness due to noise.
     """
 
@@ -47,32 +48,32 @@ class Hull:
     Unions of hulls are exact, in whatever order hulls are united.
 
     Attributes:
-        reach: (360,) float64, maximum over the points of x · cos(k°) + y · sin(k°), m.
+        support: (360,) float64, support function: the maximum of x · cos(k°) + y · sin(k°) over all points, m.
         low, high: minimum and maximum z, m.
     """
 
-    reach: NDArray[np.float64]
+    support: NDArray[np.float64]
     low: float
     high: float
 
     @classmethod
     def of(cls, points: Points) -> Self:
         """The hull of points."""
-        reach = (points[:, :2].astype(np.float64) @ DIRECTIONS).max(axis=0)
-        return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
+        support = (points[:, :2].astype(np.float64) @ DIRECTIONS).max(axis=0)
+        return cls(support, float(points[:, 2].min()), float(points[:, 2].max()))
 
     def union(self, other: "Hull") -> "Hull":
         """The hull of both sets of points."""
-        return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
+        return Hull(np.maximum(self.support, other.support), min(self.low, other.low), max(self.high, other.high))
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) m, minimum and maximum along a horizontal ``axis`` (2,), relative to the point ``origin`` (2,).
 
         The direction of the axis is rounded to a degree.
         """
-        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(self.reach)
+        k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(self.support)
         offset = DIRECTIONS[:, k] @ origin
-        return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
+        return np.array([-self.support[k - len(self.support) // 2] - offset, self.support[k] - offset])
 
 
 def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell: float) -> OrientedBox:
@@ -98,7 +99,7 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, cell
 
 
 def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
-    """(2,) m, minimum and maximum coordinate along an ``axis`` in the hull's plane, relative to ``centre``."""
+    """(2,) m, minimum and maximum coordinate along a unit ``axis`` in the hull's plane, relative to ``centre``."""
     slant = np.hypot(axis[0], axis[1])
     if abs(axis[2]) > slant:
         return np.sort((np.array([hull.low, hull.high]) - centre[2]) / axis[2])
@@ -110,7 +111,7 @@ def _min_area_axis(hull: Hull, slack: float) -> Direction:
 
     The x axis is chosen if its rectangle, with sides shorter by ``slack`` m, is as small as the smallest rectangle.
     """
-    forth, back = np.split(hull.reach, 2)
+    forth, back = np.split(hull.support, 2)
     along, across = np.split(forth + back, 2)
     area = along * across
     excess = slack * (along[0] + across[0])

@@ -17,29 +17,29 @@ _ROUNDING = 1e-9
 """Margin around boxes, m, so that rounding errors do not decide whether a line touches a box."""
 
 
-def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0) -> Mask:
+def are_blocked(a: Places, b: Places, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0) -> Mask:
     """(N,) whether each of the straight lines from ``a`` to ``b`` passes through any of the segments.
 
-    The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which replaces the plane of
+    Each parametric line (thesis, equations 1 to 3) is clipped to each segment's box, which replaces the plane of
     equation 4. The part of the line inside the box must also come near a cell in which the surface was seen, because
     a line may pass through a doorway that the wall's box covers.
 
     Args:
-        a, b: (N, 3) start and end points.
+        a, b: (N, 3) start and end points, m.
         segments: the segments that block lines, whatever their labels.
         margin: distance from a surface, m, within which a line is taken to pass through the surface.
         height: height of the body that moves along the line, measured upwards from the line, m.
     """
     result = np.zeros(len(a), np.bool_)
-    near = _near_boxes(a, b, [segment.box for segment in segments], margin + _ROUNDING, height)
+    near = _are_near_boxes(a, b, [segment.box for segment in segments], margin + _ROUNDING, height)
     rows = np.flatnonzero(near.any(axis=1))
     if len(rows):
         some = [segments[int(k)] for k in np.flatnonzero(near.any(axis=0))]
-        result[rows] = _cross(a[rows], b[rows], some, margin, height)
+        result[rows] = _are_blocked(a[rows], b[rows], some, margin, height)
     return result
 
 
-def _near_boxes(
+def _are_near_boxes(
     a: Places, b: Places, boxes: Sequence[OrientedBox], margin: float, height: float
 ) -> NDArray[np.bool_]:
     """(N, S) whether the axis-aligned bounding boxes of a body's path and of a segment's box overlap."""
@@ -51,8 +51,8 @@ def _near_boxes(
     return above & (high[:, None] >= T[:, :3, 3] - reach).all(axis=2)
 
 
-def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, height: float) -> Mask:
-    """The same as :func:`crossings`, for lines and segments that are near each other."""
+def _are_blocked(a: Places, b: Places, segments: Sequence[Segment], margin: float, height: float) -> Mask:
+    """The same as :func:`are_blocked`, for lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
     boxes, cell = [segment.box for segment in segments], segments[0].cell
     for lift in np.linspace(0, height, int(np.ceil(height / cell)) + 1):
@@ -62,7 +62,7 @@ def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, hei
         for k in np.flatnonzero((enter <= leave).any(axis=0)):
             lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
             stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k], cell / 2)
-            result[lines] = _near_surface(*stretch, len(lines), segments[int(k)], margin)
+            result[lines] = _are_near_surface(*stretch, len(lines), segments[int(k)], margin)
     return result
 
 
@@ -95,7 +95,7 @@ def _sample(a: Places, b: Places, enter: Values, leave: Values, step: float) -> 
     return a[line] + t[:, None] * (b - a)[line], line
 
 
-def _near_surface(points: Places, line: Indices, lines: int, segment: Segment, margin: float) -> Mask:
+def _are_near_surface(points: Places, line: Indices, lines: int, segment: Segment, margin: float) -> Mask:
     """(lines,) bool, whether any point of each line is near a cell of the segment."""
     distance, _ = segment.tree.query(segment.plane.projected(points))
     half_diagonal = segment.cell * np.sqrt(3) / 2

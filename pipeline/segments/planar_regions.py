@@ -15,36 +15,36 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Labels, Planes, Points
 from pipeline.frame import Frame
 from pipeline.geometry.planes import Moments, plane_inliers
-from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
+from pipeline.segments.regions_kernels import grow_regions, nearest_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
 BLOCK = 8
 """Edge length of an image block, pixels; the mean point of a block is a surfel."""
-FEWEST_PIXELS = 2 * BLOCK
+MIN_PIXELS = 2 * BLOCK
 """Minimum number of pixels of a surfel: as many as two rows of a block have."""
-DEPTH_STEP = 0.01
+MIN_INVERSE_DEPTH_STEP = 0.01
 """Minimum difference between the mean inverse depths of two surfaces in a block, one behind the other, 1/m.
 
 The value is three times the resolution of a structured-light camera.
 """
-DEVIATIONS = 5.0
+MIN_STEP_DEVIATIONS = 5.0
 """Minimum difference between the mean inverse depths of two such surfaces, in standard deviations within a surface.
 
 The two halves of a slope differ by 3.5 standard deviations, the two halves of Gaussian noise by 2.7.
 """
 REACH = 2
 """Maximum distance between neighbouring surfels along rows and columns, blocks."""
-SPACING = 0.12
+MAX_SPACING = 0.12
 """Maximum distance between neighbouring surfels one block apart, m per m of depth.
 
 The value is eight times the distance on a surface that faces the camera, so that surfaces stay connected down to a
 grazing angle of 7°.
 """
-STEP = 0.025
+MAX_STEP = 0.025
 """Maximum distance of a surfel from the plane through its neighbour, m, so that regions do not extend over steps."""
-DISTANCE = 0.025
+MAX_DISTANCE = 0.025
 """Maximum distance of a surfel from its plane, m."""
-FEWEST_SURFELS = 10
+MIN_SURFELS = 10
 """Minimum number of surfels of a plane."""
 RANSAC_SAMPLES = 50
 """Number of RANSAC samples for each plane.
@@ -62,23 +62,23 @@ class Surfels:
     Attributes:
         points: mean point of every surfel.
         labels: label of every surfel.
-        near: (N, K) int32 neighbours of every surfel, padded with NONE.
+        neighbours: (N, K) int32 neighbours of every surfel, padded with NONE.
         of_pixel: (H, W) int32 surfel of every pixel, or NONE.
     """
 
     points: Points
     labels: Labels
-    near: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
     of_pixel: NDArray[np.int32]
 
     @classmethod
     def of(cls, frame: Frame, labels: NDArray[np.uint8]) -> Self:
         """Reduce a frame to surfels, which averages out noise; no surfel mixes two of the (H, W) ``labels``."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
-            frame.depth, labels, frame.intrinsics.rays, BLOCK, FEWEST_PIXELS, DEPTH_STEP, DEVIATIONS
+            frame.depth, labels, frame.intrinsics.rays, BLOCK, MIN_PIXELS, MIN_INVERSE_DEPTH_STEP, MIN_STEP_DEVIATIONS
         )
         columns = frame.intrinsics.width // BLOCK + 1
-        near = neighbours(blocks, columns, surfel_labels, points, REACH, SPACING)
+        near = neighbours(blocks, columns, surfel_labels, points, REACH, MAX_SPACING)
         return cls(points, surfel_labels, near, of_pixel)
 
 
@@ -88,12 +88,12 @@ class PlanarRegions:
 
     Attributes:
         surfels: the surfels of the frame.
-        region: (N,) int32 index of the plane of every surfel; NONE for surfels on no plane.
+        plane_of_surfel: (N,) int32 index of the plane of every surfel; NONE for surfels on no plane.
         planes: the planes in ``camera_optical``.
     """
 
     surfels: Surfels
-    region: NDArray[np.int32]
+    plane_of_surfel: NDArray[np.int32]
     planes: Planes
 
 
@@ -108,41 +108,41 @@ def planar_regions(frame: Frame, labels: NDArray[np.uint8], seed: int, angle: fl
     """
     surfels = Surfels.of(frame, labels)
     points = surfels.points
-    near = surfels.near
+    near = surfels.neighbours
     # Grow regions with nearly constant normals, starting from the flattest surfels.
     normal, variation = normals(points, near)
     order = np.argsort(variation, kind="stable")
-    grown = grow_regions(points, near, normal, order, np.cos(angle), STEP)
+    grown = grow_regions(points, near, normal, order, np.cos(angle), MAX_STEP)
     # Find the planes of each region by RANSAC. Large regions come first, and surfels of later regions may join the
     # planes of earlier ones. Otherwise, the surfels between two walls, along the line where the walls meet, would
     # form a narrow plane of their own.
     region = np.full(len(points), NONE, np.int32)
     planes = np.empty((0, 4))
-    large = [members for _, members in groups(grown) if len(members) >= FEWEST_SURFELS]
+    large = [members for _, members in groups(grown) if len(members) >= MIN_SURFELS]
     for members in sorted(large, key=len, reverse=True):
-        claimed = claim_nearest(points, near, members, region, planes, DISTANCE)
+        claimed = nearest_regions(points, near, members, region, planes, MAX_DISTANCE)
         region[members] = claimed
         rest = members[claimed == NONE]
-        while len(rest) >= FEWEST_SURFELS:
-            inlier = plane_inliers(points[rest], DISTANCE, RANSAC_SAMPLES, seed)
-            if np.count_nonzero(inlier) < FEWEST_SURFELS:
+        while len(rest) >= MIN_SURFELS:
+            inlier = plane_inliers(points[rest], MAX_DISTANCE, RANSAC_SAMPLES, seed)
+            if np.count_nonzero(inlier) < MIN_SURFELS:
                 break
             region[rest[inlier]] = len(planes)
-            planes = np.vstack([planes, _fit(points[rest[inlier]])])
+            planes = np.vstack([planes, _fitted_plane(points[rest[inlier]])])
             rest = rest[~inlier]
     # Reassign every surfel to the nearest plane around it and fit the planes again, so that edges lie where planes
     # meet.
     for _ in range(ROUNDS):
-        region = claim_nearest(points, near, np.arange(len(points)), region, planes, DISTANCE)
+        region = nearest_regions(points, near, np.arange(len(points)), region, planes, MAX_DISTANCE)
         planes = planes.copy()
         for number, members in groups(region):
-            if len(members) >= FEWEST_SURFELS:
-                planes[number] = _fit(points[members])
+            if len(members) >= MIN_SURFELS:
+                planes[number] = _fitted_plane(points[members])
     return PlanarRegions(surfels, region, planes)
 
 
-def _fit(points: Points) -> Planes:
-    """The least-squares plane of points in ``camera_optical``."""
+def _fitted_plane(points: Points) -> Planes:
+    """The least-squares plane [n, d] of points in ``camera_optical``, with its normal towards the camera."""
     moments = Moments.of(points)
     plane, _ = moments.fit(-moments.centroid)
     return np.append(plane.normal, plane.offset)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Labels, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.geometry.cells import FRONT, SurfaceCells, cells_of, connected_pieces
+from pipeline.geometry.cells import MIN_FRONT_CELLS, SurfaceCells, cells_of, connected_pieces
 from pipeline.geometry.planes import Moments, Plane
 from pipeline.labels import PLANAR, Label
 from pipeline.segments.config import SegmentsConfig
-from pipeline.segments.planar_regions import FEWEST_SURFELS, groups, planar_regions
+from pipeline.segments.planar_regions import MIN_SURFELS, groups, planar_regions
 from pipeline.segments.surfels_kernels import project_pixels
 from pipeline.transforms import transform_points
 
@@ -64,9 +64,9 @@ def find_planes(
         InputError: the number of labels differs from the number of returns.
     """
     found = planar_regions(frame, _label_image(frame, labels), seed, config.angle)
-    surfels, region = found.surfels, found.region
+    surfels, region = found.surfels, found.plane_of_surfel
     points, plane_of_point, surfel = project_pixels(
-        frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.near, region, found.planes,
+        frame.depth, frame.intrinsics.rays, T_map_camera, surfels.of_pixel, surfels.neighbours, region, found.planes,
         STRIDE, SHIFT, NOISE,
     )  # fmt: skip
     centres = transform_points(T_map_camera, surfels.points)
@@ -76,7 +76,7 @@ def find_planes(
             # A pixel at an edge may lie on this plane although its surfel, a mean of pixels, lies on another plane.
             own = np.unique(surfel[members[inside]])
             own = own[region[own] == number]
-            if len(own) >= FEWEST_SURFELS and len(cells) >= FRONT:
+            if len(own) >= MIN_SURFELS and len(cells) >= MIN_FRONT_CELLS:
                 moments = Moments.of(centres[own])
                 plane, _ = moments.fit(T_map_camera[:3, 3] - moments.centroid)
                 label = Label(surfels.labels[own[0]])

@@ -114,7 +114,7 @@ def grow_regions(points, near, normal, order, min_cosine, max_offset):
 
 
 @njit(cache=True)
-def claim_nearest(points, near, members, region, planes, max_distance):
+def nearest_regions(points, near, members, region, planes, max_distance):
     """(M,) int32, for each of ``members``, the region with the nearest plane among the member's and its neighbours'.
 
     ``planes`` has (R, 4) rows [n, d]. A point gets NONE if its distance from each of these regions' planes is at
@@ -123,17 +123,20 @@ def claim_nearest(points, near, members, region, planes, max_distance):
     result = np.full(len(members), NONE, np.int32)
     for m in range(len(members)):
         i = members[m]
-        least, result[m] = claim(points[i], region[i], planes, max_distance, NONE)
+        least, result[m] = nearer_region(points[i], region[i], planes, max_distance, NONE)
         for j in near[i]:
             if j == NONE:
                 break
-            least, result[m] = claim(points[i], region[j], planes, least, result[m])
+            least, result[m] = nearer_region(points[i], region[j], planes, least, result[m])
     return result
 
 
 @njit(cache=True)
-def claim(point, region, planes, least, so_far):
-    """Distance of a point (3,) from a region's plane, m, and the region; ``least, so_far`` if ``least`` is less."""
+def nearer_region(point, region, planes, least, so_far):
+    """Distance of a point (3,) from a region's plane, m, and the region, if this distance is below ``least``, m.
+
+    Otherwise ``least``, the distance from the nearest region's plane so far, and ``so_far``, that region.
+    """
     if region == NONE:
         return least, so_far
     plane = planes[region]

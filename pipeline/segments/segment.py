@@ -25,7 +25,7 @@ MIN_COSINE = 0.5
 
 The corners of boxes alone do not distinguish a surface from a narrow surface that stands on it.
 """
-THICKNESS = 4.0
+THICKNESS_SIGMAS = 4.0
 """Thickness of a box, in standard deviations of the noise: two on either side."""
 
 
@@ -100,7 +100,7 @@ class Segment:
     ) -> Self:
         """Create a segment and compute its plane and box; the plane's normal points to the same side as ``side``."""
         plane, rms = moments.fit(side)
-        thickness = THICKNESS * rms
+        thickness = THICKNESS_SIGMAS * rms
         edge = config.cell
         box = bounding_box(plane, moments.centroid, hull, thickness, edge)
         return cls(label, plane, box, cells, moments, hull, members, config)

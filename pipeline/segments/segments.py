@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
 from pipeline.arrays import Direction, Mask, Places, Pose, Poses
-from pipeline.geometry.cells import FRONT, REACH
+from pipeline.geometry.cells import MIN_FRONT_CELLS, REACH
 from pipeline.labels import Label
 from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import PlanePatch
@@ -20,7 +20,7 @@ from pipeline.segments.segment import Member, Segment
 IsSurface = Callable[[Places, Direction], Mask]
 """Function that takes positions and a normal, and returns which positions lie on surfaces of the metric map.
 
-The surfaces face the side to which the normal points.
+The surfaces face the side to which the normal points. The positions and the result have the shapes (N, 3) and (N,).
 """
 
 
@@ -29,7 +29,7 @@ class Gap:
     """The straight lines across a gap between two segments, from the smaller segment's cells nearest to the larger.
 
     Attributes:
-        width: smallest Chebyshev distance between cells of the two segments, along the axes of the map, m.
+        width: smallest Chebyshev distance between centres of the segments' cells, along the axes of the map, m.
         start, end: ends of the lines, in the plane of the larger segment.
         normal: normal of this plane.
         cell: edge length of the segments' cells, m.
@@ -48,7 +48,7 @@ class Gap:
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
         edge = large.cell
         front = widths < widths.min() + (REACH + 1 / 2) * edge
-        if np.count_nonzero(front) < FRONT:
+        if np.count_nonzero(front) < MIN_FRONT_CELLS:
             return None
         start = large.plane.projected(small.tree.data[front])
         end = large.plane.projected(large.tree.data[nearest[front]])
@@ -81,13 +81,13 @@ class GapCloser:
         self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
         self._joined: dict[tuple[Segment, ...], Segment] = {}
 
-    def closed(self, segments: Sequence[Segment]) -> list[Segment]:
+    def joined(self, segments: Sequence[Segment]) -> list[Segment]:
         """The segments, oldest first, after joining them across closed gaps."""
         if self._is_surface is None:
             return list(segments)
         before = self._gaps
         self._gaps = {}
-        for pair in _neighbours(segments):
+        for pair in _neighbour_pairs(segments):
             self._gaps[pair] = before[pair] if pair in before else Gap.between(*pair)
         joined = DisjointSet(segments)
         for pair, gap in self._gaps.items():
@@ -100,11 +100,11 @@ class GapCloser:
         return sorted(self._joined.values(), key=_id)
 
 
-def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
+def _neighbour_pairs(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
     """Yield the pairs of segments that continue each other, unless a third one in their plane is nearer to both."""
     low, high = np.array([segment.bounds for segment in segments]).reshape(-1, 2, 3).swapaxes(0, 1)
     distance = np.full((len(segments), len(segments)), np.inf)
-    pairs = [pair for pair in _coplanar(segments) if segments[pair[0]].continues(segments[pair[1]])]
+    pairs = [pair for pair in _coplanar_pairs(segments) if segments[pair[0]].continues(segments[pair[1]])]
     for a, b in pairs:
         distance[a, b] = distance[b, a] = np.maximum(low[a] - high[b], low[b] - high[a]).max()
     for a, b in pairs:
@@ -112,7 +112,7 @@ def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]
             yield segments[a], segments[b]
 
 
-def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
+def _coplanar_pairs(segments: Sequence[Segment]) -> list[list[int]]:
     """Index pairs of segments that face the same side, if the centre of either lies in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
@@ -145,7 +145,7 @@ class Segments:
         self._segments: list[Segment] = []
         # Keyframe pose of each member added so far, and the state saved every ``checkpoint_interval`` members.
         self._poses: list[Pose] = []
-        self._kept: list[tuple[list[Segment], NDArray[np.int64]]] = []
+        self._checkpoints: list[tuple[list[Segment], NDArray[np.int64]]] = []
 
     def __len__(self) -> int:
         return len(self._segments)
@@ -163,7 +163,7 @@ class Segments:
         for patch in patches:
             self.members.append(Member.of(patch, keyframe, T_map_base, self.config.cell))
             self._add(len(self.members) - 1, T_map_base)
-        self._segments = self._gaps.closed(self._touching)
+        self._segments = self._gaps.joined(self._touching)
 
     def rebuild(self, poses: Poses) -> None:
         """Rebuild all segments as if the keyframes had had the poses ``poses`` from the start."""
@@ -172,27 +172,27 @@ class Segments:
         is_same = [np.array_equal(old, new) for old, new in zip(self._poses, at, strict=False)]
         if False in is_same:
             kept = is_same.index(False) // every
-            touching, self._bounds = self._kept[kept]
+            touching, self._bounds = self._checkpoints[kept]
             self._touching = list(touching)
-            del self._poses[every * kept :], self._kept[kept:]
+            del self._poses[every * kept :], self._checkpoints[kept:]
         for number in range(len(self._poses), len(at)):
             self._add(number, at[number])
-        self._segments = self._gaps.closed(self._touching)
+        self._segments = self._gaps.joined(self._touching)
 
     def _add(self, number: int, T_map_base: Pose) -> None:
-        """Add a member and merge it with all segments that it touches; each merger may add to these segments."""
+        """Add a member, and merge it with the segments that it touches until the merged segment touches no other."""
         if number % self.config.checkpoint_interval == 0:
-            self._kept.append((list(self._touching), self._bounds))
+            self._checkpoints.append((list(self._touching), self._bounds))
         self._poses.append(T_map_base)
         new = Segment.placed(self.members[number], number, T_map_base, self.config)
-        while (row := self._partner(new)) is not None:
+        while (row := self._oldest_touching(new)) is not None:
             self._bounds = np.delete(self._bounds, row, axis=0)
             new = self._touching.pop(row).merged(new)
         row = bisect(self._touching, new.id, key=lambda segment: segment.id)
         self._touching.insert(row, new)
         self._bounds = np.insert(self._bounds, row, new.bounds, axis=0)
 
-    def _partner(self, new: Segment) -> int | None:
+    def _oldest_touching(self, new: Segment) -> int | None:
         """The index of the oldest segment that ``new`` touches, or None."""
         low, high = new.bounds
         near = (self._bounds[:, 0] <= high + REACH) & (self._bounds[:, 1] >= low - REACH)

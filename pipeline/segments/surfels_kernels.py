@@ -152,7 +152,7 @@ def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes,
 
     Args:
         depth: (H, W) float32 m.
-        rays: (H, W, 3) float32.
+        rays: (H, W, 3) float32, points at depth 1.
         T_target_camera: 4×4 pose of the camera in the target frame.
         of_pixel: (H, W) int32, the surfel of every pixel or NONE.
         near: (N, K) int32 neighbours of every surfel, padded with NONE.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from pipeline.arrays import Indices, Labels, Mask, Points
-from pipeline.geometry.parts import parts
+from pipeline.geometry.parts import part_numbers
 from pipeline.labels import Label
 
 
@@ -76,7 +76,7 @@ def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, s
     length = (high - low).max()
     around = _in_box(points, low - length, high + length)
     objects = around[np.isin(labels[around], (Label.VICTIM, Label.CLUTTER))]
-    part_of = parts(points[objects] - points[objects].min(axis=0), skin)
+    part_of = part_numbers(points[objects] - points[objects].min(axis=0), skin)
     own = objects[np.isin(part_of, part_of[np.isin(objects, person)])]
     if 2 * np.count_nonzero(labels[own] == Label.CLUTTER) <= len(own) or _stands(points, points[own], step):
         return nothing

@@ -55,7 +55,7 @@ def planar_vote(
     """
     found = planar_regions(frame, frame.returns.astype(np.uint8), 0, ANGLE)
     plane = planes_of_pixels(
-        frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
+        frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.neighbours, found.plane_of_surfel,
         found.planes, SHIFT, NOISE, WINDOW,
     )[frame.returns]  # fmt: skip
     possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])

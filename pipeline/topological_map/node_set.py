@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
-from pipeline.segments.crossings import crossings
+from pipeline.segments.crossings import are_blocked
 from pipeline.segments.segment import Segment
 from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
@@ -43,7 +43,7 @@ class StraightDrives:
         robot = self.traversability.robot
         lift = np.array([0, 0, robot.body_height / 2])
         height = robot.headroom - robot.body_height / 2
-        free[free] = ~crossings(starts[free] + lift, ends[free] + lift, self.walls, WALL_GAP, height)
+        free[free] = ~are_blocked(starts[free] + lift, ends[free] + lift, self.walls, WALL_GAP, height)
         return free
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from pipeline.arrays import Mask, PixelMask, Points, Values
-from pipeline.geometry.parts import parts
+from pipeline.geometry.parts import part_numbers
 from pipeline.tracks.config import Extents
 
 THINNEST = 0.02
@@ -102,6 +102,6 @@ def _parts(points: Points, free: Mask, gap: float) -> Iterator[Mask]:
     if not free.any():
         return
     part_of = np.zeros(len(points), np.int64)
-    part_of[free] = parts(points[free], gap)
+    part_of[free] = part_numbers(points[free], gap)
     for number in range(1, part_of.max() + 1):
         yield part_of == number

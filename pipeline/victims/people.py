@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pipeline.arrays import Covariance, Indices, Information, Mask, Place, Points, Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
-from pipeline.geometry.voxel_hash import first_of, voxels_of
+from pipeline.geometry.voxel_hash import first_points, voxels_of
 from pipeline.keyframes import Keyframes
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import Extents, PeopleConfig
@@ -71,7 +71,7 @@ class PersonVoxels:
         seen, edge = np.concatenate([voxels.seen for voxels in observations]), observations[0].edge
         voxel, keys = voxels_of(seen / edge)
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
-        return cls(edge, seen[first_of(voxel, len(keys))], shown)
+        return cls(edge, seen[first_points(voxel, len(keys))], shown)
 
     def agreed(self, frames: float | Values) -> Points:
         """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel.

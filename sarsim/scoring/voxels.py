@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.geometry.ray_kernels import FREE, HIT, trace_points
+from pipeline.geometry.ray_kernels import FREE, HIT, trace_rays
 from pipeline.metric_map.grid_kernels import box_around
 from pipeline.metric_map.metric_map import MetricMap
 
@@ -30,7 +30,7 @@ class VoxelScore:
             x, y, z, nx, ny, nz = box_around(places, 1)
             self._reserve(np.array([x, y, z]), np.array([x + nx, y + ny, z + nz]))
         ends -= self._lower
-        trace_points(ends, ends, np.ones(len(ends), np.bool_), start - self._lower, self._marks)
+        trace_rays(ends, ends, np.ones(len(ends), np.bool_), start - self._lower, self._marks)
 
     def report(self) -> dict[str, float]:
         """The figures of the map; empty if nothing was seen.

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.geometry.ray_kernels import walk
+from pipeline.geometry.ray_kernels import mark_line
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
 
@@ -14,7 +14,7 @@ coordinates = st.tuples(*[st.floats(0.01, 8.99)] * 3)
 
 def walked(start, stop):
     marks = np.zeros((9, 9, 9), np.uint8)
-    walk(*start, *stop, marks)
+    mark_line(*start, *stop, marks)
     return marks == 1
 
 

@@ -84,9 +84,9 @@ def test_union_box_of_a_plane_does_not_depend_on_the_order_and_only_grows(order,
     hulls = [Hull.of(rectangle(np.sin(i) * x + np.cos(3 * i) * y, x, y, 1, 0.5, seed=i, n=20)) for i in range(5)]
     union, shuffled = hulls[0], hulls[order[0]]
     for i in range(1, 5):
-        before = union.reach
+        before = union.support
         union = union.union(hulls[i])
-        assert (union.reach >= before).all()
+        assert (union.support >= before).all()
         shuffled = shuffled.union(hulls[order[i]])
     one, other = (bounding_box(plane, np.zeros(3), hull, 0.02, 0.05) for hull in (union, shuffled))
     assert np.array_equal(one.extent, other.extent)

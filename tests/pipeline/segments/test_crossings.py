@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pipeline.segments.boxes import OrientedBox
-from pipeline.segments.crossings import clip, crossings
+from pipeline.segments.crossings import are_blocked, clip
 from tests.pipeline.segments.patches import deck, segments_of, wall_patch
 
 WALL = segments_of([wall_patch(0, 3)])
@@ -16,7 +16,7 @@ DOOR = segments_of([wall_patch(0, 1), wall_patch(1.8, 3), wall_patch(0, 3, z0=0.
 
 
 def crosses(segments, a, b, **options) -> bool:
-    return bool(crossings(np.array([a], float), np.array([b], float), segments, **options)[0])
+    return bool(are_blocked(np.array([a], float), np.array([b], float), segments, **options)[0])
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,13 @@ def test_many_lines_and_segments_at_once() -> None:
     a, b = np.stack([x, x * 0 - 1, x * 0 + 0.3], 1), np.stack([x, x * 0 + 1, x * 0 + 0.3], 1)
     walls = segments_of([wall_patch(0, 1.2), wall_patch(2.8, 4.2)])
     expected = [crosses(walls, p, q) for p, q in zip(a, b, strict=True)]
-    assert crossings(a, b, walls).tolist() == expected
+    assert are_blocked(a, b, walls).tolist() == expected
     assert 0 < sum(expected) < len(x)
 
 
 def test_no_segments_or_no_lines() -> None:
     assert not crosses([], (0, 0, 0), (1, 1, 1))
-    assert crossings(np.empty((0, 3)), np.empty((0, 3)), WALL).shape == (0,)
+    assert are_blocked(np.empty((0, 3)), np.empty((0, 3)), WALL).shape == (0,)
 
 
 coordinate = st.floats(-4, 4)

@@ -91,8 +91,8 @@ def test_planes_in_the_cameras_frame_face_it() -> None:
     assert len(found.planes) >= 6
     assert np.linalg.norm(found.planes[:, :3], axis=1) == pytest.approx(1)
     assert (found.planes[:, 3] < 0).all()
-    on_plane = found.region != NONE
-    n, d = np.split(found.planes[found.region[on_plane]], [3], axis=1)
+    on_plane = found.plane_of_surfel != NONE
+    n, d = np.split(found.planes[found.plane_of_surfel[on_plane]], [3], axis=1)
     assert np.abs((n * found.surfels.points[on_plane]).sum(axis=1) - d[:, 0]).max() < 0.025
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals, null_vector, smallest_eigenvalue
+from pipeline.segments.regions_kernels import grow_regions, nearest_regions, normals, null_vector, smallest_eigenvalue
 from pipeline.segments.surfels_kernels import NONE
 
 
@@ -70,6 +70,6 @@ def test_points_go_to_the_nearest_plane_among_neighbours() -> None:
     planes = np.array([(0, 0, 1.0, 0), (0, 0, 1, 0.1), (0, 0, 1, 0.5)])
     region = np.array([1, 0, NONE], np.int32)
     near = np.array([[1, NONE], [0, 2], [0, 1]], np.int32)
-    claimed = claim_nearest(points, near, np.arange(3), region, planes, 0.05)
+    claimed = nearest_regions(points, near, np.arange(3), region, planes, 0.05)
     # The third lies on plane 2, but none of its neighbours belongs to that plane.
     assert claimed.tolist() == [0, 1, NONE]

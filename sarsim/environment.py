@@ -58,7 +58,7 @@ class RescueEnvironment(dm_env.Environment):
             ) from error
         self._substeps = substeps(self.physics.timestep())
         self._sensed = np.zeros(self.physics.model.nsensordata)
-        self._inertial_data = self.robot.inertial_data(self.physics)
+        self._inertial_indices = self.robot.inertial_indices(self.physics)
         self._wheels = np.array(self.physics.bind(self.robot.wheels).dofadr)
         self._servos = self.physics.bind(self.robot.actuators).element_id
         self.reset()
@@ -84,7 +84,7 @@ class RescueEnvironment(dm_env.Environment):
         if physics.is_dirty:  # after a write through dm_control
             physics.forward()
         model, data = physics.model.ptr, physics.data.ptr
-        speed, gyro_z = per_side(data.qvel[self._wheels]), float(data.sensordata[self._inertial_data[2]])
+        speed, gyro_z = per_side(data.qvel[self._wheels]), float(data.sensordata[self._inertial_indices[2]])
         data.ctrl[self._servos] = self.firmware.command(command, speed, gyro_z, CONTROL_TIMESTEP)
         warned = data.warning.number.tolist()
         self._advance(model, data)
@@ -109,7 +109,7 @@ class RescueEnvironment(dm_env.Environment):
 
         Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so vibration averages out.
         """
-        mean = (self._sensed[self._inertial_data] / self._measured).reshape(2, 3)
+        mean = (self._sensed[self._inertial_indices] / self._measured).reshape(2, 3)
         self._sensed[:], self._measured = 0, 0
         return mean
 
@@ -131,8 +131,8 @@ class RescueEnvironment(dm_env.Environment):
 
 
 def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
-    if robot.free_joint:
-        arena.attach(robot).add("joint", type="free", **robot.free_joint)
+    if robot.free_joint_attributes:
+        arena.attach(robot).add("joint", type="free", **robot.free_joint_attributes)
     else:
         arena.add_free_entity(robot)
 

@@ -155,7 +155,7 @@ class SimulatedRobot:
         # Physics pushes a robot out of an obstacle, so it would begin elsewhere than at its start.
         if cause or self.collisions.collisions:
             x, y = self.T_world_start[:2, 3]
-            with self.arena.naming():
+            with self.arena.prefixing_errors():
                 raise InputError(
                     f"the robot cannot stand at its start, ({x:g}, {y:g}) m; choose a free place with --start X Y YAW"
                 ) from cause

@@ -14,7 +14,7 @@ from sarsim.ground_truth.shapes import rotation
 
 
 @contextmanager
-def naming(name: str) -> Iterator[None]:
+def prefixing_errors(name: str) -> Iterator[None]:
     """If ``name`` is not empty, prepend it to the message of any InputError raised in the context."""
     try:
         yield
@@ -39,9 +39,9 @@ class RescueArena(composer.Arena):
         if root.find("site", "start") is None:
             raise InputError("the arena has no start; add a site named 'start' or use --start X Y YAW")
 
-    def naming(self) -> AbstractContextManager[None]:
+    def prefixing_errors(self) -> AbstractContextManager[None]:
         """A context manager that prepends the arena's name to the message of any InputError."""
-        return naming(self._called)
+        return prefixing_errors(self._called)
 
     @property
     def T_world_start(self) -> Pose:

@@ -14,10 +14,11 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
-DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # rad, elevation angles of the image's lower and upper edges
-VISIBLE_SHARE = 0.2  # Minimum fraction of a victim's geoms that the camera must see from one position
+MIN_ELEVATION, MAX_ELEVATION = np.deg2rad(-34.5), np.deg2rad(10.5)
+"""rad, elevation angles of the image's lower and upper edges."""
+MIN_VISIBLE_FRACTION = 0.2  # Fraction of a victim's geoms that the camera must see from one position
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
-SPECK = 0.1  # m²; smaller pieces of ground are ignored
+MIN_PIECE_AREA = 0.1  # m²; smaller pieces of ground are ignored
 VIEW_SPACING = 4  # cells, spacing of the camera positions that are tried
 
 
@@ -44,24 +45,24 @@ def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterat
     if ground is None or not piece:
         yield "the start is blocked"
         return
-    yield from (f"{area:.2f} m² of ground cannot be reached" for area in _cut_off(survey, ground, piece))
-    places = _places(ground, ground.pieces == piece)
+    yield from (f"{area:.2f} m² of ground cannot be reached" for area in _unreachable_areas(survey, ground, piece))
+    places = _camera_positions(ground, ground.pieces == piece)
     for victim in victims_of(model, data):
         if not is_visible(model, data, victim, places):
             yield f"victim {victim.id} is hidden"
 
 
-def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
-    """Yield the area, m², of each piece of ground that is larger than ``SPECK`` and does not contain the start."""
+def _unreachable_areas(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
+    """Yield the area, m², of each piece of ground that does not contain the start and exceeds ``MIN_PIECE_AREA``."""
     beside = np.where(ground.pieces == piece, 0, ground.pieces)
-    grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
+    grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, MIN_PIECE_AREA))
     elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
     for pieces in chain([beside], elsewhere):
         areas = np.bincount(pieces.ravel())[1:] * CELL**2
-        yield from areas[areas > SPECK].tolist()
+        yield from areas[areas > MIN_PIECE_AREA].tolist()
 
 
-def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
+def _camera_positions(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
     """(N, 3) m, camera positions above drivable ground, at intervals of ``VIEW_SPACING`` cells."""
     cells = np.argwhere(drivable)
     cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
@@ -69,24 +70,25 @@ def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
 
 
 def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, places: NDArray[np.float64]) -> bool:
-    """Whether at least ``VISIBLE_SHARE`` of a victim's geoms are visible from one of the ``places`` (N, 3) m."""
+    """Whether one of the ``places`` (N, 3) m shows at least ``MIN_VISIBLE_FRACTION`` of a victim's geoms."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
     in_range = (distance >= XTION.nearest) & (distance <= XTION.farthest)
     near = places[in_range]
     order = np.argsort(np.round(distance[in_range], 3), kind="stable")
     own = set(victim.geoms.tolist())
-    return any(_share_seen(model, data, place, parts, own) >= VISIBLE_SHARE for place in near[order])
+    return any(_visible_fraction(model, data, place, parts, own) >= MIN_VISIBLE_FRACTION for place in near[order])
 
 
-def _share_seen(
+def _visible_fraction(
     model: mujoco.MjModel, data: mujoco.MjData, place: NDArray[np.float64], parts: NDArray[np.float64], own: set[int]
 ) -> float:
+    """Fraction of the geoms ``own``, with centres ``parts`` (N, 3) m, that a camera at ``place`` (3,) m sees."""
     rays = parts - place
     elevation = np.arctan2(rays[:, 2], np.linalg.norm(rays[:, :2], axis=1))
     geom = np.full(len(parts), -1, np.int32)
     distance = np.full(len(parts), -1.0)
     flat = np.ascontiguousarray(rays).ravel()
     mujoco.mj_multiRay(model, data, place, flat, None, 1, -1, geom, distance, None, len(parts), 10.0)
-    seen = (elevation >= DOWN) & (elevation <= UP) & np.isin(geom, list(own))
+    seen = (elevation >= MIN_ELEVATION) & (elevation <= MAX_ELEVATION) & np.isin(geom, list(own))
     return float(seen.mean())

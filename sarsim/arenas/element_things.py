@@ -20,7 +20,7 @@ from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import ThingModel, fire_extinguisher, hazmat_sign, qr_code
 from sarsim.arenas.things.thing import ALIVE, DEAD
 
-OTHER_WORDS = {
+CLASS_SYNONYMS = {
     "explosives": "explosive",
     "blasting-agents": "explosive",
     "blasting_agents": "explosive",
@@ -30,9 +30,9 @@ OTHER_WORDS = {
 TOWARDS_VIEWER = np.array([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])
 """Axes, as columns in an element's frame, of an object on the element's back wall: x right, y up, z along -y."""
 # Side and position of objects in the element's frame, m.
-SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # Signs, as in the arena designer
-WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # Codes of ``small_wall_qr``
-BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of a doll's box
+SIGN_SIDE, SIGN_POSITION = 0.28, (0.0, 0.588, 0.2)  # Signs, as in the arena designer
+WALL_CODE_SIDE, WALL_CODE_POSITION = 0.2, (0.0, 0.594, 0.6)  # Codes of ``small_wall_qr``
+BOX_CODE_SIDE, BOX_CODE_POSITION = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of a doll's box
 BOTTLE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
 _Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
 """An object to find, with the object's position (3,) m and axes (3, 3) in the frame of its element."""
@@ -53,29 +53,37 @@ def _things(
     builder: ArenaBuilder, kind: str
 ) -> Iterator[tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]]:
     """Yield each object to find that an element of type ``kind`` represents, in the form of ``_Placed``."""
-    number = builder.next_thing
+    number = builder.next_thing_number
     if kind.startswith("hazmat"):
-        sign = hazmat_sign(f"hazmat_sign_{number}", _class(kind, number), SIGN_SIDE, SignStyle())
-        yield sign, np.array(SIGN_AT), TOWARDS_VIEWER
+        sign = hazmat_sign(f"hazmat_sign_{number}", _hazmat_class(kind, number), SIGN_SIDE, SignStyle())
+        yield sign, np.array(SIGN_POSITION), TOWARDS_VIEWER
     elif kind == "small_wall_qr":
         code = qr_code(f"qr_code_{number}", f"wall {number}", WALL_CODE_SIDE)
-        yield code, np.array(WALL_CODE_AT), TOWARDS_VIEWER
+        yield code, np.array(WALL_CODE_POSITION), TOWARDS_VIEWER
     elif kind == "fire_extinguisher":
         yield fire_extinguisher(f"fire_extinguisher_{number}", *BOTTLE, number, number), np.zeros(3), np.eye(3)
     elif kind.startswith(("victim_with_box", "victim_doll")):
-        yield from _boxed(builder, kind, number)
+        yield from _doll_in_box(builder, kind, number)
 
 
-def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
+def _doll_in_box(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
     """Yield the doll in a box and, if the element's type requests a code, the code next to the doll."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
-    yield doll(builder.next_victim, ALIVE if is_warm else DEAD, np.random.default_rng(number)), np.zeros(3), np.eye(3)
+    yield (
+        doll(builder.next_victim_name, ALIVE if is_warm else DEAD, np.random.default_rng(number)),
+        np.zeros(3),
+        np.eye(3),
+    )
     if "q" in signs:
-        yield qr_code(f"qr_code_{number}", f"victim {number}", BOX_CODE_SIDE), np.array(BOX_CODE_AT), TOWARDS_VIEWER
+        yield (
+            qr_code(f"qr_code_{number}", f"victim {number}", BOX_CODE_SIDE),
+            np.array(BOX_CODE_POSITION),
+            TOWARDS_VIEWER,
+        )
 
 
-def _class(kind: str, number: int) -> str:
+def _hazmat_class(kind: str, number: int) -> str:
     """The hazmat class of a sign whose element type is ``hazmat_CLASS``."""
     word = kind.removeprefix("hazmat").strip("_")
-    return OTHER_WORDS.get(word, word if word in HAZMAT_CLASSES else HAZMAT_CLASSES[number % len(HAZMAT_CLASSES)])
+    return CLASS_SYNONYMS.get(word, word if word in HAZMAT_CLASSES else HAZMAT_CLASSES[number % len(HAZMAT_CLASSES)])

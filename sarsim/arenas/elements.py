@@ -24,12 +24,12 @@ from sarsim.arenas.things.models import ThingModel
 from sarsim.arenas.things.thing import DEAD, annotate_body, data_of
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
-from sarsim.victims.victims import PREFIX
+from sarsim.victims.victims import VICTIM_PREFIX
 
 TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """MJCF attributes by name, as text or as numbers."""
-FLAT = 1e-9  # m; a height field with a smaller range of heights is considered flat
+MIN_HEIGHT_RANGE = 1e-9  # A height field with a smaller range of heights is considered flat
 REPLACED_ELEMENTS = ("hazmat_sign", "fire_extinguisher")
 """Elements that are replaced by an object to find; their geoms only extend the arena's bounds."""
 _LIGHTS = (
@@ -95,7 +95,7 @@ class ArenaBuilder:
         self.root = Element("mujoco", model=name)
         self.root.extend(element_library().header())
         self._world = SubElement(self.root, "worldbody")
-        self._placed: set[tuple[object, ...]] = set()
+        self._geom_keys: set[tuple[object, ...]] = set()
         self._corners: list[NDArray[np.float64]] = []
         self._assets: dict[tuple[object, ...], str] = {}
         self.files: dict[str, bytes] = {}
@@ -108,13 +108,13 @@ class ArenaBuilder:
         A geom that coincides with an earlier one is left out, because two neighbouring tiles may both include the
         wall between them.
         """
-        pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
+        pose = _Pose(np.asarray(position, np.float64), _yaw_quaternion(yaw_deg))
         geoms = element_library().geoms(kind)
         self._corners.append(pose.points(element_library().footprint(kind)))
         victim = [geom for geom in geoms if geom.get("class") == "victim"]
         for geom in geoms:
             if geom not in victim and kind not in REPLACED_ELEMENTS:
-                self._place(kind, pose.geom(geom))
+                self._add_unless_coincident(kind, pose.geom(geom))
         if victim:
             self._add_victim(victim, pose)
 
@@ -124,14 +124,15 @@ class ArenaBuilder:
         self.files |= thing.files
 
     @property
-    def next_thing(self) -> int:
+    def next_thing_number(self) -> int:
         """Number of the next object to find; all objects, including victims, are numbered from 1."""
         return 1 + len(self.root.findall("custom/text"))
 
     @property
-    def next_victim(self) -> str:
+    def next_victim_name(self) -> str:
         """The name of the next victim's body."""
-        return f"{PREFIX}{1 + sum(body.get('name', '').startswith(PREFIX) for body in self._world.iterfind('body'))}"
+        names = [body.get("name", "") for body in self._world.iterfind("body")]
+        return f"{VICTIM_PREFIX}{1 + sum(name.startswith(VICTIM_PREFIX) for name in names)}"
 
     def add_victim(
         self, position: ArrayLike, geoms: Sequence[tuple[Attributes, Sequence[float] | None]], state: str
@@ -144,15 +145,15 @@ class ArenaBuilder:
                 default colour of victims.
             state: alive or dead; empty if unknown.
         """
-        name = self.next_victim
+        name = self.next_victim_name
         body = SubElement(self._world, "body", name=name, pos=_text(position))
         for n, (geom, colour) in enumerate(geoms):
-            paint = {} if colour is None else {"material": self._material(colour)}
+            paint = {} if colour is None else {"material": self._material_name(colour)}
             named = {"name": f"{name}_part_{n}", "class": "victim"}
-            body.append(Element("geom", named | _written(geom) | paint))
+            body.append(Element("geom", named | _text_attributes(geom) | paint))
         annotate_body(self.root, name, VICTIM, state=state)
 
-    def settle_states(self, state: str) -> int:
+    def set_missing_states(self, state: str) -> int:
         """Set the state of all victims without a state, and return the number of these victims."""
         unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]
         for text in unsettled:
@@ -175,19 +176,19 @@ class ArenaBuilder:
             colour: red, green, blue, from 0 to 1.
         """
         box = {"class": label, "pos": _text(middle), "size": _text(half), "rgba": _text((*colour, 1.0))}
-        pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
-        self._place(name, pose.geom(Element("geom", box)))
+        pose = _Pose(np.asarray(position, np.float64), _yaw_quaternion(yaw_deg))
+        self._add_unless_coincident(name, pose.geom(Element("geom", box)))
 
-    def _place(self, kind: str, geom: Element) -> None:
-        if (key := _identity(geom)) not in self._placed:
-            self._placed.add(key)
+    def _add_unless_coincident(self, kind: str, geom: Element) -> None:
+        if (key := _geom_key(geom)) not in self._geom_keys:
+            self._geom_keys.add(key)
             # PyMJCF's run time grows with the square of the number of unnamed geoms.
-            geom.set("name", f"{kind}_{len(self._placed)}")
+            geom.set("name", f"{kind}_{len(self._geom_keys)}")
             self._world.append(geom)
 
     def _add_victim(self, geoms: list[Element], pose: "_Pose") -> None:
-        name = self.next_victim
-        body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
+        name = self.next_victim_name
+        body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.quat))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
         annotate_body(self.root, name, VICTIM, state=DEAD)  # the library's victim is a picture, as cold as the wall
 
@@ -201,8 +202,8 @@ class ArenaBuilder:
         """
         # PyMJCF's run time grows with the square of the number of unnamed geoms.
         named = {"name": f"{label}_{len(self._world)}", "class": label}
-        paint = {} if colour is None else {"material": self._material(colour)}
-        self._world.append(Element("geom", named | _written(geom) | paint))
+        paint = {} if colour is None else {"material": self._material_name(colour)}
+        self._world.append(Element("geom", named | _text_attributes(geom) | paint))
 
     def add_mesh(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64] | None = None) -> str:
         """Add a mesh and return its name.
@@ -212,7 +213,7 @@ class ArenaBuilder:
             triangles: (M, 3) indices of vertices; by default, the mesh is the convex hull of the vertices.
         """
         faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
-        return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
+        return self._asset_name("mesh", {"vertex": vertices, "inertia": "shell", **faces})
 
     def add_height_field(self, heights: NDArray[np.float64], size: ArrayLike) -> str:
         """Add a height field and return its name.
@@ -223,16 +224,16 @@ class ArenaBuilder:
                 the lowest point.
         """
         rows, columns = heights.shape
-        shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
+        shown = (heights - heights.min()) / max(float(np.ptp(heights)), MIN_HEIGHT_RANGE)
         counts = {"nrow": str(rows), "ncol": str(columns)}
-        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # largest y first
+        return self._asset_name("hfield", {**counts, "elevation": shown[::-1], "size": size})  # largest y first
 
-    def _material(self, colour: Sequence[float]) -> str:
-        return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})
+    def _material_name(self, colour: Sequence[float]) -> str:
+        return self._asset_name("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})
 
-    def _asset(self, kind: str, attributes: Attributes) -> str:
+    def _asset_name(self, kind: str, attributes: Attributes) -> str:
         """The name of the asset with these attributes, which is added if it does not exist."""
-        written = _written(attributes)
+        written = _text_attributes(attributes)
         key = (kind, *written.items())
         if key not in self._assets:
             self._assets[key] = f"{kind}_{len(self._assets)}"
@@ -323,15 +324,15 @@ class _Pose:
 
     Attributes:
         position: (3,) m, origin of the element.
-        turn: (4,) unit quaternion (w, x, y, z) of the rotation about z.
+        quat: (4,) unit quaternion (w, x, y, z) of the rotation about z.
     """
 
     position: Place
-    turn: NDArray[np.float64]
+    quat: NDArray[np.float64]
 
     def points(self, xy: NDArray[np.float64]) -> Places:
         """(N, 2) m, world coordinates of points (N, 2) m in the element's frame."""
-        w, _, _, z = self.turn
+        w, _, _, z = self.quat
         cos, sin = w * w - z * z, 2 * w * z
         return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]
 
@@ -340,11 +341,11 @@ class _Pose:
         x, y, z = numbers_of(geom, "pos", (0, 0, 0))
         position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
-        mujoco.mju_mulQuat(quat, self.turn, numbers_of(geom, "quat", (1, 0, 0, 0)))
+        mujoco.mju_mulQuat(quat, self.quat, numbers_of(geom, "quat", (1, 0, 0, 0)))
         return Element("geom", geom.attrib | {"pos": _text(position), "quat": _text(quat)})
 
 
-def _turn(yaw_deg: float) -> NDArray[np.float64]:
+def _yaw_quaternion(yaw_deg: float) -> NDArray[np.float64]:
     """Unit quaternion (w, x, y, z) of a rotation about z by ``yaw_deg`` degrees.
 
     Multiples of 90° are exact, so that tiles meet without gaps.
@@ -358,7 +359,7 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
     return np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
 
 
-def _identity(geom: Element) -> tuple[object, ...]:
+def _geom_key(geom: Element) -> tuple[object, ...]:
     """A key that is equal for geoms that fill the same space and look alike."""
     w, x, y, z = numbers_of(geom, "quat", (1, 0, 0, 0))
     # A rotation by 180° about z maps an upright box, but not a mesh, onto itself.
@@ -369,7 +370,7 @@ def _identity(geom: Element) -> tuple[object, ...]:
     return (*shape, *position.tolist(), round(x, 4), round(y, 4), yaw)
 
 
-def _written(attributes: Attributes) -> dict[str, str]:
+def _text_attributes(attributes: Attributes) -> dict[str, str]:
     """The attributes, with numbers converted to MJCF text."""
     return {name: value if isinstance(value, str) else _text(value) for name, value in attributes.items()}
 

@@ -10,7 +10,7 @@ Side = int  # 0 to 3: east, north, west, south, that is +x, +y, -x, -y
 Edge = tuple[Tile, Side]
 """A side of a tile; an edge between two tiles is always given as the east or north side of one of them."""
 
-NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+NEIGHBOUR_OFFSETS: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
 YAW = (270, 0, 90, 180)  # Yaw, degrees, at which an element's +y side, which has the wall, faces each side
 
@@ -22,7 +22,7 @@ def opposite(side: Side) -> Side:
 
 def shift(front: Side, ahead: int, aside: int) -> Tile:
     """Offset along x and y, cm: ``ahead`` cm towards side ``front`` and ``aside`` cm to the left when facing it."""
-    (fx, fy), (lx, ly) = NEIGHBOUR_TILES[front], NEIGHBOUR_TILES[(front + 1) % 4]
+    (fx, fy), (lx, ly) = NEIGHBOUR_OFFSETS[front], NEIGHBOUR_OFFSETS[(front + 1) % 4]
     return ahead * fx + aside * lx, ahead * fy + aside * ly
 
 
@@ -132,14 +132,14 @@ class Layout:
     def is_connected(self) -> bool:
         """Whether the robot can drive between any two tiles that are not blocked."""
         open_tiles = {t for t in self.tiles() if self.ground(t) != BLOCKED}
-        return not open_tiles or self._reach(min(open_tiles), self.is_passable) == open_tiles
+        return not open_tiles or self._reachable_from(min(open_tiles), self.is_passable) == open_tiles
 
     def is_explorable(self) -> bool:
         """Whether the robot, driving only over ground that it has seen, can reach all floor, decks and ramps."""
-        seen = set() if self.start is None else self._reach(self.start, self._in_sight)
+        seen = set() if self.start is None else self._reachable_from(self.start, self._is_passable_in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 
-    def _in_sight(self, tile: Tile, side: Side) -> bool:
+    def _is_passable_in_sight(self, tile: Tile, side: Side) -> bool:
         """Whether the robot can drive over this side and can see the ground beyond the side in advance.
 
         The robot's camera sees nothing nearer than 0.8 m. The tile before a ramp or ridge must therefore be preceded
@@ -154,7 +154,7 @@ class Layout:
             return self.is_passable(tile, back) and self.ground(self.next(tile, back)) == FLOOR
         return here != "ridge" or there != "ridge"
 
-    def _reach(self, start: Tile, may_pass: Callable[[Tile, Side], bool]) -> set[Tile]:
+    def _reachable_from(self, start: Tile, may_pass: Callable[[Tile, Side], bool]) -> set[Tile]:
         seen, queue = {start}, deque([start])
         while queue:
             tile = queue.popleft()
@@ -166,7 +166,7 @@ class Layout:
 
     def next(self, tile: Tile, side: Side) -> Tile:
         """The neighbouring tile on a side, which may be outside the arena."""
-        return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
+        return tile[0] + NEIGHBOUR_OFFSETS[side][0], tile[1] + NEIGHBOUR_OFFSETS[side][1]
 
     def tiles_towards(self, tile: Tile, side: Side, length: int) -> list[Tile]:
         """A row of ``length`` tiles from ``tile`` towards ``side``; shorter if the arena's border is nearer."""

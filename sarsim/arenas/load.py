@@ -11,10 +11,10 @@ from dm_control import mjcf
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation, from_yaw
-from sarsim.arenas.arena import RescueArena, naming
+from sarsim.arenas.arena import RescueArena, prefixing_errors
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.map_2d import build_map
-from sarsim.arenas.names import BUILT_FILES, BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
+from sarsim.arenas.names import BUILT_EXTENSIONS, BUILT_IN, MJCF_EXTENSION, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.placements import add_person, read_placements
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
@@ -31,7 +31,7 @@ BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,
 }  # fmt: skip
 """The functions that build arenas from files, by the file's extension."""
-LEANING = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
+MAX_GRAVITY_SLOPE = 0.1  # Maximum ratio of gravity's horizontal to its vertical component
 MAX_NAMED_BODIES = 5  # Maximum number of bodies that a warning names
 FIRST_HIDDEN_GROUP = 3  # Geoms of this group and of higher groups are not drawn
 _log = logging.getLogger(__name__)
@@ -47,23 +47,25 @@ def load_arena(
 
     Args:
         name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
-        start: start pose of the robot; by default the arena's own start, or else the best one in the arena.
+        start: start pose of the robot; by default, the first start in the list of placements, or else the arena's own
+            start, or else the best one. In an MJCF file, no start is searched for.
         random: settings of a random arena.
         victims: settings of the victims in an arena built from a file.
 
     Raises:
-        InputError: there is no such arena, its file is missing or broken, or the robot cannot stand at the start.
+        InputError: there is no such arena, its file is missing or broken, an MJCF file has no start, or the robot
+            cannot stand at the start.
     """
     check_arena_name(name)
     victims = victims or WorldVictims()
     path, kind = Path(name), Path(name).suffix.lower()
-    if kind not in BUILT_FILES:
+    if kind not in BUILT_EXTENSIONS:
         refuse_placements(name, victims)
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):
         return _from_builder(name, build_random(seed_of(name), random), start)
-    if kind == MJCF:
+    if kind == MJCF_EXTENSION:
         return _from_mjcf(path, start)
     builder = BUILDERS[kind](path)
     listed = _set_victims(name, builder, victims)
@@ -75,7 +77,7 @@ def refuse_placements(name: str, victims: WorldVictims) -> None:
     if victims.placements:
         raise InputError(
             f"--victims {victims.placements}: not supported for the arena {name}; the flag works only with"
-            f" {', '.join(BUILT_FILES[:-1])} and {BUILT_FILES[-1]} files"
+            f" {', '.join(BUILT_EXTENSIONS[:-1])} and {BUILT_EXTENSIONS[-1]} files"
         )
 
 
@@ -91,7 +93,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
             f"{name}: must return a {RescueArena.__name__}, not an object of type {type(arena).__name__}"
         )
     model, root = resolved_root(arena.mjcf_model, name)
-    with naming(name):
+    with prefixing_errors(name):
         check_model(model)
         _check_rules(model, name)
         _set_start(root, model, start, name)
@@ -103,7 +105,7 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
     listed = read_placements(victims.placements) if victims.placements else None
     for pose in listed.victims if listed else ():
         add_person(builder, pose)
-    settled = builder.settle_states(victims.state)
+    settled = builder.set_missing_states(victims.state)
     if settled:
         one = settled == 1
         who, whose = ("1 victim is", "its name gives") if one else (f"{settled} victims are", "their names give")
@@ -116,7 +118,7 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
 
 def _from_mjcf(path: Path, requested: StartPose | None) -> RescueArena:
     model, root = read_mjcf(path)
-    with naming(str(path)):
+    with prefixing_errors(str(path)):
         if not is_shipped(path):
             _check_rules(model, str(path))
         _set_start(root, model, requested, str(path))
@@ -139,7 +141,7 @@ def _check_rules(model: mujoco.MjModel, name: str) -> None:
             "no shape is visible; move the shapes that are to be seen to group 0, and give them an alpha"
         )
     x, y, z = model.opt.gravity
-    if z >= 0 or np.hypot(x, y) > -z * LEANING:
+    if z >= 0 or np.hypot(x, y) > -z * MAX_GRAVITY_SLOPE:
         raise InputError(f"gravity ({x:g} {y:g} {z:g}) m/s² must point downwards")
     movable = np.flatnonzero(np.isin(model.body_rootid, model.body_rootid[model.jnt_bodyid]))
     if named := [model.body(body).name or f"number {body}" for body in movable]:
@@ -180,7 +182,7 @@ def _from_builder(name: str, builder: ArenaBuilder, requested: StartPose | None)
     """The arena from a builder, with the requested start, or else the builder's start, or else the best start."""
     if requested is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
-        with naming(name):
+        with prefixing_errors(name):
             start = find_start(*world) if requested is None else start_at(*world, *requested)
         builder.set_start(*start)
     return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files), name)
@@ -194,6 +196,7 @@ def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
 
 
 def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The model, and its data with all bodies at their initial poses."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return model, data

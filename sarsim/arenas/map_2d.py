@@ -50,15 +50,15 @@ class Map2D:
     resolution: float
     origin: tuple[float, float, float]
 
-    def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centre (2,) m in ``world`` and half sizes (2,) m of a rectangle of cells, given as in :attr:`known`."""
+    def rectangle_in_world(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centre (2,) m in ``world`` and half sizes (2,) m of a rectangle of cells, as in :attr:`known_bounds`."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
         return (x, y) + turn @ (low + high) / 2, (high - low) / 2
 
     @property
-    def known(self) -> NDArray[np.int64]:
+    def known_bounds(self) -> NDArray[np.int64]:
         """(2, 2) first cell and end cell (row, column) of the smallest rectangle around all occupied and free cells.
 
         The end cell is excluded.
@@ -73,7 +73,7 @@ def read_map(path: Path) -> Map2D:
     Raises:
         InputError: a file is missing, broken or too large, the image is outside the folder, or a value is invalid.
     """
-    values = _values(path)
+    values = _yaml_values(path)
     resolution = _number(path, values, "resolution", 1e-3, FARTHEST)
     origin = values.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
@@ -86,9 +86,9 @@ def read_map(path: Path) -> Map2D:
         known = f"{', '.join(MODES[:-1])} or {MODES[-1]}"
         raise InputError(f"{path}: mode must be {known}, not {str(values['mode'])[:40]!r}")
     pixels = _pixels(path, values)
-    share = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
-    share = np.flipud(share)
-    return Map2D(share > occupied, (share >= 0) & (share < free), resolution, (x, y, yaw))
+    occupancy = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
+    occupancy = np.flipud(occupancy)
+    return Map2D(occupancy > occupied, (occupancy >= 0) & (occupancy < free), resolution, (x, y, yaw))
 
 
 def build_map(path: Path) -> ArenaBuilder:
@@ -109,12 +109,12 @@ def build_map(path: Path) -> ArenaBuilder:
         )
     builder, half_yaw = ArenaBuilder(path.stem), plan.origin[2] / 2
     turn = {"quat": (np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw))}
-    middle, half = plan.placed(plan.known)
+    middle, half = plan.rectangle_in_world(plan.known_bounds)
     builder.add_geom("terrain", {"pos": (*middle, 0.0), "size": (*half, 0.1)} | turn)
     reach = np.full(2, np.linalg.norm(half))
     builder.add_surroundings(middle - reach, middle + reach)
     for box in boxes:
-        middle, half = plan.placed(box)
+        middle, half = plan.rectangle_in_world(box)
         builder.add_geom("wall", {"pos": (*middle, WALL_HEIGHT / 2), "size": (*half, WALL_HEIGHT / 2)} | turn)
     return builder
 
@@ -141,7 +141,7 @@ def _runs(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.array(done, np.int64).reshape(-1, 2, 2)
 
 
-def _values(path: Path) -> dict[str, Any]:
+def _yaml_values(path: Path) -> dict[str, Any]:
     try:
         values = yaml.safe_load(read_text(path, MAX_BYTES))
     except (yaml.YAMLError, RecursionError) as error:

@@ -8,9 +8,9 @@ from pipeline.files import check_regular
 BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
 MAX_DIGITS = 18  # Maximum number of digits of a seed
-BUILT_FILES = (".raf", ".sdf", ".world", ".model", ".yaml")
+BUILT_EXTENSIONS = (".raf", ".sdf", ".world", ".model", ".yaml")
 """Extensions of the files from which an arena is built."""
-MJCF = ".xml"
+MJCF_EXTENSION = ".xml"
 
 
 def check_arena_name(name: str) -> None:
@@ -19,12 +19,12 @@ def check_arena_name(name: str) -> None:
         return
     if name.startswith(RANDOM):
         seed_of(name)
-    elif Path(name).suffix.lower() in (*BUILT_FILES, MJCF):
+    elif Path(name).suffix.lower() in (*BUILT_EXTENSIONS, MJCF_EXTENSION):
         check_regular(Path(name))
     else:
         raise InputError(
             f"unknown arena {name!r}: use {', '.join(BUILT_IN)}, {RANDOM}SEED, a plug-in's or a file"
-            f" with one of these extensions: {', '.join((*BUILT_FILES, MJCF))}"
+            f" with one of these extensions: {', '.join((*BUILT_EXTENSIONS, MJCF_EXTENSION))}"
         )
 
 

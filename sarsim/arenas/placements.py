@@ -20,7 +20,7 @@ from pipeline.transforms import FARTHEST
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.settings import StartPose
 from sarsim.arenas.things.thing import ALIVE, DEAD, annotate_body
-from sarsim.victims.victims import PREFIX, Posture, make_victim
+from sarsim.victims.victims import VICTIM_PREFIX, Posture, make_victim
 
 VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
 """Words in the names of victims' models; the last is the manikin of DARPA's Subterranean Challenge."""
@@ -137,8 +137,8 @@ def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
 
     The number of the victim determines the person's posture and appearance.
     """
-    name = builder.next_victim
-    number = name.removeprefix(PREFIX)
+    name = builder.next_victim_name
+    number = name.removeprefix(VICTIM_PREFIX)
     rng = np.random.default_rng(int(number))
     person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
     ahead, aside = person.footprint.mean(axis=0)  # the pose gives the person's centre

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
-MAX_TILES = 60  # Maximum extent along x or y, tiles; 72 m
+MAX_EXTENT = 60  # Maximum extent along x or y, tiles; 72 m
 MAX_GEOMS = 15_000
 FLOOR_MARGIN = 0.5  # m by which the floor extends beyond the outermost tiles
 
@@ -125,10 +125,10 @@ def build_raf(path: Path) -> ArenaBuilder:
 def _element(where: str, line: "Element") -> RafElement:
     """Parse an ``<element>``; ``where``: its location for error messages."""
     for name in sorted(set(line.attrib) - set(ATTRIBUTES)):
-        raise InputError(f"{where}: unknown attribute {name[:40]!r}{_meant(name, ATTRIBUTES)}")
+        raise InputError(f"{where}: unknown attribute {name[:40]!r}{_suggestion(name, ATTRIBUTES)}")
     type_ = _text(where, line, "type")
     if _kind(type_) is None:
-        raise InputError(f"{where}: unknown type {type_[:40]!r}{_meant(type_, [*TYPES, *FAMILIES])}")
+        raise InputError(f"{where}: unknown type {type_[:40]!r}{_suggestion(type_, [*TYPES, *FAMILIES])}")
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
@@ -143,7 +143,7 @@ def _element(where: str, line: "Element") -> RafElement:
     )
 
 
-def _meant(word: str, words: Iterable[str]) -> str:
+def _suggestion(word: str, words: Iterable[str]) -> str:
     """End of an error message that suggests the word most similar to ``word``; empty if no word is similar."""
     return "".join(f"; perhaps you meant {near}" for near in get_close_matches(word, words, n=1))
 
@@ -169,10 +169,10 @@ def _number(where: str, line: "Element", name: str, default: str | None = None) 
 def _check_extent(path: Path, elements: list[RafElement]) -> None:
     for axis in ("x", "y"):
         tiles = [getattr(e, axis) for e in elements]
-        if max(tiles) - min(tiles) > MAX_TILES or max(map(abs, tiles)) > 10 * MAX_TILES:
+        if max(tiles) - min(tiles) > MAX_EXTENT or max(map(abs, tiles)) > 10 * MAX_EXTENT:
             raise InputError(
                 f"{path}: the elements extend from {axis}={min(tiles):g} to {axis}={max(tiles):g};"
-                f" they must span at most {MAX_TILES} tiles and lie within {10 * MAX_TILES} tiles of {axis}=0"
+                f" they must span at most {MAX_EXTENT} tiles and lie within {10 * MAX_EXTENT} tiles of {axis}=0"
             )
 
 

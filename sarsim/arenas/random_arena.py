@@ -27,15 +27,15 @@ from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_things import hang_things
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
-from sarsim.arenas.settings import SHARES, RandomArenaConfig
+from sarsim.arenas.settings import FRACTION_SETTINGS, RandomArenaConfig
 from sarsim.arenas.things.thing import ALIVE, annotate_body
-from sarsim.victims.victims import PREFIX
+from sarsim.victims.victims import VICTIM_PREFIX
 
-CEILING = 2.4  # m, height of the ceiling and of all walls under it
+CEILING_HEIGHT = 2.4  # m, height of the ceiling and of all walls under it
 FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ARENA_ATTEMPTS = 30
 _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "things": (0, 100), "difficulty": (0, 3)}
-_BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # minimum and maximum of each setting
+_BOUNDS |= dict.fromkeys(FRACTION_SETTINGS, (0, 1))  # minimum and maximum of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
 """Elements, furniture, victims, the tile on which the robot starts, and the side that the robot faces."""
@@ -51,7 +51,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
     _check(seed, config)
     difficulty = seed % 4 if config.difficulty is None else config.difficulty
     for attempt in range(ARENA_ATTEMPTS):
-        plan = _draw(RandomDraws(np.random.default_rng([seed, attempt])), config, difficulty)
+        plan = _draw_plan(RandomDraws(np.random.default_rng([seed, attempt])), config, difficulty)
         if plan is None:
             continue
         builder = _build(f"random_{seed}", plan, config)
@@ -75,7 +75,7 @@ def _check(seed: int, config: RandomArenaConfig) -> None:
             raise InputError(f"random arena: {name} must be from {low} to {high}, not {value:g}")
 
 
-def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
+def _draw_plan(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:
     """A random plan; None if the victims do not fit."""
     layout = Layout(config.columns, config.rows)
     make_maze(layout, draws, config.wall_density)
@@ -120,9 +120,9 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     builder.add_surroundings(low, high, config.ceiling)
     builder.add_floor(low - FLOOR_MARGIN, high + FLOOR_MARGIN)
     if config.ceiling:
-        builder.add_ceiling(low, high, CEILING)
+        builder.add_ceiling(low, high, CEILING_HEIGHT)
     for victim in victims:
         victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
-        annotate_body(builder.root, PREFIX + victim.model.id, VICTIM, state=ALIVE)
+        annotate_body(builder.root, VICTIM_PREFIX + victim.model.id, VICTIM, state=ALIVE)
     builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE_SIZE), 0.0], side * np.pi / 2)
     return builder

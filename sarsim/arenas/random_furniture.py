@@ -31,11 +31,11 @@ BULKY = (
     "cabinet_tall",
 )  # fmt: skip
 """Elements that block much of the view. The robot can drive under the first kind, which may span several tiles."""
-SPREAD = 0.5  # Fraction of a raised floor's free neighbouring tiles that also get a raised floor
+RAISED_FLOOR_PROBABILITY = 0.5  # Fraction of a raised floor's free neighbouring tiles that also get a raised floor
 CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
-SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
+SMALL_ELEMENTS = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
 """Small elements that may stand in front of another element, at any angle."""
-ACCOMPANIED = 0.4  # Fraction of the furnished tiles without a workplace that also get a small element
+SMALL_ELEMENT_PROBABILITY = 0.4  # Fraction of the furnished tiles without a workplace that also get a small element
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """Elements that hang on walls."""
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
@@ -107,7 +107,7 @@ def place_bulky(layout: Layout, draws: RandomDraws, fraction: float) -> list[Ite
 def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]:
     """``tile``, and a random selection of the free neighbouring tiles to which the robot can drive from ``tile``."""
     beside = [layout.next(tile, side) for side in layout.exits(tile)]
-    return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
+    return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(RAISED_FLOOR_PROBABILITY))]
 
 
 def hang_on_walls(layout: Layout, draws: RandomDraws, fraction: float) -> list[Item]:
@@ -123,7 +123,7 @@ def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     back = opposite(front)
     draw = draws.pick(("middle", "middle", "ramp", *("back",) * 5, *("work",) * 3))
     if draw == "work":
-        return _work_place(draws, tile, front)
+        return _workplace(draws, tile, front)
     if draw == "middle":
         items = [Item(tile, draws.pick(FREESTANDING), YAW[back])]
     elif draw == "ramp":
@@ -132,13 +132,13 @@ def _furnish(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     else:
         kind, room = draws.pick(AGAINST_WALL)
         items = [Item(tile, kind, YAW[back], shift(front, 0, draws.number(-room, room)))]
-    if draws.chance(ACCOMPANIED):
+    if draws.chance(SMALL_ELEMENT_PROBABILITY):
         place = shift(front, draws.number(20, 35), draws.number(-30, 30))
-        items.append(Item(tile, draws.pick(SMALL), draws.number(0, 359), place))
+        items.append(Item(tile, draws.pick(SMALL_ELEMENTS), draws.number(0, 359), place))
     return items
 
 
-def _work_place(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
+def _workplace(draws: RandomDraws, tile: Tile, front: Side) -> list[Item]:
     """A desk with one or two chairs under it or in front of it."""
     sides = (-1, 1) if draws.chance(0.5) else (draws.pick((-1, 1)),)
     places = [shift(front, draws.number(0, 20), side * draws.number(20, 28)) for side in sides]

@@ -6,7 +6,7 @@ from sarsim.arenas.layout import FLOOR, SIDES, YAW, Item, Layout, Side, Tile, Ti
 from sarsim.arenas.random_draws import RandomDraws
 
 DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
-RIDGE = 17  # cm, height of ridges
+RIDGE_HEIGHT = 17  # cm, height of ridges
 FENCE_PROBABILITY = 0.5  # Probability of a wall on a side with a drop to floor
 HOLES_PROBABILITY = 0.15  # Probability that an inner wall has holes, if the arena has such walls
 TALL_WALL_PROBABILITY = 0.25  # Probability that any other wall is twice as high
@@ -72,7 +72,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
     level = draws.pick(DECK_HEIGHTS)
     up, down = TileGround("ramp", level, side), TileGround("ramp", level, opposite(side))
     decks = [TileGround("deck", level)] * draws.number(1, 2)
-    ridges = [TileGround("ridge", RIDGE, side)] * draws.number(2, 4)
+    ridges = [TileGround("ridge", RIDGE_HEIGHT, side)] * draws.number(2, 4)
     return {"ridge": ridges[:1], "field": ridges, "over": [up, *decks, down], "up": [up, *decks]}[kind]
 
 
@@ -117,7 +117,7 @@ def ground_items(layout: Layout) -> list[Item]:
         elif ground.kind == "ridge":
             # Two ramps, shifted so that their upper ends meet at the tile's centre.
             ends = (opposite(ground.uphill), ground.uphill)
-            items += [Item(tile, f"ramp_{RIDGE}", YAW[end], shift(end, 60, 0)) for end in ends]
+            items += [Item(tile, f"ramp_{RIDGE_HEIGHT}", YAW[end], shift(end, 60, 0)) for end in ends]
     return items
 
 

@@ -14,8 +14,8 @@ from sarsim.arenas.random_paint import Colour, random_colour
 
 Box = tuple[int, int, int, int, int, int]  # x0, x1, y0, y1, z0, z1, cm
 BACK = 59  # cm, y of the back of a piece; the face of the wall is at 59.5
-HALF = 59  # cm, half width of a piece that fills its tile up to a narrow gap to the next piece
-LONGEST_ROW = 4  # Maximum number of tiles in a row with the same piece
+HALF_WIDTH = 59  # cm, half width of a piece that fills its tile up to a narrow gap to the next piece
+MAX_ROW_LENGTH = 4  # Maximum number of tiles in a row with the same piece
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def furnish(layout: Layout, draws: RandomDraws, fraction: float) -> list[Piece]:
 def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Tile]:
     """A row along the side ``back``: ``tile`` and a random number of free tiles next to it, with no walls between."""
     row, along = [tile], draws.pick(((back + 1) % 4, (back + 3) % 4))
-    for _ in range(draws.number(0, LONGEST_ROW - 1)):
+    for _ in range(draws.number(0, MAX_ROW_LENGTH - 1)):
         if layout.has_wall(row[-1], along) or not layout.is_free(layout.next(row[-1], along)):
             break
         row.append(layout.next(row[-1], along))
@@ -73,7 +73,7 @@ def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Til
 
 def _cupboard(draws: RandomDraws) -> list[Box]:
     """A locker, cupboard or counter: an upright box, which usually has one to four slightly protruding doors."""
-    half, height = draws.pick((HALF, HALF, draws.number(25, HALF))), draws.number(70, 200)
+    half, height = draws.pick((HALF_WIDTH, HALF_WIDTH, draws.number(25, HALF_WIDTH))), draws.number(70, 200)
     front, doors = BACK - draws.number(25, 65), draws.number(1, 4)
     width, slit, relief = 2 * half // doors, draws.number(1, 3), draws.number(1, 3)
     boxes = [(-half, half, front, BACK, draws.pick((0, 0, 10)), height)]
@@ -86,7 +86,7 @@ def _cupboard(draws: RandomDraws) -> list[Box]:
 def _shelf(draws: RandomDraws) -> list[Box]:
     """An open shelf, with or without a back, with boxes on some of its boards."""
     half, height, depth, board = (
-        draws.number(35, HALF),
+        draws.number(35, HALF_WIDTH),
         draws.number(90, 200),
         draws.number(25, 50),
         draws.number(2, 4),
@@ -105,7 +105,7 @@ def _shelf(draws: RandomDraws) -> list[Box]:
 
 def _wall_shelf(draws: RandomDraws) -> list[Box]:
     """Boards or a cupboard on the wall, at a random height."""
-    half, front, low = draws.number(30, HALF), BACK - draws.number(18, 42), draws.number(35, 110)
+    half, front, low = draws.number(30, HALF_WIDTH), BACK - draws.number(18, 42), draws.number(35, 110)
     if draws.chance(0.4):
         return [(-half, half, front, BACK, low, low + draws.number(30, 80))]
     spacing = draws.number(25, 40)
@@ -114,7 +114,7 @@ def _wall_shelf(draws: RandomDraws) -> list[Box]:
 
 def _table(draws: RandomDraws) -> list[Box]:
     """A table, desk or bench, 40 to 95 cm high, on legs or panels, with or without an apron."""
-    half, depth, height = draws.number(35, HALF), draws.number(40, 110), draws.number(40, 95)
+    half, depth, height = draws.number(35, HALF_WIDTH), draws.number(40, 110), draws.number(40, 95)
     front, leg, top = BACK - depth, draws.number(3, 8), draws.number(2, 5)
     below = min(height - top - draws.number(0, 10), 60)
     boxes = [(-half, half, front, BACK, height - top, height)]
@@ -132,7 +132,7 @@ def _table(draws: RandomDraws) -> list[Box]:
 
 def _sofa(draws: RandomDraws) -> list[Box]:
     """A sofa or armchair or, without arms, a bench with a back."""
-    half, seat, arm = draws.number(30, HALF), draws.number(38, 50), draws.number(8, 20)
+    half, seat, arm = draws.number(30, HALF_WIDTH), draws.number(38, 50), draws.number(8, 20)
     front, thick = BACK - draws.number(55, 100), draws.number(8, 25)
     boxes = [(-half, half, front, BACK, draws.pick((0, 8)), seat)]
     boxes.append((-half, half, BACK - thick, BACK, seat, seat + draws.number(20, 55)))
@@ -145,16 +145,16 @@ def _sofa(draws: RandomDraws) -> list[Box]:
 def _bed(draws: RandomDraws) -> list[Box]:
     """A bed or stretcher, with or without a headboard."""
     front, top, legs = BACK - draws.number(70, 110), draws.number(40, 65), draws.number(0, 25)
-    boxes = [(-HALF, HALF, front, BACK, legs, top)]
+    boxes = [(-HALF_WIDTH, HALF_WIDTH, front, BACK, legs, top)]
     if legs:
-        boxes += [(x, x + 6, y, y + 6, 0, legs) for x in (-HALF, HALF - 6) for y in (front, BACK - 6)]
-    boxes += [(-HALF, 4 - HALF, front, BACK, top, top + draws.number(15, 50))] * draws.number(0, 1)
-    return [*boxes, (HALF - 40, HALF - 8, front + 10, BACK - 10, top, top + draws.number(6, 14))]
+        boxes += [(x, x + 6, y, y + 6, 0, legs) for x in (-HALF_WIDTH, HALF_WIDTH - 6) for y in (front, BACK - 6)]
+    boxes += [(-HALF_WIDTH, 4 - HALF_WIDTH, front, BACK, top, top + draws.number(15, 50))] * draws.number(0, 1)
+    return [*boxes, (HALF_WIDTH - 40, HALF_WIDTH - 8, front + 10, BACK - 10, top, top + draws.number(6, 14))]
 
 
 def _stairs(draws: RandomDraws) -> list[Box]:
     """Solid or open stairs that rise towards the back, with steps too high for the robot to climb."""
-    half, steps, rise = draws.number(35, HALF), draws.number(3, 5), draws.number(14, 22)
+    half, steps, rise = draws.number(35, HALF_WIDTH), draws.number(3, 5), draws.number(14, 22)
     tread, solid = 110 // steps, draws.chance(0.6)
     fronts = [BACK - (steps - step) * tread for step in range(steps)]
     return [

@@ -29,16 +29,17 @@ from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall in each direction: half a doll's box, and more than half the diagonal of any sign
 THING_SPACING = 0.6  # m between objects, so that they do not touch
-HIGHEST, LOWEST = 0.25, -0.15  # m above ``walls.SIGHT_HEIGHT``, limits of objects' heights due to the camera's view
-DEAD_SHARE = 1 / 3  # Fraction of the people and dolls who are dead
+MAX_RISE, MIN_RISE = 0.25, -0.15
+"""m above ``walls.SIGHT_HEIGHT``, limits of the objects' heights due to the camera's field of view."""
+DEAD_FRACTION = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
 FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
 """Axes of an object that stands with its back to a wall (x right, z up) in the frame of an object on the wall."""
-LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
-DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
-BRACKET = 0.11  # m from the wall to the axis of a fire extinguisher
-TILTED = 0.3  # Fraction of the signs that hang at a random angle instead of standing on a corner
+CODE_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
+DOLL_BOX_DEPTH = 0.59  # m from a doll's origin to the back of its box
+BRACKET_DEPTH = 0.11  # m from the wall to the axis of a fire extinguisher, the depth of its bracket
+TILTED_FRACTION = 0.3  # Fraction of the signs that hang at a random angle instead of standing on a corner
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
@@ -54,7 +55,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     start = data.site("start").xpos
-    walls, rises = Walls(model, start), rng.uniform(LOWEST, HIGHEST, number)
+    walls, rises = Walls(model, start), rng.uniform(MIN_RISE, MAX_RISE, number)
     hung = 0
 
     def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
@@ -68,9 +69,9 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
 
 
 def _declare_some_dead(builder: ArenaBuilder, draws: RandomDraws) -> None:
-    """Declare each person in the arena dead with probability ``DEAD_SHARE``."""
+    """Declare each person in the arena dead with probability ``DEAD_FRACTION``."""
     for text in builder.root.findall("custom/text"):
-        if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_SHARE):
+        if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_FRACTION):
             text.set("data", data_of("victim", state=DEAD))
 
 
@@ -78,23 +79,23 @@ def _hang(
     builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> None:
     """Hang object number ``turn``, counted from 0, at ``point`` (3,) m of a wall with ``normal`` (3,)."""
-    kind, R = TURNS[turn % len(TURNS)], wall_axes(normal)
+    kind, R = KINDS_IN_TURN[turn % len(KINDS_IN_TURN)], wall_axes(normal)
     if kind == "doll":
-        _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
+        _hang_doll(builder, draws, point + DOLL_BOX_DEPTH * normal, R @ FRONT)
         return
-    thing = MODELS[kind](f"{kind}_{builder.next_thing}", draws)
+    thing = MODELS[kind](f"{kind}_{builder.next_thing_number}", draws)
     if kind == "fire_extinguisher":
-        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
+        builder.add_thing(thing, point + BRACKET_DEPTH * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
         return
-    tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED) else 0.0
+    tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED_FRACTION) else 0.0
     builder.add_thing(thing, point + (kind != "door_lever") * THICK * normal, R @ about_z(tilt))
 
 
 def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
     """Hang a doll in its box; the origin of both is at ``position`` (3,) m, and their axes are ``R`` (3, 3)."""
-    state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
+    state = DEAD if draws.chance(DEAD_FRACTION) else ALIVE
     builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
-    builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
+    builder.add_thing(doll(builder.next_victim_name, state, draws.rng), position, R)
 
 
 def _sign(name: str, draws: RandomDraws) -> ThingModel:
@@ -103,7 +104,7 @@ def _sign(name: str, draws: RandomDraws) -> ThingModel:
 
 
 def _code(name: str, draws: RandomDraws) -> ThingModel:
-    text = "".join(draws.pick(LETTERS) for _ in range(draws.number(4, 14)))
+    text = "".join(draws.pick(CODE_LETTERS) for _ in range(draws.number(4, 14)))
     return qr_code(name, text, draws.pick(CODE_SIDES))
 
 
@@ -128,5 +129,5 @@ MODELS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
     "fire_extinguisher": _extinguisher,
     "door_lever": _lever,
 }
-TURNS = ("hazmat_sign", "qr_code", "doll", "april_tag", "hazmat_sign", "fire_extinguisher", "door_lever")
+KINDS_IN_TURN = ("hazmat_sign", "qr_code", "doll", "april_tag", "hazmat_sign", "fire_extinguisher", "door_lever")
 """The kinds of objects in the order in which they are hung."""

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Place
 from sarsim.arenas.elements import TILE_SIZE
-from sarsim.arenas.layout import NEIGHBOUR_TILES, SIDES, Layout, Side, Tile, opposite
+from sarsim.arenas.layout import NEIGHBOUR_OFFSETS, SIDES, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
+from sarsim.victims.victims import PLACEMENTS, SUITABLE_POSTURES, Placement, Posture, VictimModel, make_victim
 
-ROOM = 0.04  # m between a victim and the edges of its tiles
-DRAWS = 10  # Maximum number of random people that are tried until one fits
-OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
-"""Postures to choose from for the placement "open"; ``SUITABLE`` lists the postures for the other placements."""
+EDGE_MARGIN = 0.04  # m between a victim and the edges of its tiles
+MAX_DRAWS = 10  # Maximum number of random people that are tried until one fits
+OPEN_POSTURES: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
+"""Postures to choose from for the placement "open"; for the other placements, see ``SUITABLE_POSTURES``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class _Spot:
     @property
     def back(self) -> Tile:
         """The rearmost tile, behind the victim."""
-        return min(self.tiles, key=lambda tile: int(np.dot(tile, NEIGHBOUR_TILES[self.facing])))
+        return min(self.tiles, key=lambda tile: int(np.dot(tile, NEIGHBOUR_OFFSETS[self.facing])))
 
     @property
     def room(self) -> NDArray[np.float64]:
@@ -57,9 +57,9 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
     If ``hidden`` is set, the person may be half buried in rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
-    for _ in range(DRAWS if spots else 0):
+    for _ in range(MAX_DRAWS if spots else 0):
         placement: Placement = draws.pick(PLACEMENTS) if hidden else draws.pick(("open",))
-        posture = draws.pick(OPEN if placement == "open" else SUITABLE[placement])
+        posture = draws.pick(OPEN_POSTURES if placement == "open" else SUITABLE_POSTURES[placement])
         model = make_victim(name, draws.rng, posture, placement)
         for spot in draws.shuffled(spots):
             if _fits(layout, model, spot) and layout.try_block(spot.tiles):
@@ -80,7 +80,7 @@ def _spots(layout: Layout) -> list[_Spot]:
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
     """Whether the victim has room, a wall if needed and, for a victim in a box or behind a hole, open floor ahead."""
     # A panel with a hole may fill its tile from wall to wall.
-    margin = 0.0 if victim.placement == "hole" else ROOM
+    margin = 0.0 if victim.placement == "hole" else EDGE_MARGIN
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
         return False
     views = layout.viewing_sides(spot.tiles)
@@ -91,7 +91,7 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
 
 def _position(victim: VictimModel, spot: _Spot) -> Place:
     """(3,) m, the victim's origin: at the foot of a wall if needed, else with the footprint centred on the tiles."""
-    forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
+    forward, left = np.array(NEIGHBOUR_OFFSETS[spot.facing]), np.array(NEIGHBOUR_OFFSETS[(spot.facing + 1) % 4])
     if victim.needs_wall:
         # 6 mm is half the wall's thickness plus a clearance of 1 mm.
         xy = (np.array(spot.back) + 0.5) * TILE_SIZE - (TILE_SIZE / 2 - 0.006) * forward

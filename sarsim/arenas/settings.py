@@ -9,7 +9,7 @@ from tyro.conf import Fixed
 from sarsim.flags import Given
 
 StartPose = tuple[float, float, float]  # x and y in m, yaw in degrees
-SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
+FRACTION_SETTINGS = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
 """Settings of random arenas that are fractions of walls or tiles."""
 
 

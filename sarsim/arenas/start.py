@@ -21,16 +21,16 @@ HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
 MAX_COMPARED_LENGTH = 3.0  # m; a greater length of free floor ahead counts as this one when starts are compared
 MAX_COMPARED_CLEARANCE = 0.6  # m; a greater clearance counts as this one when starts are compared
 HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
-LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
-ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
-OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
+MAX_UNEVENNESS = 0.02  # m by which the floor around the start may rise or fall
+MAX_RISE_WITHIN_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
+OUTSIDE_WEIGHT = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MAX_PLACES = 2000  # Maximum number of positions that are compared
 MAX_GROUNDS = 10  # Maximum number of connected grounds that are compared, the largest patches of floor first
-ABOVE = 0.3  # m, height above a start from which the ground below is searched for
+PROBE_HEIGHT = 0.3  # m, height above a start from which the ground below is searched for
 MAX_GROUND_GAP = 0.005  # m; a start at most this far from the ground is considered to be on it
-SLOPE = 0.05  # m, distance over which the slope of the ground at a start is measured
-UPRIGHT = np.radians(0.5)  # Maximum tilt of a start that is considered upright, rad
-START_AREA = 0.25  # m², minimum area in which the robot's centre can move; a tile between four walls has 0.35 m²
+SLOPE_BASELINE = 0.05  # m, distance over which the slope of the ground at a start is measured
+MAX_UPRIGHT_TILT = np.radians(0.5)  # Maximum tilt of a start that is considered upright, rad
+MIN_START_AREA = 0.25  # m², minimum area in which the robot's centre can move; a tile between four walls has 0.35 m²
 
 
 class Start(NamedTuple):
@@ -69,12 +69,12 @@ def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: P
     x, y, z = T_world_start[:3, 3]
     down = np.array([0.0, 0.0, -1.0])
     over, ahead, beside = (
-        mujoco.mj_ray(model, data, np.array([x, y, z + ABOVE]) + off, down, None, 1, -1, np.zeros(1, np.int32))
-        - ABOVE
-        for off in SLOPE * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        mujoco.mj_ray(model, data, np.array([x, y, z + PROBE_HEIGHT]) + off, down, None, 1, -1, np.zeros(1, np.int32))
+        - PROBE_HEIGHT
+        for off in SLOPE_BASELINE * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     )
     # On a slope, a start perpendicular to the slope is also considered upright.
-    up = np.array([ahead - over, beside - over, SLOPE])
+    up = np.array([ahead - over, beside - over, SLOPE_BASELINE])
     on_slope = float(np.arccos(np.clip(T_world_start[:3, 2] @ up / np.linalg.norm(up), -1, 1)))
     tilt = min(float(np.arccos(np.clip(T_world_start[2, 2], -1, 1))), on_slope)
     if abs(over) > MAX_GROUND_GAP:
@@ -84,10 +84,10 @@ def moved_to_ground(model: mujoco.MjModel, data: mujoco.MjData, T_world_start: P
                 f"there is no free ground at ({x:g}, {y:g}) m; choose another start with --start X Y YAW"
             )
         over = float(z - height)
-    if abs(over) <= MAX_GROUND_GAP and tilt <= UPRIGHT:
+    if abs(over) <= MAX_GROUND_GAP and tilt <= MAX_UPRIGHT_TILT:
         return T_world_start, ""
     above = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} the ground" if abs(over) > MAX_GROUND_GAP else ""
-    tilted = f"tilted by {np.degrees(tilt):.0f}°" if tilt > UPRIGHT else ""
+    tilted = f"tilted by {np.degrees(tilt):.0f}°" if tilt > MAX_UPRIGHT_TILT else ""
     said = f"the start is {' and '.join(filter(None, (above, tilted)))}; the robot starts upright on the ground"
     return from_yaw(x, y, z - over, yaw_of(T_world_start)), said
 
@@ -103,7 +103,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
     """
     survey = Survey(model, data)
     best: tuple[float, FreeGround, NDArray[np.bool_]] | None = None
-    for ground in islice(survey.grounds(Label.TERRAIN, START_AREA), MAX_GROUNDS):
+    for ground in islice(survey.grounds(Label.TERRAIN, MIN_START_AREA), MAX_GROUNDS):
         for floor, size in _pieces(ground):
             if best is None or size > best[0]:
                 best = (size, ground, floor)
@@ -111,16 +111,16 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
         raise InputError(
             "the robot does not fit on any tile of the arena's floor; choose a start with --start X Y YAW"
         )
-    return _open_place(*best[1:])
+    return _most_open_start(*best[1:])
 
 
 def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
     """Yield the floor cells, (nx, ny) bool, of each connected piece of ground and the piece's weighted cell count."""
-    weight = np.where(_is_inside(ground), 1.0, OUTSIDE_SHARE)
+    weight = np.where(_is_inside(ground), 1.0, OUTSIDE_WEIGHT)
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
         floor = cells & (ground.label == Label.TERRAIN)
-        if floor.any() and cells.sum() * CELL**2 > START_AREA:
+        if floor.any() and cells.sum() * CELL**2 > MIN_START_AREA:
             yield floor, round(float(weight[cells].sum()), 3)
 
 
@@ -134,13 +134,13 @@ def _is_inside(ground: FreeGround) -> MaskLayer:
     return sides == 4
 
 
-def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
+def _most_open_start(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
     """The best start on the lowest level of a floor.
 
     The lowest level is used because robots map more above the start than below it. If the floor has too many cells,
     only some of the cells are compared.
     """
-    floor = floor & (ground.height <= ground.height[floor].min() + ONE_LEVEL)
+    floor = floor & (ground.height <= ground.height[floor].min() + MAX_RISE_WITHIN_LEVEL)
     inside = floor & _is_inside(ground)
     cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
@@ -167,7 +167,7 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _clearance(ground: FreeGround, level: float) -> Layer:
     """(nx, ny) m, distance from each cell to the nearest cell that is not free, level floor."""
-    free = (np.abs(ground.height - level) <= LEVEL_START) & (ground.to_obstacle >= CELL)
+    free = (np.abs(ground.height - level) <= MAX_UNEVENNESS) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 
 

@@ -16,11 +16,11 @@ VIEWING_DISTANCE = 0.8
 """m, distance in front of a wall at which the robot must be able to stand; a lane of 1.2 m is wide enough."""
 MAX_STEP = 0.05
 """m, maximum height difference between the ground in front of a wall and the ground from which the wall is found."""
-PLACES, DIRECTIONS = 2000, 8
+MAX_POSITIONS, DIRECTION_COUNT = 2000, 8
 """Maximum number of drivable positions from which walls are searched for, and number of directions from each."""
 WALL_REACH = 2.5  # m, maximum distance of a wall from the position from which it is found
-FLAT = 0.001  # m by which a wall may deviate from a plane
-_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible geom groups
+FLATNESS_TOLERANCE = 0.001  # m by which a wall may deviate from a plane
+_VISIBLE_GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible geom groups
 
 
 class Walls:
@@ -56,9 +56,9 @@ class Walls:
     def hits(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(N, 3) m, points on walls at ``SIGHT_HEIGHT``, and (N, 3), the walls' normals there, in random order."""
         surface = self._surface
-        cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
+        cells = rng.permutation(np.argwhere(surface.drivable))[:MAX_POSITIONS]
         eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + SIGHT_HEIGHT])
-        angles = rng.uniform(0, 2 * np.pi, (len(eyes), 1)) + np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+        angles = rng.uniform(0, 2 * np.pi, (len(eyes), 1)) + np.arange(DIRECTION_COUNT) * 2 * np.pi / DIRECTION_COUNT
         rays = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=2)
         found = [self._cast(eye, ray) for eye, ray in zip(eyes, rays, strict=True)]
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
@@ -76,8 +76,8 @@ class Walls:
         if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
             return False
         offsets = np.linspace(-half, half, 5)
-        starts = (eye + a * along(normal) + [0.0, 0.0, rise + b] for a in offsets for b in offsets)
-        return all(self._meets(start, -normal) for start in starts)
+        starts = (eye + a * rightward(normal) + [0.0, 0.0, rise + b] for a in offsets for b in offsets)
+        return all(self._hits_squarely(start, -normal) for start in starts)
 
     def _cast(self, eye: NDArray[np.float64], rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """(M, 3) m, points where unit rays (N, 3) from ``eye`` (3,) m hit upright walls, and the normals (M, 3)."""
@@ -85,24 +85,25 @@ class Walls:
         geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
         flat = normal.ravel()
         mujoco.mj_multiRay(
-            self._model, self._data, eye, rays.ravel(), _SEEN, 1, -1, geom, distance, flat, count, WALL_REACH
+            self._model, self._data, eye, rays.ravel(), _VISIBLE_GROUPS, 1, -1, geom, distance, flat, count,
+            WALL_REACH,
         )  # fmt: skip
         met = (geom >= 0) & self._is_wall[geom] & (distance <= WALL_REACH) & (np.abs(normal[:, 2]) < 1e-6)
         return eye + rays[met] * distance[met, None], normal[met]
 
-    def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
+    def _hits_squarely(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
         """Whether a ray from a point hits a wall perpendicularly at distance ``VIEWING_DISTANCE``."""
         geom, normal = np.full(1, -1, np.int32), np.zeros(3)
-        distance = mujoco.mj_ray(self._model, self._data, start, ray, _SEEN, 1, -1, geom, normal)
-        is_square = abs(distance - VIEWING_DISTANCE) < FLAT and normal @ ray < -0.9999
+        distance = mujoco.mj_ray(self._model, self._data, start, ray, _VISIBLE_GROUPS, 1, -1, geom, normal)
+        is_square = abs(distance - VIEWING_DISTANCE) < FLATNESS_TOLERANCE and normal @ ray < -0.9999
         return bool(geom[0] >= 0 and self._is_wall[geom[0]] and is_square)
 
 
-def along(normal: NDArray[np.float64]) -> Direction:
+def rightward(normal: NDArray[np.float64]) -> Direction:
     """Unit vector (3,) to the right for a viewer who faces a wall with horizontal unit normal (3,)."""
     return np.array([-normal[1], normal[0], 0.0])
 
 
 def wall_axes(normal: NDArray[np.float64]) -> Rotation3:
     """(3, 3) axes, as columns, of an object on a wall with horizontal normal (3,): right, up, towards the viewer."""
-    return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])
+    return np.column_stack([rightward(normal), [0.0, 0.0, 1.0], normal])

@@ -9,7 +9,7 @@ import numpy as np
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from sarsim.arenas.settings import SHARES, RandomArenaConfig
+from sarsim.arenas.settings import FRACTION_SETTINGS, RandomArenaConfig
 from sarsim.flags import Given
 
 RANDOM = "random"  # Name that stands for a new random arena in each scene
@@ -51,7 +51,7 @@ class ArenaRange:
     things: Fixed[tuple[int, int]] = (0, 0)
 
     def __post_init__(self) -> None:
-        for name in ("tiles", *SHARES, "victims", "difficulty", "things"):
+        for name in ("tiles", *FRACTION_SETTINGS, "victims", "difficulty", "things"):
             check_order(f"random.{name}", getattr(self, name))
         check("random.ceilings", self.ceilings, 0, 1)
         check("random.painted", self.painted, 0, 1)

@@ -13,25 +13,25 @@ from sarsim.robots.skid_steer import DriveModel
 from sarsim.vetting.model_files import parse_mjcf
 
 DEPTH_RANGE = "depth_range"  # Name of the only ``<numeric>`` that a file may omit
-PLAUSIBLE = 1e-3, 10.0
+PLAUSIBLE_RANGE = 1e-3, 10.0
 """Minimum and maximum plausible parameter of a robot that drives in buildings, in m, rad and their rates."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
 def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
     """Parameters of a robot for the pipeline; InputError if its file or a number is missing or invalid."""
-    return _filled(RobotModel, robot)
+    return _read_model(RobotModel, robot)
 
 
 def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
     """Parameters of a robot for its firmware; raises InputError like :func:`robot_model`."""
-    return _filled(DriveModel, robot)
+    return _read_model(DriveModel, robot)
 
 
 def paced_model(robot: str, speed: float | None) -> RobotModel:
     """Like :func:`robot_model`, but with ``speed`` m/s, limited to the top speed; None keeps the robot's speed.
 
-    On ramps, and where it backs out, the robot drives no faster than this either.
+    The robot's speed on ramps, which is also its speed when it backs out, is limited to ``speed`` as well.
     """
     model, top = robot_model(robot), drive_model(robot).top_speed
     if speed is not None and speed > top:
@@ -73,9 +73,9 @@ def _numbers(robot: str) -> dict[str, list[float]]:
         raise InputError(f"--robot {robot}: the data of a <numeric> must be numbers: {error}") from error
 
 
-def _filled(kind: type[Model], robot: str) -> Model:
+def _read_model(kind: type[Model], robot: str) -> Model:
     """An instance of ``kind`` whose fields have the values of the ``<numeric>`` elements with the same names."""
-    numbers, (least, most) = _numbers(robot), PLAUSIBLE
+    numbers, (least, most) = _numbers(robot), PLAUSIBLE_RANGE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():
         if len(value) != 1 or not least <= value[0] <= most:

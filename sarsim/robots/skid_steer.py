@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
 
-SURPLUS = 1.2
+MAX_WHEEL_SPEED_RATIO = 1.2
 """Ratio of the maximum wheel speed to the wheel speed at ``top_speed``; the surplus is for feedback."""
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
@@ -18,9 +18,9 @@ WHEEL_GAIN = 10.0
 """1/s, additional wheel speed per radian of a wheel's lag."""
 MAX_WHEEL_LAG = 0.03
 """rad, maximum lag that accumulates while a wheel cannot turn as commanded."""
-SETTLED = math.radians(0.2)
+HEADING_TOLERANCE = math.radians(0.2)
 """rad; a stationary robot does not correct a smaller heading error."""
-GIVES_UP = 1.0
+HEADING_TIMEOUT = 1.0
 """s, time after which a stationary robot stops correcting its heading, because something holds the robot."""
 
 
@@ -84,7 +84,7 @@ class SkidSteerController:
         self._follow(velocity, dt)
         sides = zip(self._wheel_lag, self._wheel_target, wheel_speed.tolist(), strict=True)
         self._wheel_lag = [_clip(lag + (target - speed) * dt, MAX_WHEEL_LAG) for lag, target, speed in sides]
-        self._wheel_target = self._wheels()
+        self._wheel_target = self._wheel_speeds()
         return np.array([w + WHEEL_GAIN * lag for w, lag in zip(self._wheel_target, self._wheel_lag, strict=True)])
 
     def _follow(self, velocity: Velocity, dt: float) -> None:
@@ -98,15 +98,15 @@ class SkidSteerController:
         self.heading_error = _clip(error, MAX_HEADING_ERROR)
         is_stopped = self._v == 0.0 and self._omega == 0.0
         self._stopped_for = self._stopped_for + dt if is_stopped else 0.0
-        if is_stopped and (abs(self.heading_error) < SETTLED or self._stopped_for > GIVES_UP):
+        if is_stopped and (abs(self.heading_error) < HEADING_TOLERANCE or self._stopped_for > HEADING_TIMEOUT):
             self.heading_error = 0.0
 
-    def _wheels(self) -> list[float]:
+    def _wheel_speeds(self) -> list[float]:
         """[left, right] rad/s, wheel speeds; if one is too high, both are scaled down to keep the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = self._v - side, self._v + side
-        excess = max(1.0, max(map(abs, sides)) / (SURPLUS * self._drive.top_speed))
+        excess = max(1.0, max(map(abs, sides)) / (MAX_WHEEL_SPEED_RATIO * self._drive.top_speed))
         return [v / self._drive.wheel_radius / excess for v in sides]
 
 

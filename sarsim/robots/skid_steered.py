@@ -15,7 +15,7 @@ from sarsim.vetting.trial import read_mjcf
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SIDES = ("left", "right")
-PARTS = [
+REQUIRED_ELEMENTS = [
     *(("body", "base_link"), ("camera", "camera"), ("light", "lamp")),
     *(("sensor", sensor) for sensor in ("gyro", "accelerometer")),
     *(("joint", wheel) for wheel in WHEELS),
@@ -34,7 +34,7 @@ class SkidSteerRobot(composer.Robot):
     Attributes:
         model: parameters for the pipeline.
         drive: parameters for the firmware.
-        free_joint: values of ``FREE_JOINT_ATTRIBUTES`` that the robot's file sets for the free joint, if any.
+        free_joint_attributes: values of ``FREE_JOINT_ATTRIBUTES`` that the file sets for the free joint, if any.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
@@ -51,9 +51,11 @@ class SkidSteerRobot(composer.Robot):
             self._mjcf_root = read_mjcf(path)[1]
         except InputError as error:
             raise InputError(f"--robot {error}") from error
-        if missing := [f"{kind} {name!r}" for kind, name in PARTS if self._mjcf_root.find(kind, name) is None]:
+        if missing := [
+            f"{kind} {name!r}" for kind, name in REQUIRED_ELEMENTS if self._mjcf_root.find(kind, name) is None
+        ]:
             raise InputError(f"--robot {robot}: required elements are missing: {', '.join(missing)}")
-        self.free_joint = _alone(self._mjcf_root, self.base)
+        self.free_joint_attributes = _keep_only_robot(self._mjcf_root, self.base)
         self.model, self.drive = robot_model(robot), drive_model(robot)
 
     @property
@@ -106,7 +108,7 @@ class SkidSteerRobot(composer.Robot):
         """(3,) m/s², acceleration in ``base_link``, gravity included (+9.81 along z at rest on level ground)."""
         return np.array(physics.bind(self._mjcf_root.find("sensor", "accelerometer")).sensordata)
 
-    def inertial_data(self, physics: mjcf.Physics) -> NDArray[np.int64]:
+    def inertial_indices(self, physics: mjcf.Physics) -> NDArray[np.int64]:
         """(6,) indices of the gyro's and the accelerometer's axes in MuJoCo's ``sensordata``."""
         sensors = [physics.bind(self._mjcf_root.find("sensor", name)) for name in ("gyro", "accelerometer")]
         return np.concatenate([np.arange(3) + physics.model.sensor_adr[sensor.element_id] for sensor in sensors])
@@ -122,7 +124,7 @@ class SkidSteerRobot(composer.Robot):
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
 
 
-def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
+def _keep_only_robot(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
     """Keep only the robot, at the origin, and return the ``FREE_JOINT_ATTRIBUTES`` that the file's free joint sets.
 
     A file made for viewing a robot on its own also has a floor, lights, a free joint and a start pose.

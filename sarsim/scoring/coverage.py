@@ -20,7 +20,7 @@ class Coverage:
 
     def __init__(self, robot: SimulatedRobot):
         """Survey the ground that the robot can reach from its current pose."""
-        with robot.arena.naming():
+        with robot.arena.prefixing_errors():
             survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
             self.surface: GroundTruthSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)

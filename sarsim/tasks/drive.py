@@ -228,7 +228,7 @@ class Drive(gymnasium.Env[Any, Any]):
         model, data = self.world.physics.model.ptr, self.world.physics.data.ptr
         self.camera = int(model.camera(self.world.robot.camera.full_identifier).id)
         self._body = int(model.body_rootid[model.cam_bodyid[self.camera]])
-        with arena.naming():
+        with arena.prefixing_errors():
             survey = Survey(model, data, self._body, self.world.robot.model)
             surface = survey.surface_from(arena.T_world_start[:3, 3])
         self._goals: NDArray[np.float64] = surface.grid.centre_of(np.argwhere(surface.drivable))

@@ -52,15 +52,15 @@ Placement = Literal["open", "rubble", "box", "hole"]
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
-PREFIX, COVER = "victim_", "cover_"  # Prefixes of the names of the two bodies
-SUITABLE: dict[Placement, tuple[Posture, ...]] = {
+VICTIM_PREFIX, COVER_PREFIX = "victim_", "cover_"  # Prefixes of the names of the two bodies
+SUITABLE_POSTURES: dict[Placement, tuple[Posture, ...]] = {
     "open": POSTURES,
     "rubble": ("lying", "prone", "side"),
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
 """The postures possible in each placement; a random posture is always one that needs no wall."""
-STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
+STATURE_RANGES = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
 """Range of statures of each build, m."""
 
 
@@ -96,9 +96,9 @@ class VictimModel:
         """Add the victim to a ``<mujoco>`` element, with origin ``position`` (3,) m, turned left by ``yaw`` rad."""
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
         # Made only here, because most people generated for an arena fit in no free place and are never added.
-        assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
+        assets, person = person_mjcf(VICTIM_PREFIX + self.id, self.figure, self.outfit)
         bodies = []
-        for body, geoms in ((PREFIX + self.id, person), (COVER + self.id, self.cover.geoms)):
+        for body, geoms in ((VICTIM_PREFIX + self.id, person), (COVER_PREFIX + self.id, self.cover.geoms)):
             if geoms:
                 bodies.append(Element("body", {"name": body} | pose))
                 bodies[-1].extend(geoms)
@@ -150,11 +150,11 @@ def make_victim(
     Raises:
         InputError: the placement does not allow the posture, or no person in that posture fits into ``room``.
     """
-    choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
+    choice = [p for p in SUITABLE_POSTURES[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:
         raise InputError(
             f"victim {id}: posture {posture!r} cannot be used in placement {placement!r}; choose from"
-            f" {', '.join(SUITABLE[placement])}"
+            f" {', '.join(SUITABLE_POSTURES[placement])}"
         )
     posture = choice[rng.integers(len(choice))]
     figures = _figures(posture, placement, stature, rng)
@@ -164,7 +164,7 @@ def make_victim(
         raise InputError(f"victim {id}: no {posture} person fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
     person = figure.places(outfit.hair_style)
-    cover = _cover(COVER + id, posture, placement, figure, person, rng)
+    cover = _cover(COVER_PREFIX + id, posture, placement, figure, person, rng)
     everything = np.concatenate([person, cover.points])
     return VictimModel(
         id, posture, placement, posture in AGAINST_WALL and placement != "box", figure, outfit, cover,
@@ -179,9 +179,9 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
     for body in range(model.nbody):
         name = model.body(body).name.rpartition("/")[2]
         geoms = np.flatnonzero((model.geom_bodyid == body) & (labels == Label.VICTIM))
-        if name.startswith(PREFIX) and geoms.size:
+        if name.startswith(VICTIM_PREFIX) and geoms.size:
             pose = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
-            victims.append(TrueVictim(name.removeprefix(PREFIX), pose, box_of_geoms(model, geoms), geoms))
+            victims.append(TrueVictim(name.removeprefix(VICTIM_PREFIX), pose, box_of_geoms(model, geoms), geoms))
     return victims
 
 
@@ -198,7 +198,7 @@ def _figures(
     kept = "sitting" if posture == "bust" else posture  # a bust is the upper part of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
         build = str(library.builds[pose])
-        figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))
+        figure = library.figure(int(pose), stature or rng.uniform(*STATURE_RANGES[build]))
         if posture == "bust":
             figure = figure.only(UPPER_BODY).centred()
         elif placement == "hole" and posture not in AGAINST_WALL:

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.arrays import Box, Direction, Indices, Place, Pose
 from pipeline.tracks.find import HEAT, KINDS, VICTIM
 from pipeline.transforms import from_rotation, transform_places
-from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
+from sarsim.victims.victims import VICTIM_PREFIX, box_of_geoms, victims_of
 
 ALIVE, DEAD = "alive", "dead"
 MAX_TEXT = 4000  # Maximum number of bytes of a text that are read; the largest QR code holds 2,953 bytes
@@ -66,7 +66,12 @@ def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
     stated = dict(_annotations(model))
     victims = [
         Thing(
-            PREFIX + v.id, VICTIM, *stated.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms
+            VICTIM_PREFIX + v.id,
+            VICTIM,
+            *stated.get(VICTIM_PREFIX + v.id, ("", "", ALIVE))[1:],
+            v.T_world_victim,
+            v.box,
+            v.geoms,
         )
         for v in victims_of(model, data)
     ]

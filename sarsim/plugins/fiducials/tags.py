@@ -35,7 +35,7 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     """
     if not 0 <= number <= MAX_TAGS:
         raise InputError(f"--fiducials {number}: must be from 0 to {MAX_TAGS}")
-    with arena.naming():
+    with arena.prefixing_errors():
         poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
         raise InputError(f"--fiducials {number}: the arena's walls have room for only {len(poses)}")

@@ -203,10 +203,10 @@ def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: 
         normal = np.array([*inwards, 0.0])
         place = np.array([*middle, config.eye]) + (config.thick / 2 + THICK) * normal
         thing = (
-            qr_code(f"qr_code_{builder.next_thing}", f"maze {n // 2}", config.code_side)
+            qr_code(f"qr_code_{builder.next_thing_number}", f"maze {n // 2}", config.code_side)
             if n % 2 == 0
             else hazmat_sign(
-                f"hazmat_sign_{builder.next_thing}", HAZMAT_CLASSES[n // 2], config.sign_side, SignStyle()
+                f"hazmat_sign_{builder.next_thing_number}", HAZMAT_CLASSES[n // 2], config.sign_side, SignStyle()
             )
         )
         builder.add_thing(thing, place, wall_axes(normal))

@@ -56,7 +56,7 @@ def score_mission(
     brief, body = load_mission(mission), robot_model(robot)
     world = make_arena(arena, start, victims=WorldVictims(victims, victims_state))
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
-    with world.naming():
+    with world.prefixing_errors():
         truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)
     end, driven = None if parked is None else np.array(parked), path / "trajectory_true.tum"
     if end is None and driven.exists():

@@ -9,7 +9,7 @@ import pytest
 
 from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.random_arena import build_random
-from sarsim.arenas.random_things import TURNS
+from sarsim.arenas.random_things import KINDS_IN_TURN
 from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.walls import VIEWING_DISTANCE
@@ -32,7 +32,7 @@ def world(builder):
 
 def test_every_kind_hangs_in_its_turn(world):
     kinds = Counter(thing.kind for thing in things_of(*world))
-    assert kinds == Counter("victim" if kind == "doll" else kind for kind in TURNS) + Counter(victim=1)
+    assert kinds == Counter("victim" if kind == "doll" else kind for kind in KINDS_IN_TURN) + Counter(victim=1)
 
 
 def test_all_that_is_flat_is_seen_from_where_the_robot_can_stand(world):

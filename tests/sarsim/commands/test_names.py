@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from sarsim.arenas.load import BUILDERS
-from sarsim.arenas.names import BUILT_FILES, BUILT_IN, check_arena_name
+from sarsim.arenas.names import BUILT_EXTENSIONS, BUILT_IN, check_arena_name
 from sarsim.assets import asset
 from sarsim.settings import EpisodeConfig
 
 
 def test_the_names_are_those_of_what_is_there() -> None:
-    assert set(BUILT_FILES) == set(BUILDERS)
+    assert set(BUILT_EXTENSIONS) == set(BUILDERS)
     assert all(asset("arenas", f"{name}.xml").exists() for name in BUILT_IN)
     for name in (*BUILT_IN, "random:3"):
         check_arena_name(name)

@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 
 from pipeline.robot import Velocity
 from sarsim.robots import skid_steer
-from sarsim.robots.skid_steer import SURPLUS, DriveModel, SkidSteerController
+from sarsim.robots.skid_steer import MAX_WHEEL_SPEED_RATIO, DriveModel, SkidSteerController
 
 DT = 0.02
 STILL = np.zeros(2)
 PIONEER = DriveModel(0.1105, 0.581, 0.7, math.radians(140), 0.3, math.radians(100))
-MAX_WHEEL_SPEED = SURPLUS * PIONEER.top_speed / PIONEER.wheel_radius
+MAX_WHEEL_SPEED = MAX_WHEEL_SPEED_RATIO * PIONEER.top_speed / PIONEER.wheel_radius
 
 speeds = st.floats(-2, 2)
 rates = st.floats(-5, 5)
@@ -76,7 +76,7 @@ def test_limits_hold_for_any_command(v, omega):
 @given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
 def test_saturated_wheels_keep_the_curvature(v, omega):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(skid_steer, "SURPLUS", 4.0 * PIONEER.wheel_radius / PIONEER.top_speed)
+        patch.setattr(skid_steer, "MAX_WHEEL_SPEED_RATIO", 4.0 * PIONEER.wheel_radius / PIONEER.top_speed)
         patch.setattr(skid_steer, "HEADING_GAIN", 0.0)
         wheels = Body().drive(4.0, v, omega)
     moved, turned = forward_and_turn(wheels)[-1]

@@ -13,10 +13,18 @@ from pipeline.labels import Label
 from sarsim.assets import asset
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY
-from sarsim.victims.people import AGAINST_WALL, STATURE, UNIT, bone_motions, people, skinned
-from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim, victims_of
+from sarsim.victims.people import AGAINST_WALL, STATURE_RANGES, UNIT, bone_motions, people, skinned
+from sarsim.victims.victims import (
+    PLACEMENTS,
+    SUITABLE_POSTURES,
+    Placement,
+    Posture,
+    VictimModel,
+    make_victim,
+    victims_of,
+)
 
-KINDS = [(posture, placement) for placement in PLACEMENTS for posture in SUITABLE[placement]]
+KINDS = [(posture, placement) for placement in PLACEMENTS for posture in SUITABLE_POSTURES[placement]]
 POSES = range(len(people().postures))
 EMPTY = '<mujoco><size nuser_geom="1"/><worldbody/></mujoco>'
 
@@ -94,7 +102,7 @@ def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
     with np.load(asset("victims", "people.npz")) as file:
         turns, offsets = bone_motions(file["rest"], file["poses"][pose])
         build = list(file["build_names"]).index(library.builds[pose])
-        body = skinned(file["vertices"][build] * UNIT, file["weights"], turns, offsets) * (1.9 / STATURE)
+        body = skinned(file["vertices"][build] * UNIT, file["weights"], turns, offsets) * (1.9 / STATURE_RANGES)
         parts, face_parts, faces = list(file["parts"]), file["face_parts"], file["faces"]
     posture = library.postures[pose]
     assert -0.01 < body[:, 2].min() < (0.2 if posture == "seated" else 0.01)
@@ -103,7 +111,7 @@ def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
         assert body[trunk, 2].min() < 0.05
     elif posture == "seated":
         hips = np.unique(faces[face_parts == parts.index("hips")])
-        seat = 2 * library.block * (1.9 / STATURE)
+        seat = 2 * library.block * (1.9 / STATURE_RANGES)
         assert body[:, 0].min() > -0.02 and 0 < body[hips, 0].mean() < seat[0]
         above = (body[:, 0] < seat[0] - 0.05) & (np.abs(body[:, 1]) < seat[1] / 2) & (body[:, 2] > seat[2] - 0.2)
         assert body[above, 2].min() == pytest.approx(seat[2], abs=0.01)

@@ -70,7 +70,9 @@ def test_codes_and_signs_hang_on_the_inner_faces(world):
 
 
 def test_codes_and_signs_alternate_until_there_are_enough():
-    assert build_maze(MazeConfig(things=3)).next_thing == build_maze(MazeConfig(things=0)).next_thing + 3
+    assert (
+        build_maze(MazeConfig(things=3)).next_thing_number == build_maze(MazeConfig(things=0)).next_thing_number + 3
+    )
 
 
 def test_a_dark_tarp_covers_it(world):

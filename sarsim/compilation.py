@@ -44,12 +44,12 @@ def compile_on_two_cores() -> None:
     event.register("numba:compile", Starter())
 
 
-def listed() -> list[tuple[str, list[Argument]]]:
+def listed_functions() -> list[tuple[str, list[Argument]]]:
     """The functions, as ``module:name``, with their argument types, in the order in which an episode needs them."""
     return [(name, arguments) for name, arguments in json.loads((files("sarsim") / "kernels.json").read_text())]
 
 
-def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
+def compile_functions(functions: Iterable[tuple[str, list[Argument]]]) -> None:
     """Compile functions for their argument types into numba's cache; functions that do not compile are skipped."""
     for name, arguments in functions:
         # If the list is older than the code, nothing breaks: functions are compiled when first called.
@@ -79,4 +79,4 @@ def type_of(argument: Argument) -> Any:
 
 
 if __name__ == "__main__":
-    compile_listed(reversed(listed()))
+    compile_functions(reversed(listed_functions()))

@@ -74,7 +74,7 @@ def compose(
     plugins: Sequence[Plugin] = (),
     explorer: Explorer | None = None,
     world: Any = None,
-    continues: Collection[str] = (),
+    marks: Collection[str] = (),
 ) -> RunParts:
     """Make the parts of a run.
 
@@ -92,14 +92,14 @@ def compose(
         plugins: the plug-ins of the run.
         explorer: the explorer that drives the robot; None if there is none.
         world: the :class:`sarsim.simulated_robot.SimulatedRobot`; None if the robot is not simulated.
-        continues: names of files; the folder must contain one of them unless it is new or empty.
+        marks: names of files; the folder must contain one of them unless it is new or empty.
 
     Raises:
         InputError: one of the user's sinks, the viewer or the folder is not available.
     """
     own = [make_own("sink", name, Sink) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None
-    make_folder(folder, continues)
+    make_folder(folder, marks)
     recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)
     rescue_report = RescueReport(recording, config=settings.io.rescue_report)
     context = RunContext(mapper, recording, explorer, world, plugins, folder)

@@ -50,14 +50,14 @@ class RescueEnvironment(dm_env.Environment):
         self.robot = SkidSteerRobot(robot)
         _reconcile(arena.mjcf_model, self.robot.mjcf_model)
         try:
-            _set_free(arena, self.robot)
+            _attach_robot(arena, self.robot)
             self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         except (ValueError, mujoco.FatalError) as error:
             raise InputError(
                 f"the arena and the robot cannot be combined in one MuJoCo model: {' '.join(str(error).split())}"
             ) from error
         self._substeps = substeps(self.physics.timestep())
-        self._sensed = np.zeros(self.physics.model.nsensordata)
+        self._sensor_sum = np.zeros(self.physics.model.nsensordata)
         self._inertial_indices = self.robot.inertial_indices(self.physics)
         self._wheels = np.array(self.physics.bind(self.robot.wheels).dofadr)
         self._servos = self.physics.bind(self.robot.actuators).element_id
@@ -70,7 +70,7 @@ class RescueEnvironment(dm_env.Environment):
         with self.physics.reset_context():
             self.robot.set_pose(self.physics, T[:3, 3], quat)
         self.firmware = SkidSteerController(self.robot.drive)
-        self._sensed[:], self._measured = 0, 0
+        self._sensor_sum[:], self._sample_count = 0, 0
         return dm_env.restart(self._observation())
 
     def step(self, action: NDArray[np.float64]) -> dm_env.TimeStep:
@@ -101,16 +101,16 @@ class RescueEnvironment(dm_env.Environment):
             mujoco.mj_step1(model, data)  # contacts and gyro measurements of the new state
             if substep == 0:  # as dm_control does at the first read after a write, to update accelerations
                 mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_VEL, skipsensor=False)
-            self._sensed += data.sensordata
-        self._measured += self._substeps
+            self._sensor_sum += data.sensordata
+        self._sample_count += self._substeps
 
-    def inertial(self) -> NDArray[np.float64]:
+    def inertial_measurements(self) -> NDArray[np.float64]:
         """(2, 3) mean measurements of the gyros, rad/s, and of the accelerometers, m/s², since the last call.
 
         Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so vibration averages out.
         """
-        mean = (self._sensed[self._inertial_indices] / self._measured).reshape(2, 3)
-        self._sensed[:], self._measured = 0, 0
+        mean = (self._sensor_sum[self._inertial_indices] / self._sample_count).reshape(2, 3)
+        self._sensor_sum[:], self._sample_count = 0, 0
         return mean
 
     def action_spec(self) -> specs.BoundedArray:
@@ -130,7 +130,7 @@ class RescueEnvironment(dm_env.Environment):
         self.physics.free()
 
 
-def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
+def _attach_robot(arena: RescueArena, robot: SkidSteerRobot) -> None:
     if robot.free_joint_attributes:
         arena.attach(robot).add("joint", type="free", **robot.free_joint_attributes)
     else:
@@ -138,9 +138,10 @@ def _set_free(arena: RescueArena, robot: SkidSteerRobot) -> None:
 
 
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
-    """Prepare two models to be compiled as one, in which both keep their elements, and the arena sets air and light.
+    """Prepare the models of an arena and a robot for compilation as one model.
 
-    The physics are solved with the robot's options, and with MuJoCo's defaults for options that the robot omits.
+    Both keep their elements. The arena sets ``MEDIUM`` and the light. The robot sets all other options of the
+    physics; those that it omits get MuJoCo's defaults.
     """
     for root in (arena, robot):
         root.keyframe.remove()  # states of the model in one file, not of the merged model
@@ -155,12 +156,12 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
         setattr(robot.size, name, larger)
     for name in MEDIUM:
         setattr(robot.option, name, None)
-    lost = [*_unlike(arena.option, robot.option), *_unlike(arena.option.flag, robot.option.flag)]
+    lost = [*_clear_options(arena.option, robot.option), *_clear_options(arena.option.flag, robot.option.flag)]
     if lost:
         logging.getLogger(__name__).warning("using the robot's physics options, not the arena's: %s", ", ".join(lost))
 
 
-def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
+def _clear_options(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
     """Clear an arena's options except ``MEDIUM``, and yield a text for each option whose value the robot changes."""
     given, wanted = arena.get_attributes(), robot.get_attributes()
     for name in sorted(given.keys() - {*MEDIUM}):

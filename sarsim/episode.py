@@ -31,7 +31,7 @@ from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
-class _Estimate(Sink):
+class _TrajectorySink(Sink):
     """Keeps the estimated trajectory of an episode without scores."""
 
     def __init__(self, localisation: Localisation, poses: Sequence[TrajectorySample]):
@@ -58,7 +58,7 @@ class Episode(ExplorerRun):
         if config.oracle and not config.scores:
             raise InputError("--oracle: compares scores; leave out --no-scores")
         is_named, config = bool(config.out or config.resume), replace(config, out=config.folder)
-        check_folder(config.folder, config.continues)
+        check_folder(config.folder, config.marks)
         plugins = make_plugins(config)
         config = replace(config, plugins={plugin.name: plugin.settings for plugin in plugins})
         arena = make_arena(config.arena, config.start, config.random, config.seed, config.world_victims)
@@ -77,14 +77,14 @@ class Episode(ExplorerRun):
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         with ExitStack() as refused:
             refused.callback(self.robot.close)
-            mapper = self._mapper(plugins)
+            mapper = self._make_mapper(plugins)
             model, seed = self.robot.model, config.seed
             planner = make_planner(config.planner, model)
             strategy = make_exploration(config.exploration, model, seed, config.pipeline.exploration)
-            robot, recordings = self._recorded(mapper, plugins, refused)
+            robot, recordings = self._wrapped_robot(mapper, plugins, refused)
             explorer = Explorer(robot, mapper, strategy, planner)
             self._score = EpisodeScore(self.robot, explorer, config.oracle) if config.scores else None
-            estimate = _Estimate(mapper.localisation, self.robot.trajectory)
+            estimate = _TrajectorySink(mapper.localisation, self.robot.trajectory)
             if not is_named:
                 self.config = config = _with_new_folder(config)
                 refused.callback(_remove_if_empty, config.folder)
@@ -100,20 +100,22 @@ class Episode(ExplorerRun):
                 plugins=plugins,
                 explorer=explorer,
                 world=self.robot,
-                continues=config.continues,
+                marks=config.marks,
             )
             refused.pop_all()
         trajectory = self._score.trajectory if self._score else estimate.trajectory
         super().__init__(explorer, parts, trajectory, config.max_steps, config.goals, config.home)
 
-    def _mapper(self, plugins: Sequence[Plugin]) -> Mapper:
+    def _make_mapper(self, plugins: Sequence[Plugin]) -> Mapper:
         config, model = self.config, self.robot.model
         numbers, is_true = config.pipeline.localisation, config.odometry == "truth"
         localisation = make_localisation(config.localisation, model, numbers, is_true)
         sensor = self.robot.sensor
         return make_mapper(config, model, config.seed, localisation, config.map, config.graph, plugins, sensor)
 
-    def _recorded(self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack) -> tuple[Robot, list[Sink]]:
+    def _wrapped_robot(
+        self, mapper: Mapper, plugins: Sequence[Plugin], refused: ExitStack
+    ) -> tuple[Robot, list[Sink]]:
         """The robot, wrapped by the plug-ins and any TUM recorder, and a list with this recorder, if there is one.
 
         The files that the plug-ins and the recorder have started are removed if the episode is ``refused``.

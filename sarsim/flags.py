@@ -16,17 +16,17 @@ from tyro.constructors import (
 Value = TypeVar("Value")
 
 
-def _default(value: str) -> str:
+def _default_hint(value: str) -> str:
     return "" if value == "None" else f"(default: {value})"
 
 
-Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint=_default)]
+Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint=_default_hint)]
 """A value, or None if the flag is not given; the flag's help describes that case and omits ``(default: None)``."""
-VALUES = ConstructorRegistry()
+FLAG_TYPES = ConstructorRegistry()
 """Context in which tyro shows an optional path as ``PATH``, not as ``{None}|PATH``; ``None`` is still accepted."""
 
 
-@VALUES.primitive_rule
+@FLAG_TYPES.primitive_rule
 def _shown_without_none(flag: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | UnsupportedTypeAnnotationError | None:
     values = get_args(flag.type)
     has_parts_of_none = any(NoneType in get_args(part) for value in values for part in get_args(value))

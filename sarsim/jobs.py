@@ -26,10 +26,10 @@ from pipeline.files import atomic_write, uninterrupted
 from pipeline.processes import usable_cores
 from sarsim.startup import prepare_process
 
-ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
-CLEANING = 3.0  # s for workers to clean up before they are killed
-PATIENCE = 10.0  # s to wait for the workers of a killed command, which end by themselves
-PAUSE = 0.05  # s between two attempts to acquire a lock
+MAX_ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
+CLEAN_UP_TIMEOUT = 3.0  # s for workers to clean up before they are killed
+LOCK_TIMEOUT = 10.0  # s to wait for a lock; the workers of a killed command hold it until they end by themselves
+LOCK_RETRY_INTERVAL = 0.05  # s between two attempts to acquire a lock
 ONE_THREAD = {
     "LP_NUM_THREADS": "0",  # Of Mesa's software renderer
     "OMP_NUM_THREADS": "1",
@@ -50,15 +50,15 @@ Outcomes = Generator[tuple[Job, Any, Exception | None]]
 
 @dataclass(frozen=True)
 class FolderLock:
-    """A lock held by this process and by every worker that receives it, until the last of them has ended.
+    """A lock on a folder, held by this process and by every worker that receives the lock, until all of them end.
 
     Attributes:
         folder: the locked folder.
-        held: the folder's descriptor, wrapped so that multiprocessing can pass it on to a worker.
+        descriptor: the folder's descriptor, wrapped so that multiprocessing can pass it on to a worker.
     """
 
     folder: Path
-    held: Connection
+    descriptor: Connection
 
 
 Engine = Callable[[Work[Job, Any], Iterable[Job], FolderLock], Outcomes[Job]]
@@ -70,17 +70,17 @@ def locked(folder: Path) -> Iterator[FolderLock]:
     """Lock a folder, so that only one command at a time uses it; wait until no other process holds the lock.
 
     Raises:
-        InputError: another process holds the lock for longer than ``PATIENCE``.
+        InputError: another process holds the lock for longer than ``LOCK_TIMEOUT``.
     """
-    deadline = time.monotonic() + PATIENCE
-    with Connection(os.open(folder, os.O_RDONLY), writable=False) as held:
-        while not lock_descriptor(held.fileno(), blocking=False):
+    deadline = time.monotonic() + LOCK_TIMEOUT
+    with Connection(os.open(folder, os.O_RDONLY), writable=False) as descriptor:
+        while not lock_descriptor(descriptor.fileno(), blocking=False):
             if time.monotonic() > deadline:
                 raise InputError(
                     f"{folder}: another command is using this folder; wait until it ends, or choose another folder"
                 )
-            time.sleep(PAUSE)
-        yield FolderLock(folder, held)
+            time.sleep(LOCK_RETRY_INTERVAL)
+        yield FolderLock(folder, descriptor)
 
 
 def make_engine(name: str = "local", workers: int | None = None) -> Engine[Any]:
@@ -121,9 +121,9 @@ def _run_locally(count: int, work: Work[Job, Result], jobs: Iterable[Job], lock:
                     result, error = pipe.recv()
                 except (EOFError, OSError):  # The worker died, perhaps in the middle of its answer
                     process = workers.pop(pipe)
-                    _end([process])
+                    _end_workers([process])
                     pipe.close()
-                    if attempt < ATTEMPTS:
+                    if attempt < MAX_ATTEMPTS:
                         _log.warning("the worker process of job %s died; trying again", job)
                         todo.appendleft((job, attempt + 1))
                     else:
@@ -134,7 +134,7 @@ def _run_locally(count: int, work: Work[Job, Result], jobs: Iterable[Job], lock:
                     yield job, result, error
     finally:
         with uninterrupted():
-            _end(workers.values())
+            _end_workers(workers.values())
 
 
 def _do_jobs(pipe: Connection, lock: FolderLock) -> None:
@@ -143,12 +143,12 @@ def _do_jobs(pipe: Connection, lock: FolderLock) -> None:
         while True:
             work, job = pipe.recv()
             try:
-                pipe.send((_done(work, job, lock.folder), None))
+                pipe.send((_do_job(work, job, lock.folder), None))
             except (InputError, RuntimeError) as error:
                 pipe.send((None, error))
 
 
-def _done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
+def _do_job(work: Work[Job, Result], job: Job, folder: Path) -> Result:
     """Do a job in a worker; any exception but InputError becomes a RuntimeError, which can always be pickled."""
     try:
         return work(job, folder)
@@ -167,7 +167,7 @@ def start_worker(
     process. If the new process is terminated, its clean-up code (``finally``, ``with``) runs first.
     """
     ours, theirs = Pipe()
-    process = get_context("spawn").Process(target=_work, args=(function, theirs, *args), daemon=True)
+    process = get_context("spawn").Process(target=_run_worker, args=(function, theirs, *args), daemon=True)
     before = {name: os.environ.get(name) for name in environment}
     # Otherwise multiprocessing would start its resource tracker with the first process and unblock Ctrl-C.
     resource_tracker.ensure_running()
@@ -193,7 +193,7 @@ def _signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(function: Callable[..., object], *args: Any) -> None:
+def _run_worker(function: Callable[..., object], *args: Any) -> None:
     """In a worker: call a function; SIGTERM ends the function as an exception would."""
     prepare_process()
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -215,13 +215,13 @@ def _end_with_parent() -> None:
     """In a worker: end this process when its parent has ended, because a killed parent cannot end its workers."""
     required(parent_process()).join()
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(CLEANING)
+    time.sleep(CLEAN_UP_TIMEOUT)
     os._exit(1)
 
 
-def _end(processes: Collection[SpawnProcess]) -> None:
-    """End workers; those that have not cleaned up and ended after ``CLEANING`` s in total are killed."""
-    deadline = time.monotonic() + CLEANING
+def _end_workers(processes: Collection[SpawnProcess]) -> None:
+    """End workers; those that have not cleaned up and ended after ``CLEAN_UP_TIMEOUT`` s in total are killed."""
+    deadline = time.monotonic() + CLEAN_UP_TIMEOUT
     for process in processes:
         process.terminate()
     for process in processes:
@@ -260,7 +260,7 @@ def _run_on_ray(
     Ray's pools use actors instead of tasks, and would wait forever for an actor whose node is lost if no other node
     has room for it.
     """
-    task = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_do_remotely)
+    task = ray.remote(num_cpus=1, max_retries=MAX_ATTEMPTS - 1)(_do_remotely)
     todo = deque(jobs)
     shared = ray.put(work)
     running: dict[Any, Job] = {}
@@ -292,6 +292,6 @@ def _do_remotely(work: Work[Job, Result], job: Job) -> tuple[Result, dict[Path, 
     prepare_process()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        result = _done(work, job, folder)
+        result = _do_job(work, job, folder)
         files = [path for path in folder.rglob("*") if path.is_file()]
         return result, {path.relative_to(folder): path.read_bytes() for path in files}

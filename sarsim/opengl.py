@@ -15,14 +15,14 @@ _REMEDIES = {
     "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY to a running X server",
 }
 """The remedy for each platform that MuJoCo supports on Linux, if the platform cannot start."""
-_MISSING = {
+_FAILURES = {
     "egl": "EGL cannot render on this machine",
     "osmesa": "OSMesa cannot render on this machine",
     "glfw": "GLFW cannot open a display",
 }
-_VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
+_DEVICE_VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
 """Other environment variables that choose a platform or device."""
-_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+_DISPLAY_VARIABLES = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def choose_platform() -> None:
@@ -76,14 +76,14 @@ def check_display() -> None:
     """Raise InputError if no window can be opened."""
     with warnings.catch_warnings(action="ignore"):
         if not import_module("glfw").init():
-            variables = " ".join(f"{name}={os.environ[name]}" for name in _DISPLAYS if name in os.environ)
-            remedy = f"set {_DISPLAYS[0]} to a running X server, such as :0"
+            variables = " ".join(f"{name}={os.environ[name]}" for name in _DISPLAY_VARIABLES if name in os.environ)
+            remedy = f"set {_DISPLAY_VARIABLES[0]} to a running X server, such as :0"
             raise InputError(f"{variables or 'no display'}: MuJoCo's viewer cannot open a window; {remedy}")
 
 
 def _reason(error: Exception, platform: str) -> str:
     """The cause and the remedy in one line, because the errors themselves name only OpenGL functions."""
-    for variable in _VARIABLES:
+    for variable in _DEVICE_VARIABLES:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"
-    return f"{_MISSING[platform]}; {_REMEDIES[platform]}"
+    return f"{_FAILURES[platform]}; {_REMEDIES[platform]}"

@@ -23,15 +23,15 @@ from rich.text import Text
 
 from pipeline.progress import Progress
 
-LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
+LINE_INTERVAL = 10.0  # s between lines of progress if there is no terminal
 
 
 class PlainBars(Bars):
-    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and one at the end, for a file or service log."""
+    """Progress as lines on stderr, for a file or service log: one every ``LINE_INTERVAL`` s, and one at the end."""
 
     def start(self) -> None:
         """Draw nothing, and schedule the first line."""
-        self._due = time.monotonic() + LINE_EVERY
+        self._due = time.monotonic() + LINE_INTERVAL
 
     def stop(self) -> None:
         """Draw nothing."""
@@ -45,7 +45,7 @@ class PlainBars(Bars):
         """Update a task, and print its progress if a line is due."""
         super().update(task_id, **changes)
         if time.monotonic() >= self._due:
-            self._due = time.monotonic() + LINE_EVERY
+            self._due = time.monotonic() + LINE_INTERVAL
             self._print(self._tasks[task_id])
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
@@ -57,18 +57,18 @@ class PlainBars(Bars):
             return
         of = f" of {task.total:g}" if task.total else ""
         counted = f": {task.completed:g}{of}" if "is_timed" not in task.fields else ""
-        left = f", {left_of(task)}" if left_of(task) else ""
+        left = f", {remaining_time_text(task)}" if remaining_time_text(task) else ""
         print(f"{task.description}{counted}, {task.elapsed or 0:.0f} s elapsed{left}", file=sys.stderr, flush=True)
 
 
-class _Left(ProgressColumn):
+class _RemainingTime(ProgressColumn):
     """The remaining time of a run, if it can be estimated."""
 
     def render(self, task: Task) -> Text:
-        return Text(left_of(task), style="progress.remaining")
+        return Text(remaining_time_text(task), style="progress.remaining")
 
 
-def left_of(task: Task) -> str:
+def remaining_time_text(task: Task) -> str:
     """The remaining time of a task as text; empty at its start, or if its field ``is_timed`` is not true."""
     if not task.fields.get("is_timed") or not task.elapsed or not task.completed or not task.total:
         return ""
@@ -93,7 +93,7 @@ def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Pro
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TimeElapsedColumn(),
-        _Left(),
+        _RemainingTime(),
     )
     with _bars(columns, disable) as bars:
         bar = bars.add_task(description, total=None, is_timed=False)

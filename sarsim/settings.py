@@ -297,7 +297,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         return next(path for name in names if not (path := Path("runs", name)).exists())
 
     @property
-    def continues(self) -> tuple[str, ...]:
+    def marks(self) -> tuple[str, ...]:
         """Names of files, one of which a non-empty folder for the results must contain; empty without ``resume``."""
         return ("config.yaml",) if self.resume else ()
 

@@ -86,7 +86,7 @@ class SimulatedRobot:
         arena: the arena that contains the robot.
         model: the robot's size and abilities.
         sensor: range and noise of the robot's camera; the sensor named in each frame is limited to precise depths.
-        limits: range and smallest angle of the noise-free frames' returns.
+        noise_free_sensor: range, and smallest angle between ray and surface, of the returns in noise-free frames.
         T_world_start: 4×4 pose at which the robot was placed.
         physics: dm_control's physics, for scores and drawings.
         object_of_geom: (ngeom + 1,) int32, id of each geom's object, from
@@ -107,7 +107,9 @@ class SimulatedRobot:
         sensor = replace(SENSORS[config.sensor], min_range=nearest, max_range=farthest)
         # Without noise, the sensor still gets no return at grazing angles, so no robot could see such ground.
         self._noise_free = replace(SENSORS["ideal"], min_range=nearest, max_range=farthest, grazing=sensor.grazing)
-        self.limits = replace(self.sensor, grazing=np.radians(90 - MAX_INCIDENCE) if sensor.grazing else 0.0)
+        self.noise_free_sensor = replace(
+            self.sensor, grazing=np.radians(90 - MAX_INCIDENCE) if sensor.grazing else 0.0
+        )
         self._conditions = Conditions(sensor, lighting, Air(config.dust))
         warn_of_symptoms(config.robot)
         self._environment = RescueEnvironment(arena, config.robot)
@@ -171,7 +173,7 @@ class SimulatedRobot:
         return float(self.physics.time())
 
     @property
-    def T_wheel_base(self) -> NDArray[np.float64]:
+    def dead_reckoned_T_world_base(self) -> NDArray[np.float64]:
         """4×4 pose in the world by dead reckoning, even if the pipeline receives the true pose."""
         return self._T_world_odom @ self._odometry.T_odom_base
 
@@ -196,10 +198,10 @@ class SimulatedRobot:
             self._environment.drive(command)
             self.collisions.count(self.physics.data.ptr)
         robot, physics = self.robot, self.physics
-        gyro, accelerometer = self._environment.inertial()
+        gyro, accelerometer = self._environment.inertial_measurements()
         self._odometry.update(robot.wheel_angle(physics), gyro, accelerometer, self.control_period)
         T_world_base = robot.T_world_base(physics)
-        T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base
+        T_odom_base = T_world_base if self.config.odometry == "truth" else self.dead_reckoned_T_world_base
         self.trajectory.append(TrajectorySample(self.time, T_world_base, T_odom_base))
         wheel_speed = robot.wheel_speed(physics) * robot.drive.wheel_radius
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)

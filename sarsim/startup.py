@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from sarsim.opengl import choose_platform
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
-LARGE = 2**22
+LARGE_ALLOCATION = 2**22
 """Allocations of at least this many bytes are returned to the system as soon as they are freed.
 
 By default glibc raises this threshold to the size of a freed allocation, per thread. Fragmentation then
@@ -28,8 +28,8 @@ An image at OpenCV's own limit takes gigabytes and half a minute.
 def prepare_process() -> None:
     """Set up memory, threads, images and OpenGL, before OpenCV, SciPy and MuJoCo are first imported."""
     if hasattr(libc := ctypes.CDLL(None), "mallopt"):
-        libc.mallopt(M_MMAP_THRESHOLD, LARGE)
-        libc.mallopt(M_TRIM_THRESHOLD, 8 * LARGE)
+        libc.mallopt(M_MMAP_THRESHOLD, LARGE_ALLOCATION)
+        libc.mallopt(M_TRIM_THRESHOLD, 8 * LARGE_ALLOCATION)
         libc.mallopt(M_ARENA_MAX, 1)
     # A second thread does not speed up matrix products as small as these, but its busy-waiting costs a fifth of an
     # episode's processor time. OpenBLAS reads the variable when it is loaded, which NumPy has already done.

@@ -38,16 +38,16 @@ from sarsim.trial_drive import warn_of_symptoms
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
 
-ENDING = 10.0
+CLOSING_TIMEOUT = 10.0
 """s, the maximum time to wait for the viewer to close its window."""
 V_STEP, OMEGA_STEP = 0.1, 0.25
 """Change of the command per key press, m/s and rad/s."""
 
-JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
+JS_EVENT, AXIS_EVENT, AXIS_MAX = struct.Struct("=IhBB"), 0x02, 32767.0
 """Linux's ``js_event`` (time in ms, value, type, number; see joystick-api.rst), and an axis's type and maximum."""
 SIDEWAYS, LENGTHWAYS = 0, 1
 """Numbers of the left stick's axes, whose values are positive to the right and towards the user."""
-SLACK = 0.1
+DEAD_ZONE = 0.1
 """Dead zone: a stick is treated as released up to this fraction of its full deflection."""
 
 KEYS = """\
@@ -110,10 +110,10 @@ class Gamepad:
         self._rest += data
         whole = len(self._rest) // JS_EVENT.size * JS_EVENT.size
         for _, value, kind, number in JS_EVENT.iter_unpack(self._rest[:whole]):
-            share = -value / FULL if abs(value) > SLACK * FULL else 0.0
-            if kind == AXIS and number == LENGTHWAYS:
+            share = -value / AXIS_MAX if abs(value) > DEAD_ZONE * AXIS_MAX else 0.0
+            if kind == AXIS_EVENT and number == LENGTHWAYS:
                 throttle.v = _limited(share * throttle.max_v, throttle.max_v)
-            elif kind == AXIS and number == SIDEWAYS:
+            elif kind == AXIS_EVENT and number == SIDEWAYS:
                 throttle.omega = _limited(share * throttle.max_omega, throttle.max_omega)
         self._rest = self._rest[whole:]
 
@@ -167,7 +167,7 @@ def drive_by_keyboard(
                 time.sleep(max(0.0, due - time.monotonic()))
     finally:
         for thread in set(threading.enumerate()) - others:
-            thread.join(ENDING)  # until its thread ends, the viewer reads the model and the data
+            thread.join(CLOSING_TIMEOUT)  # until its thread ends, the viewer reads the model and the data
 
 
 class _Score(Sink):
@@ -236,8 +236,8 @@ class MappedDrive(MappingRun):
                 )
             )
             refused.pop_all()
-        self._begin = robot.time
-        self._take()
+        self._start_time = robot.time
+        self._take_keyframe()
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
@@ -245,9 +245,9 @@ class MappedDrive(MappingRun):
         for sink in self.parts.sinks:
             sink.on_motion(motion)
         if self.mapper.is_due(motion.T_odom_base):
-            self._take()
+            self._take_keyframe()
 
-    def _take(self) -> None:
+    def _take_keyframe(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
         self.mapper.apply_corrections(waits=True)
         keyframe = sense_and_map(self.mapper, self._driven.sense, labelled=True)
@@ -257,7 +257,7 @@ class MappedDrive(MappingRun):
 
     def save(self) -> None:
         """End the recording, and write the maps, the report and the page; InputError if any write fails."""
-        steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._begin
+        steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._start_time
         run_all(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
 
 

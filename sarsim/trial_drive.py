@@ -23,18 +23,20 @@ HALL = """<mujoco><size nuser_geom="1"/><statistic extent="5"/><visual><map znea
 <light pos="0 0 4" dir="0 0 -1" directional="true"/><site name="start"/>
 <geom type="plane" size="30 30 1" user="2"/><geom type="box" pos="8 0 1" size="0.1 8 1" user="1"/>
 </worldbody></mujoco>"""
-REST = 0.6  # s at rest before the drive
-MEASURED = 0.8  # s of each drive that are measured, after the robot has reached its speed
-SLOWEST = 3.0  # s within which the robot must reach its speed
+REST_TIME = 0.6  # s at rest before the drive
+MEASURED_TIME = 0.8  # s of each drive that are measured, after the robot has reached its speed
+MAX_SPEED_UP_TIME = 3.0  # Maximum time, s, that the robot is given to reach its speed
 SPEED, TURN_RATE = 0.3, 1.0  # m/s and rad/s of the drives, if the robot is not slower
-FALLEN = 0.3  # m; if ``base_link`` is deeper than this below the ground, the robot has fallen through the ground
+FALLEN_DEPTH = (
+    0.3  # m; if ``base_link`` is deeper than this below the ground, the robot has fallen through the ground
+)
 REST_TOLERANCE = 0.02  # m, maximum distance of ``base_link`` from the ground, and maximum motion, at rest
-AS_COMMANDED = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
-UPRIGHT = np.radians(5)  # Maximum tilt at rest, rad
-TURNED = 10.0  # Maximum angle between the axes of an inertial sensor and of base_link, degrees
-DOWN, ROLLED = np.radians(60), np.radians(20)  # Maximum pitch of a camera, up or down, and roll of its image, rad
-NARROWEST, WIDEST = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
-HIDDEN = 0.25  # Maximum fraction of the image that the robot itself may cover
+MOTION_RATIO_RANGE = 0.75, 1.3  # Smallest and largest ratio of a motion to the command
+MAX_TILT = np.radians(5)  # Maximum tilt at rest, rad
+MAX_SENSOR_ROTATION = 10.0  # Maximum angle between the axes of an inertial sensor and of base_link, degrees
+MAX_CAMERA_PITCH, MAX_CAMERA_ROLL = np.radians(60), np.radians(20)  # rad; the pitch may be up or down
+MIN_FIELD_OF_VIEW, MAX_FIELD_OF_VIEW = 25, 130  # Usual horizontal fields of view of depth cameras, degrees
+MAX_SELF_OCCLUSION = 0.25  # Maximum fraction of the image that the robot itself may cover
 SIZE_TOLERANCE = 0.05  # m by which the shapes that collide may exceed the dimensions used for planning
 _log = logging.getLogger(__name__)
 
@@ -74,7 +76,7 @@ def symptoms(robot: str) -> list[str]:
 
 
 class _Trial:
-    """The parts of the trial; each yields the symptoms that it finds."""
+    """The parts of the trial; each method yields the symptoms that it finds, one line each."""
 
     def __init__(self, world: RescueEnvironment):
         self._world, self._robot, self._physics = world, world.robot, world.physics
@@ -94,7 +96,7 @@ class _Trial:
             sensor = self._physics.bind(self._robot.mjcf_model.find("sensor", kind)).element_id
             turned = self._data.site_xmat[model.sensor_objid[sensor]].reshape(3, 3)
             angle = float(np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1))))
-            if angle > TURNED:
+            if angle > MAX_SENSOR_ROTATION:
                 yield f"the site of the {kind} is turned by {angle:.0f}°; it must have the axes of base_link"
         wheels = self._physics.bind(self._robot.wheels).bodyid
         solid = self._geoms[(model.geom_contype[self._geoms] | model.geom_conaffinity[self._geoms]) > 0]
@@ -125,17 +127,17 @@ class _Trial:
 
     def rest(self) -> Iterator[str]:
         """Symptoms of a robot at rest."""
-        self._drive(Velocity(), REST / 2)
+        self._drive(Velocity(), REST_TIME / 2)
         before = self._pose
-        self._drive(Velocity(), REST / 2)
+        self._drive(Velocity(), REST_TIME / 2)
         T = self._pose
         height, tilt = T[2, 3], np.arccos(np.clip(T[2, 2], -1, 1))
-        if height < -FALLEN:
+        if height < -FALLEN_DEPTH:
             yield "the robot falls through the ground; check the contacts of its wheels"
         elif abs(height) > REST_TOLERANCE:
             place = f"{abs(height):.3f} m {'above' if height > 0 else 'below'} the ground"
             yield f"base_link is {place} when the robot stands; its origin must be on the ground between the wheels"
-        if tilt > UPRIGHT:
+        if tilt > MAX_TILT:
             yield f"the robot stands tilted by {np.degrees(tilt):.0f}°; check its wheels and its centre of mass"
         if np.linalg.norm((T - before)[:2, 3]) > REST_TOLERANCE:
             yield "the robot moves although it is to stand; check its motors and the friction of its wheels"
@@ -152,18 +154,18 @@ class _Trial:
         R = image.T_base_camera[:3, :3]
         k = image.intrinsics
         across = float(np.degrees(2 * np.arctan(k.width / 2 / k.fx)))
-        if not NARROWEST <= across <= WIDEST:
+        if not MIN_FIELD_OF_VIEW <= across <= MAX_FIELD_OF_VIEW:
             yield f"the camera's horizontal field of view is {across:.0f}°; check fovy, or sensorsize and focal"
         pitch, yaw = np.arcsin(np.clip(-R[2, 2], -1, 1)), np.arctan2(R[1, 2], R[0, 2])
         roll = np.arctan2(-R[2, 0], -R[2, 1])
         remedy = "check the orientation of the camera, which looks along its -z with y up"
-        if abs(pitch) > DOWN:
+        if abs(pitch) > MAX_CAMERA_PITCH:
             yield f"the camera looks {'down' if pitch > 0 else 'up'} by {abs(np.degrees(pitch)):.0f}°; {remedy}"
         elif abs(yaw) > np.pi / 2:
             yield f"the camera looks backwards; {remedy}"
-        elif abs(roll) > ROLLED:
+        elif abs(roll) > MAX_CAMERA_ROLL:
             yield f"the camera's image is turned by {np.degrees(roll):.0f}°; {remedy}"
-        elif (own := float(np.isin(geom, self._geoms).mean())) > HIDDEN:
+        elif (own := float(np.isin(geom, self._geoms).mean())) > MAX_SELF_OCCLUSION:
             yield f"the robot covers {own:.0%} of its camera's image; move the camera out of its shapes"
 
     def drives(self) -> Iterator[str]:
@@ -172,10 +174,10 @@ class _Trial:
         v = min(SPEED, drive.top_speed, known.speed)
         omega = min(TURN_RATE, drive.top_turn_rate, known.turn_rate)
         before, after = self._measure(Velocity(v, 0.0), v / drive.acceleration)
-        ahead = float((after - before)[:2, 3] @ before[:2, 0]) / (v * MEASURED)
+        ahead = float((after - before)[:2, 3] @ before[:2, 0]) / (v * MEASURED_TIME)
         before, after = self._measure(Velocity(0.0, omega), omega / drive.turn_acceleration)
-        left = wrap_angle(yaw_of(after) - yaw_of(before)) / (omega * MEASURED)
-        least, most = AS_COMMANDED
+        left = wrap_angle(yaw_of(after) - yaw_of(before)) / (omega * MEASURED_TIME)
+        least, most = MOTION_RATIO_RANGE
         if ahead < -least / 2:
             yield "the robot drives backwards; the axes of the wheels' joints must point to the left"
         elif not least <= ahead <= most:
@@ -186,12 +188,12 @@ class _Trial:
             yield f"the robot turns {left:.2f} times as far as commanded; check effective_track, motors and tyres"
 
     def _measure(self, command: Velocity, reached: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """4×4 poses ``MEASURED`` s apart in a drive at the commanded speed, which is reached after ``reached`` s."""
-        self._drive(command, min(reached, SLOWEST) + 0.2)
+        """Two 4×4 true poses, ``MEASURED_TIME`` s apart, in a drive that reaches its command after ``reached`` s."""
+        self._drive(command, min(reached, MAX_SPEED_UP_TIME) + 0.2)
         before = self._pose
-        self._drive(command, MEASURED)
+        self._drive(command, MEASURED_TIME)
         after = self._pose
-        self._drive(Velocity(), min(reached, SLOWEST))
+        self._drive(Velocity(), min(reached, MAX_SPEED_UP_TIME))
         return before, after
 
     def _drive(self, command: Velocity, seconds: float) -> None:

@@ -25,7 +25,7 @@ def list_kernels() -> None:
 
 
 def compiled(out: Path) -> list[tuple[str, list[Any]]]:
-    """The functions that numba compiles in the default episode, as :func:`sarsim.compilation.listed` returns them."""
+    """The functions that numba compiles in the default episode, as in :func:`sarsim.compilation.listed_functions`."""
     from numba.core import event
 
     from sarsim.episode import Episode

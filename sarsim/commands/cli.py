@@ -26,7 +26,7 @@ from rich.progress import Progress as Bars
 from pipeline.errors import InputError
 from pipeline.progress import Progress
 from sarsim.arenas.names import BUILT_IN, check_arena_name
-from sarsim.flags import VALUES
+from sarsim.flags import FLAG_TYPES
 from sarsim.methods.names import check_method
 from sarsim.progress import progress_bars, shown_run
 from sarsim.robots.names import robot_file
@@ -165,7 +165,7 @@ def parse(command_line: Callable[[], Any]) -> Any:
     """Call one of tyro's parsers, and turn its boxed message about wrong flags into an InputError."""
     message = io.StringIO()
     try:
-        with redirect_stderr(message), VALUES:
+        with redirect_stderr(message), FLAG_TYPES:
             return command_line()
     except SystemExit as exit:
         if exit.code != BAD_INPUT:

@@ -24,7 +24,7 @@ def run_episode(config: EpisodeConfig) -> None:
         raise InputError(f"--resume {config.resume}: cannot be combined with --out, as it writes to its own folder")
     if config.resume and config.map and config.map.resolve() == config.resume.resolve():
         raise InputError(f"--resume {config.resume}: --map must not name the same folder")
-    check_folder(config.folder, config.continues)
+    check_folder(config.folder, config.marks)
     check_rendering()
     from sarsim.episode import Episode  # imported here, because it takes seconds
 

@@ -190,7 +190,7 @@ class EpisodeScore(Sink):
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
         start = np.array([*T[:2, 3], yaw_of(T)])
-        sight = Sight(self.surface, ground, scene, replace(frame, sensor=robot.limits))
+        sight = Sight(self.surface, ground, scene, replace(frame, sensor=robot.noise_free_sensor))
         oracle = Oracle(ground, sight, start, EXPLORED_FRACTIONS["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:

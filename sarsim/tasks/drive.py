@@ -237,7 +237,7 @@ class Drive(gymnasium.Env[Any, Any]):
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         world = required(self.world)
         physics = world.physics
-        gyro, accelerometer = world.inertial()
+        gyro, accelerometer = world.inertial_measurements()
         dt = PERIODS * CONTROL_TIMESTEP
         T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
         self._pose = pose = world.robot.T_world_base(physics)

@@ -21,12 +21,12 @@ MAX_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms per 
 MJCF_SUFFIXES = ".xml", ".mjcf"
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders."""
-_PARTS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
+_MARKERS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
 """Start and end markers of comments, CDATA sections and processing instructions."""
 _NAME = r"[^\s<>/=\"'&!?]+"
 _ATTRIBUTE = re.compile(rf"\s*({_NAME})\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rf"<(/?)({_NAME})((?:{_ATTRIBUTE.pattern.replace('(', '(?:')})*)\s*(/?)>")
-_BARE = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
+_BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 _CONTROL = re.compile("[\x01-\x08\x0b\x0c\x0e-\x1f]")
 _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
@@ -60,6 +60,7 @@ def root_of(content: bytes) -> "Element":
 
     Raises:
         ParseError: the XML cannot be parsed, even after repair.
+        DefusedXmlException: the XML declares a document type or entities.
     """
     try:
         return ElementTree.fromstring(content, forbid_dtd=True)
@@ -89,16 +90,16 @@ def _repaired(content: bytes) -> str:
     text = _CONTROL.sub(" ", _NOT_UTF8.sub(lambda byte: chr(ord(byte[0]) - 0xDC00), text))
     mended, place, depth = list[str](), 0, 0
     while (start := text.find("<", place)) >= 0:
-        mended.append(_BARE.sub("&amp;", text[place:start]))
-        begin = next((begin for begin in _PARTS if text.startswith(begin, start)), None)
+        mended.append(_BARE_AMPERSAND.sub("&amp;", text[place:start]))
+        begin = next((begin for begin in _MARKERS if text.startswith(begin, start)), None)
         if begin is not None:
-            end = text.find(_PARTS[begin], start + len(begin)) + len(_PARTS[begin])
+            end = text.find(_MARKERS[begin], start + len(begin)) + len(_MARKERS[begin])
             if end < start + len(begin):
                 break
             if begin == "<![CDATA[":
                 mended.append(text[start:end])
         elif (tag := _TAG.match(text, start)) is not None:
-            mended.append(_mended(tag))
+            mended.append(_repaired_tag(tag))
             end = tag.end()
             closing, *_, alone = tag.groups()
             depth += -1 if closing else not alone
@@ -110,11 +111,11 @@ def _repaired(content: bytes) -> str:
     return "".join([*mended, text[max(place, start) :]]).strip()
 
 
-def _mended(tag: re.Match[str]) -> str:
+def _repaired_tag(tag: re.Match[str]) -> str:
     closing, name, attributes, alone = tag.groups()
     values: dict[str, str] = {}
     for key, value in _ATTRIBUTE.findall(attributes):
-        values.setdefault(key.replace(":", "."), _BARE.sub("&amp;", value).replace("<", "&lt;"))
+        values.setdefault(key.replace(":", "."), _BARE_AMPERSAND.sub("&amp;", value).replace("<", "&lt;"))
     written = "".join(f" {key}={value}" for key, value in values.items())
     return f"<{closing}{name.replace(':', '.')}{written}{alone}>"
 
@@ -130,9 +131,9 @@ def parse_mjcf(path: Path) -> dict[Path, "Element"]:
         file = waiting.pop()
         if file not in roots:
             roots[file] = parse_xml(file)
-            size = _bounded(size + file.stat().st_size, path)
+            size = _checked_size(size + file.stat().st_size, path)
             names = [e.get("file", "") for e in roots[file].iter() if e.tag in ("include", "model")]
-            waiting += _within(path, names, {path.parent, file.parent})
+            waiting += _files_within(path, names, {path.parent, file.parent})
     return roots
 
 
@@ -157,16 +158,20 @@ def check_files(path: Path) -> None:
     names = {value for e in elements for name, value in e.attrib.items() if name.startswith("file")}
     bases = {base / folder for base in {file.parent for file in roots} for folder in ("", *folders)}
     size = 0
-    for file in set(_within(path, names, bases)) | set(roots):
+    for file in set(_files_within(path, names, bases)) | set(roots):
         check_regular(file)
-        size = _bounded(size + file.stat().st_size, path)
-    count = sum(map(_geoms, roots.values()))
+        size = _checked_size(size + file.stat().st_size, path)
+    count = sum(map(_geom_count, roots.values()))
     if count > MAX_GEOMS:
         raise InputError(f"{path}: has {count} geoms, including copies; the limit is {MAX_GEOMS}")
 
 
-def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
-    """Existing files with ``names`` in folders ``bases``; InputError if one lies outside the folder of ``path``."""
+def _files_within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
+    """Existing files with ``names`` in folders ``bases``.
+
+    Raises:
+        InputError: a file, even one that does not exist, would lie outside the folder of ``path``.
+    """
     home = path.parent.resolve()
     found = [base / name for name in names if name for base in bases]
     try:
@@ -180,7 +185,7 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
         raise InputError(f"{path}: cannot find a file to which it refers: {error.strerror or error}") from error
 
 
-def _bounded(size: int, path: Path) -> int:
+def _checked_size(size: int, path: Path) -> int:
     if size > MAX_MODEL_BYTES:
         raise InputError(
             f"{path}: the model's files are too large: at least {size} bytes in all; the limit is {MAX_MODEL_BYTES}"
@@ -188,19 +193,19 @@ def _bounded(size: int, path: Path) -> int:
     return size
 
 
-def _geoms(root: "Element") -> int:
+def _geom_count(root: "Element") -> int:
     """Number of geoms in a file, including copies."""
     count, waiting = 0, [(root, 1)]
     while waiting:
         element, times = waiting.pop()
         if element.tag == "replicate":
-            times *= _times(element)
+            times *= _copy_count(element)
         count += times * (element.tag == "geom")
         waiting += [(child, times) for child in element]
     return count
 
 
-def _times(replicate: "Element") -> int:
+def _copy_count(replicate: "Element") -> int:
     """Number of copies that ``<replicate>`` makes; 1 if MuJoCo would not accept its ``count``."""
     text = replicate.get("count", "")
     return int(text) if re.fullmatch("[0-9]{1,9}", text) else 1

@@ -32,7 +32,9 @@ FLOAT64_DIGITS = 17  # Digits that preserve a float64 exactly
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
 """Elements with a file, each with the array of the compiled model that gives the addresses of the files' paths."""
 _Classes = dict[str, dict[str, dict[str, str]]]
+"""For each default class, the attributes, by name, of each kind of element."""
 Check = Callable[[mujoco.MjModel], None]
+"""A function that raises InputError if a compiled model must not be used."""
 _TOP = "main"
 """MuJoCo's name for the global default class."""
 DEFAULTS_OF = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
@@ -52,7 +54,7 @@ def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf
 
     Args:
         path: the MJCF file.
-        check: function that raises InputError if a compiled model must not be written.
+        check: function that raises InputError if the compiled model must not be written as MJCF.
 
     Raises:
         InputError: the file is missing, MuJoCo or PyMJCF cannot read it, or ``check`` rejects it.
@@ -93,14 +95,14 @@ def _resolved(
     check(model)
     root = _written(spec)
     _set_options(root, spec)
-    files = _with_files(root, model, spec, read, folder)
+    files = _rename_files(root, model, spec, read, folder)
     _apply_defaults(root)
     for body in [body for tag in ("worldbody", "body") for body in root.iter(tag)]:
-        _open_frames(body)
+        _dissolve_frames(body)
     for text in root.iterfind("custom/text"):
         if text.text and "data" not in text.attrib:  # MuJoCo writes text with special characters like this
             text.set("data", text.text)
-    _rename(root)
+    _rename_slashed(root)
     _drop_settings(root)
     text = ElementTree.tostring(root, encoding="unicode")
     return model, mjcf.from_xml_string(text, assets=files)
@@ -131,7 +133,7 @@ def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
         root.append(authored)
 
 
-def _with_files(
+def _rename_files(
     root: "Element", model: mujoco.MjModel, spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path
 ) -> dict[str, bytes]:
     """Give the files that MuJoCo opened unique names in the elements; return the files' contents by these names."""
@@ -158,13 +160,13 @@ def _apply_defaults(root: "Element") -> None:
     """Write the attributes of the default classes into the elements, and remove the classes."""
     classes: _Classes = {_TOP: {}}
     for top in root.findall("default"):
-        _collect(top, {}, classes)
+        _collect_classes(top, {}, classes)
         root.remove(top)
     for section in root:
-        _fill(section, section.tag, _TOP, classes)
+        _fill_in_defaults(section, section.tag, _TOP, classes)
 
 
-def _collect(default: "Element", inherited: Mapping[str, dict[str, str]], classes: _Classes) -> None:
+def _collect_classes(default: "Element", inherited: Mapping[str, dict[str, str]], classes: _Classes) -> None:
     """Add a class and its subclasses to ``classes``, each with its attributes for each kind of element."""
     own = {tag: dict(attributes) for tag, attributes in inherited.items()}
     for child in default:
@@ -172,21 +174,21 @@ def _collect(default: "Element", inherited: Mapping[str, dict[str, str]], classe
             own.setdefault(child.tag, {}).update(child.attrib)
     classes[default.get("class", _TOP)] = own
     for child in default.iterfind("default"):
-        _collect(child, own, classes)
+        _collect_classes(child, own, classes)
 
 
-def _fill(parent: "Element", section: str, childclass: str, classes: _Classes) -> None:
+def _fill_in_defaults(parent: "Element", section: str, childclass: str, classes: _Classes) -> None:
     childclass = parent.attrib.pop("childclass", childclass)
     for child in parent:
         own = classes[child.attrib.pop("class", childclass)].get(DEFAULTS_OF.get(section, child.tag), {})
         child.attrib.update({name: text for name, text in own.items() if name not in child.attrib})
-        _fill(child, section, childclass, classes)
+        _fill_in_defaults(child, section, childclass, classes)
 
 
-def _open_frames(body: "Element") -> None:
+def _dissolve_frames(body: "Element") -> None:
     """Move the content of a body's frames into the body itself, in the same order."""
     for frame in body.findall("frame"):
-        _open_frames(frame)
+        _dissolve_frames(frame)
         for child in frame:
             _move(child, _pose(frame))
         place = list(body).index(frame)
@@ -221,7 +223,7 @@ def _text(numbers: NDArray[np.float64]) -> str:
     return " ".join(map(repr, numbers.tolist()))
 
 
-def _rename(root: "Element") -> None:
+def _rename_slashed(root: "Element") -> None:
     """Change names that contain ``/``, which PyMJCF reserves for the names of attached models."""
     taken = {element.get("name", "") for element in root.iter()}
     names = dict[str, str]()

@@ -14,27 +14,27 @@ from sarsim.vetting.model_files import check_files
 from sarsim.vetting.resolved import FLOAT64_DIGITS, resolved
 
 TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's memory; the largest shipped arena needs 0.1 GB
-SECONDS = 20  # s, maximum processor time
+TRIAL_SECONDS = 20  # s, maximum processor time
 MAX_USER = 100  # Maximum number of ``user`` values of an element
 MAX_HEIGHTS = 2_400_000  # Maximum number of height field cells: 6,000 m², the maximum surveyed area, in 5 cm cells
-FARTHEST = 8_000.0  # m from the origin; beyond it, float32 does not resolve 1 mm
-ITERATIONS = 0, 1000  # Minimum and maximum iterations of a solver; MuJoCo's default is 100
-FACETS = 3, 128  # Minimum and maximum number of quads along or around a shape; MuJoCo's defaults are at most 28
+MAX_COORDINATE = 8_000.0  # m from the origin; beyond it, float32 does not resolve 1 mm
+ITERATION_RANGE = 0, 1000  # Minimum and maximum iterations of a solver; MuJoCo's default is 100
+FACET_RANGE = 3, 128  # Minimum and maximum number of quads along or around a shape; MuJoCo's defaults are at most 28
 BOUNDS = {
     "timestep": (1e-4, 0.02),  # s; at most the drive's period
-    "iterations": ITERATIONS,
-    "ls_iterations": ITERATIONS,
-    "noslip_iterations": ITERATIONS,
-    "ccd_iterations": ITERATIONS,
-    "sdf_iterations": ITERATIONS,
-    "extent": (1e-3, FARTHEST),  # m
+    "iterations": ITERATION_RANGE,
+    "ls_iterations": ITERATION_RANGE,
+    "noslip_iterations": ITERATION_RANGE,
+    "ccd_iterations": ITERATION_RANGE,
+    "sdf_iterations": ITERATION_RANGE,
+    "extent": (1e-3, MAX_COORDINATE),  # m
     "znear": (1e-6, 1.0),  # Like zfar, in units of the model's extent
     "zfar": (1e-3, 1e6),
     "shadowsize": (0, 16384),  # pixels, the largest texture of common GPUs
     "offsamples": (0, 16),
-    "numslices": FACETS,
-    "numstacks": FACETS,
-    "numquads": (1, FACETS[1]),
+    "numslices": FACET_RANGE,
+    "numstacks": FACET_RANGE,
+    "numquads": (1, FACET_RANGE[1]),
 }
 """Valid ranges of a model's options and visual settings."""
 COMPARED_ARRAYS = (
@@ -43,7 +43,16 @@ COMPARED_ARRAYS = (
 )
 """Arrays of bodies and of geoms that must not change when a model is written and read again."""
 COMPARISON_TOLERANCE = 1e-6  # m, kg and kg m², maximum difference between the values in ``COMPARED_ARRAYS``
-PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
+COORDINATE_ARRAYS = [
+    "body_pos",
+    "geom_pos",
+    "geom_size",
+    "site_pos",
+    "cam_pos",
+    "light_pos",
+    "mesh_vert",
+    "hfield_size",
+]
 """Arrays with coordinates in m."""
 
 
@@ -77,15 +86,15 @@ def vet_mjcf(path: Path) -> None:
             out of range, or needs too much memory or time.
     """
     check_files(path)
-    said = run_isolated(_tried, path, seconds=SECONDS, memory=TRIAL_MEMORY)
+    said = run_isolated(_trial_result, path, seconds=TRIAL_SECONDS, memory=TRIAL_MEMORY)
     if said != GOOD:
-        limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {SECONDS} s of processor time"
+        limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {TRIAL_SECONDS} s of processor time"
         raise InputError(
             f"{path}: {said or f'loading it takes more than {limits}, or crashes MuJoCo; simplify the model'}"
         )
 
 
-def _tried(path: Path) -> str:
+def _trial_result(path: Path) -> str:
     """``GOOD`` if a file can be used, otherwise the error message; empty if MuJoCo ran out of memory."""
     try:
         model, root = resolved(path, check_model)
@@ -105,7 +114,7 @@ def _tried(path: Path) -> str:
 
 
 def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether two models have the same bodies and geoms, in any order, with the same positions and masses."""
+    """Whether two models have the same bodies and geoms, in any order, with the same :data:`COMPARED_ARRAYS`."""
     for names in COMPARED_ARRAYS:
         rows, others = (np.column_stack([getattr(model, name) for name in names]) for model in (one, other))
         if rows.shape != others.shape:
@@ -122,21 +131,23 @@ def check_model(model: mujoco.MjModel) -> None:
     """Raise InputError if a value of a compiled model is out of range."""
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
-            _check(name, getattr(owner, name), BOUNDS[name])
+            _check_range(name, getattr(owner, name), BOUNDS[name])
     if model.hfield_data.size > MAX_HEIGHTS:
         raise InputError(f"the height fields have {model.hfield_data.size} cells; the limit is {MAX_HEIGHTS}")
     for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived arrays last
         value = getattr(model, name)
         if name.startswith("nuser_"):
-            _check(name, value, (0, MAX_USER))
+            _check_range(name, value, (0, MAX_USER))
         elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and not np.isfinite(value).all():
             raise InputError(f"all values in {name} must be finite")
-    for name in PLACES:
+    for name in COORDINATE_ARRAYS:
         farthest = np.abs(getattr(model, name)).max(initial=0)
-        if farthest > FARTHEST:
-            raise InputError(f"{name} contains a value of magnitude {farthest:g} m; the limit is {FARTHEST:g} m")
+        if farthest > MAX_COORDINATE:
+            raise InputError(
+                f"{name} contains a value of magnitude {farthest:g} m; the limit is {MAX_COORDINATE:g} m"
+            )
 
 
-def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
+def _check_range(name: str, value: float, bounds: tuple[float, float]) -> None:
     if not bounds[0] <= value <= bounds[1]:
         raise InputError(f"{name} must be from {bounds[0]:g} to {bounds[1]:g}, not {value:g}")

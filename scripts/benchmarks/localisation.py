@@ -169,7 +169,7 @@ class Followed(Sink):
         self._last = pose
         self.times.append(pose.time)
         self.true.append(pose.T_world_base)
-        frame = replace(frame, T_odom_base=self._robot.T_wheel_base, label=None)
+        frame = replace(frame, T_odom_base=self._robot.dead_reckoned_T_world_base, label=None)
         for name, method in self.methods.items():
             start = process_time()
             self.poses[name].append(method.localise(frame))

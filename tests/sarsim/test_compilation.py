@@ -10,7 +10,7 @@ from numba import types
 from numba.core.dispatcher import Dispatcher
 
 from pipeline.elevation_map.pose_kernels import Costs
-from sarsim.compilation import compile_listed, listed, resolve_name, type_of
+from sarsim.compilation import compile_functions, listed_functions, resolve_name, type_of
 from scripts.list_kernels import described
 from tests.source_tree import ROOT
 
@@ -35,7 +35,7 @@ def test_types_are_read_back(kind: types.Type) -> None:
 
 def test_most_of_the_list_is_in_the_code() -> None:
     found = []
-    for name, _ in listed():
+    for name, _ in listed_functions():
         try:
             found.append(isinstance(resolve_name(name), Dispatcher))
         except (ImportError, AttributeError):
@@ -44,7 +44,7 @@ def test_most_of_the_list_is_in_the_code() -> None:
 
 
 def test_what_is_not_there_is_left_out() -> None:
-    compile_listed([("pipeline.nowhere:f", []), ("pipeline.frame:f", ["int64"]), ("json:loads", ["int64"])])
+    compile_functions([("pipeline.nowhere:f", []), ("pipeline.frame:f", ["int64"]), ("json:loads", ["int64"])])
 
 
 STARTS = """

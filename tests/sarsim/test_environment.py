@@ -49,7 +49,7 @@ def test_every_episode_begins_at_the_start(environment):
 def test_it_steps_as_dm_control_does_and_averages_over_the_time_steps():
     def alone(environment):
         environment.drive(Velocity(0.5, 0.5))
-        return environment.inertial()
+        return environment.inertial_measurements()
 
     def by_dm_control(environment):
         robot, physics = environment.robot, environment.physics
@@ -65,7 +65,7 @@ def test_it_steps_as_dm_control_does_and_averages_over_the_time_steps():
     def outcome(drive):
         environment = RescueEnvironment(load_arena("nist_6x4"))
         environment.drive(Velocity(0.5, 0.5))
-        environment.inertial()
+        environment.inertial_measurements()
         mean, state = drive(environment), environment.physics.get_state()
         environment.close()
         return [*mean.ravel(), *state]

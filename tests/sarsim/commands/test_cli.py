@@ -198,7 +198,7 @@ def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[s
 def test_progress_is_lines_without_a_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress_module, "LINE_EVERY", -1.0)
+    monkeypatch.setattr(progress_module, "LINE_INTERVAL", -1.0)
     with progress() as bars:
         bar = bars.add_task("steps", total=5)
         for _ in range(5):
@@ -220,7 +220,7 @@ def test_progress_says_what_is_counted(capsys: pytest.CaptureFixture[str]) -> No
 def test_the_time_left_is_shown_where_a_clock_runs(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress_module, "LINE_EVERY", -1.0)
+    monkeypatch.setattr(progress_module, "LINE_INTERVAL", -1.0)
     with shown_run("arena") as show:
         show(Progress("first look"))
         show(Progress("mission", 0.25, is_timed=True))

@@ -150,7 +150,7 @@ def test_a_manifest_that_is_none_or_a_strangers_is_refused(
 
 def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     toys(tmp_path)
-    monkeypatch.setattr(jobs, "PATIENCE", 0.1)
+    monkeypatch.setattr(jobs, "LOCK_TIMEOUT", 0.1)
     with locked(tmp_path), pytest.raises(InputError, match=tmp_path.name):
         toys(tmp_path)
 

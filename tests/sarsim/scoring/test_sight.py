@@ -33,7 +33,9 @@ def test_the_oracle_and_the_robot_see_the_same_part_of_a_deck(tmp_path, sensor, 
     x, y = np.moveaxis(grid.centre_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
     on_deck = (x > 1.6) & (x < 4.9) & (abs(y) < 0.9)  # without the cells in which there are returns of walls
     surface = GroundTruthSurface(grid, np.where(on_deck, DECK, 0.0), on_deck, np.zeros(grid.shape, np.bool_))
-    sight = Sight(surface, true_traversability(surface, robot.model), scene, replace(frame, sensor=robot.limits))
+    sight = Sight(
+        surface, true_traversability(surface, robot.model), scene, replace(frame, sensor=robot.noise_free_sensor)
+    )
     by_oracle, by_robot = np.zeros((2, *grid.shape), np.bool_)
     by_oracle[tuple(sight.cells[sight.views(np.zeros((1, 3))).indices].T)] = True
     see(points, grid.origin, grid.cell, surface.height, SEEN_HEIGHT, by_robot)

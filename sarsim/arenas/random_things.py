@@ -11,11 +11,11 @@ from pipeline.arrays import Rotation3
 from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.things.codes import MAX_TAGS, TAG_DICTIONARY, TAG_SIDE
+from sarsim.arenas.things.codes import RESERVED_TAGS, TAG_DICTIONARY, TAG_SIDE
 from sarsim.arenas.things.dolls import doll
 from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import (
-    THICK,
+    PAPER_THICKNESS,
     ThingModel,
     april_tag,
     door_lever,
@@ -88,7 +88,7 @@ def _hang(
         builder.add_thing(thing, point + BRACKET_DEPTH * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
         return
     tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED_FRACTION) else 0.0
-    builder.add_thing(thing, point + (kind != "door_lever") * THICK * normal, R @ about_z(tilt))
+    builder.add_thing(thing, point + (kind != "door_lever") * PAPER_THICKNESS * normal, R @ about_z(tilt))
 
 
 def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
@@ -110,7 +110,7 @@ def _code(name: str, draws: RandomDraws) -> ThingModel:
 
 def _tag(name: str, draws: RandomDraws) -> ThingModel:
     # Lower numbers are reserved for the tags that are used to score maps.
-    return april_tag(name, draws.number(MAX_TAGS, len(TAG_DICTIONARY.bytesList) - 1), TAG_SIDE)
+    return april_tag(name, draws.number(RESERVED_TAGS, len(TAG_DICTIONARY.bytesList) - 1), TAG_SIDE)
 
 
 def _extinguisher(name: str, draws: RandomDraws) -> ThingModel:

@@ -14,11 +14,11 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import transform_places
 from sarsim.arenas.elements import ArenaBuilder, Attributes
-from sarsim.arenas.sdf.heightmaps import NaturalGround
+from sarsim.arenas.sdf.heightmaps import HeightmapGround
 from sarsim.arenas.sdf.labels import (
     ShapeFeatures,
     flat_shape_features,
-    ground_of,
+    ground_height_of,
     heightmap_features,
     label_of,
     label_of_ground,
@@ -26,7 +26,7 @@ from sarsim.arenas.sdf.labels import (
     shape_features,
 )
 from sarsim.arenas.sdf.pieces import MAX_PIECES, two_sided, with_volume
-from sarsim.arenas.sdf.resources import PLACES
+from sarsim.arenas.sdf.resources import SEARCHED_PLACES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
 from sarsim.arenas.sdf.window import Window, solids_within, window_of
@@ -36,15 +36,19 @@ from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MAX_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
-BEYOND = 2.0  # m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects
-MAX_THROWN = 0.1  # Maximum fraction of a world's bodies that may be far from the others
-FAR_OUT = 3.0  # A body more than this many times as far from the centre as the others is left out
+PLANE_MARGIN = (
+    2.0  # m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects
+)
+MAX_THROWN_FRACTION = 0.1  # Maximum fraction of a world's bodies that may be far from the others
+MAX_DISTANCE_RATIO = 3.0  # A body more than this many times as far from the centre as the others is left out
 MAX_NAMED = 40  # Maximum number of missing items, and of broken items, that a warning names
 HEADROOM = robot_model().headroom  # m; a surface more than this above a model's lowest point is not ground
-TILE = 6.0  # m, side of the cubes into which visible surfaces are split, so that rendering can skip cubes out of view
+CUBE_SIDE = (
+    6.0  # m, side of the cubes into which visible surfaces are split, so that rendering can skip cubes out of view
+)
 MAX_FACETS = 10_000  # Above this number (0.1 ms each), pieces that collide as their hulls have a single label each
-COLLIDES: Attributes = {"group": 3}  # for a geom that collides but is not drawn
-SEEN: Attributes = {"contype": 0, "conaffinity": 0}
+COLLISION_ATTRIBUTES: Attributes = {"group": 3}  # for a geom that collides but is not drawn
+VISUAL_ATTRIBUTES: Attributes = {"contype": 0, "conaffinity": 0}
 
 _log = logging.getLogger(__name__)
 
@@ -80,28 +84,30 @@ def build_sdf(path: Path) -> ArenaBuilder:
     try:
         world = SdfWorld(path)
         victims = victims_of(world)
-        solids = _solids(path, world, {victim.scoped for victim in victims})
+        solids = _solids(path, world, {victim.scoped_name for victim in victims})
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     solids, window = _in_window(path, solids, _places_of(victims))
-    far = [victim for victim in victims if window is not None and not window.holds(victim.T_world[:2, 3])]
+    far = [victim for victim in victims if window is not None and not window.contains(victim.T_world[:2, 3])]
     victims = [victim for victim in victims if victim not in far]
-    hulls = _as_hulls(solids)
-    facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
+    hulls = _pieces_as_hulls(solids)
+    facets = sum(len(s.piece.facet_triangles) for s in solids if s.piece is not None and id(s.piece) in hulls)
     plain = hulls if facets > MAX_FACETS else set()
     flat = Counter[str]()
     bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain, flat)])
-    thrown += [_far_out(victim.name, victim.T_world[:2, 3]) for victim in far]
-    builder = _built(path, bodies, _places_of(victims), world.is_model)
+    thrown += [_far_out_text(victim.name, victim.T_world[:2, 3]) for victim in far]
+    builder = _build_arena(path, bodies, _places_of(victims), world.is_model)
     add_victims(builder, path, world, victims)
-    if said := _left_out(path, world, thrown):
+    if said := _left_out_text(path, world, thrown):
         _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor remains")
     if world.left_out:
-        _log.warning("%s: loaded without unsupported elements: %s", path, _counted(world.left_out))
+        _log.warning("%s: loaded without unsupported elements: %s", path, _counts_text(world.left_out))
     if flat:
         _log.warning("%s: %s", path, ", ".join(f"{kind}: {count}" for kind, count in sorted(flat.items())))
     if hulls:
-        _log.warning("%s: collisions use the convex hulls of %s", path, _counted({"detailed mesh piece": len(hulls)}))
+        _log.warning(
+            "%s: collisions use the convex hulls of %s", path, _counts_text({"detailed mesh piece": len(hulls)})
+        )
     return builder
 
 
@@ -111,27 +117,27 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
     As in Gazebo, a world in which all models are missing is an empty floor.
     """
     reader, solids = SolidReader(world.meshes), list[Solid]()
-    for shape in world.shapes(without=lambda model: model.scoped in apart):
+    for shape in world.shapes(without=lambda model: model.scoped_name in apart):
         with world.skipping_errors():
             solids += reader.solids(shape)
         if len(solids) > MAX_GEOMS:
             raise InputError(f"{path}: has more shapes than the limit of {MAX_GEOMS}; remove some models")
     if not (solids or apart or world.missing):
-        said = _left_out(path, world, [])
+        said = _left_out_text(path, world, [])
         found = f"readable shapes; left out {said}" if said else "shapes; add at least one <collision> or <visual>"
         raise InputError(f"{path}: contains no {found}")
     return solids
 
 
-def _left_out(path: Path, world: SdfWorld, far_out: list[str]) -> str:
+def _left_out_text(path: Path, world: SdfWorld, far_out: list[str]) -> str:
     """Describe the parts of a world that were left out; ``far_out``: descriptions of bodies that lie too far out."""
-    missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *far_out]))
-    said = [_named(missing, ", ") + f" (not found in {PLACES})"] if missing else []
-    said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
-    return f"{_counted({'item': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""
+    missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.errors, *far_out]))
+    said = [_first_names(missing, ", ") + f" (not found in {SEARCHED_PLACES})"] if missing else []
+    said += [_first_names([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
+    return f"{_counts_text({'item': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""
 
 
-def _named(things: list[str], between: str) -> str:
+def _first_names(things: list[str], between: str) -> str:
     """The first ``MAX_NAMED`` names and the number of the others, as text."""
     more = [f"and {len(things) - MAX_NAMED} more"] if len(things) > MAX_NAMED else []
     return between.join([*things[:MAX_NAMED], *more])
@@ -142,7 +148,7 @@ def _places_of(victims: list[SdfModel]) -> NDArray[np.float64]:
     return np.array([victim.T_world[:2, 3] for victim in victims]).reshape(-1, 2)
 
 
-def _far_out(name: str, place: NDArray[np.float64]) -> str:
+def _far_out_text(name: str, place: NDArray[np.float64]) -> str:
     return f"{name} at ({', '.join(f'{x:.0f}' for x in place)}) m (outside the area that is built)"
 
 
@@ -158,7 +164,9 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
         return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
-    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MAX_THROWN)]  # the other boxes were thrown out of the world
+    near = boxes[
+        away <= MAX_DISTANCE_RATIO * np.quantile(away, 1 - MAX_THROWN_FRACTION)
+    ]  # the other boxes were thrown out of the world
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
     if np.prod(extent + 2 * MARGIN) <= MAX_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
@@ -173,11 +181,11 @@ def _box_around(solid: Solid) -> NDArray[np.float64]:
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
-def _counted(counts: Mapping[str, int]) -> str:
+def _counts_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items())
 
 
-def _as_hulls(solids: list[Solid]) -> set[int]:
+def _pieces_as_hulls(solids: list[Solid]) -> set[int]:
     """The ids of the pieces that collide as one geom: as many as ``MAX_PIECES`` requires, the most detailed first."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
     hulls = {id(piece) for piece in pieces if not piece.parts}
@@ -198,13 +206,13 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int], flat: Counter[str]) 
     parts without volume.
     """
     piece, T = solid.piece, solid.T_world
-    facets = [] if piece is None or id(piece) in plain else piece.seen
-    surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
+    facets = [] if piece is None or id(piece) in plain else piece.facet_triangles
+    surface = 0.0 if piece is None else piece.upward_area(T[:3, :3])
     if solid.kind == "plane":
         yield _Body(solid, None, None, True, transform_places(T, solid.corners), plane_features(T))
     elif solid.tile is not None:
         corners = transform_places(T, solid.corners)
-        yield _Body(solid, None, None, True, corners, heightmap_features(corners, solid.tile.slope))
+        yield _Body(solid, None, None, True, corners, heightmap_features(corners, solid.tile.normal_z))
     elif piece is None:
         corners = transform_places(T, solid.corners)
         yield _Body(solid, None, None, True, corners, shape_features(corners))
@@ -242,23 +250,23 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
     if np.prod(high - low) <= MAX_AREA or not solid.any():
         return bodies, []
     away[solid] = np.linalg.norm(places[solid] - np.median(places[solid], axis=0), axis=1)
-    typical = np.quantile(away[solid], 1 - MAX_THROWN)
-    is_thrown = away > FAR_OUT * typical
-    thrown = [_far_out("an object", place) for place in places[is_thrown]]
+    typical = np.quantile(away[solid], 1 - MAX_THROWN_FRACTION)
+    is_thrown = away > MAX_DISTANCE_RATIO * typical
+    thrown = [_far_out_text("an object", place) for place in places[is_thrown]]
     return [body for body, far in zip(bodies, is_thrown, strict=True) if not far], thrown
 
 
-def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
+def _build_arena(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
     """Build the arena of bodies, with room for victims at places (N, 2) m.
 
     A floor is added if there is no ground, or if the file contains only models whose ground is raised.
     """
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies, places)
-    natural = NaturalGround([body.solid.tile for body in bodies if body.solid.tile is not None])
+    natural = HeightmapGround([body.solid.tile for body in bodies if body.solid.tile is not None])
     flat = [body.features for body in bodies if body.is_seen and body.solid.tile is None]
     footprint = float(np.prod(high - low))
-    ground = ground_of(flat, footprint) if flat else None
+    ground = ground_height_of(flat, footprint) if flat else None
     if ground is None:
         ground = natural.height_at(*(low + high) / 2)
     raised = is_model and ground is not None and ground > min(body.features.low for body in bodies) + HEADROOM
@@ -266,25 +274,25 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
         ground = 0.0
         builder.add_floor(low, high)
     ends = _ends_of_planes(low, high)
-    seen = defaultdict[tuple[Solid, str], list[Places]](list)
+    facet_triangles = defaultdict[tuple[Solid, str], list[Places]](list)
     for body in bodies:
         label = _label(body, ground, footprint, natural).name.lower()
         if body.facet is not None and body.solid.piece is not None:
-            seen[body.solid, label].append(body.solid.piece.seen[body.facet])
+            facet_triangles[body.solid, label].append(body.solid.piece.facet_triangles[body.facet])
         else:
             builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
-    for (solid, label), facets in seen.items():
-        for triangles in _tiles(np.concatenate(facets)):
+    for (solid, label), facets in facet_triangles.items():
+        for triangles in _group_by_cube(np.concatenate(facets)):
             mesh = builder.add_mesh(*two_sided(triangles))
-            builder.add_geom(label, {**solid.mjcf_attributes, "mesh": mesh, **SEEN}, solid.colour)
+            builder.add_geom(label, {**solid.mjcf_attributes, "mesh": mesh, **VISUAL_ATTRIBUTES}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
 
-def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
+def _label(body: _Body, ground: float, footprint: float, natural: HeightmapGround) -> Label:
     """The label of a body in a world of ``footprint`` m²; a heightmap below the body replaces ``ground``."""
     if body.solid.tile is not None:
-        return label_of_ground(body.features.slope)
+        return label_of_ground(body.features.normal_z)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
     return label_of(body.features, ground if below is None else below, footprint)
 
@@ -306,8 +314,8 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
 
 
 def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Lowest and highest (x, y), m, of planes: ``BEYOND`` outside the bounds unless the arena would be too large."""
-    beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MAX_AREA else 0.0
+    """Lowest and highest (x, y), m, of planes: ``PLANE_MARGIN`` outside the bounds if the arena may be so large."""
+    beyond = PLANE_MARGIN if np.prod(high - low + 2 * PLANE_MARGIN) <= MAX_AREA else 0.0
     return low - beyond, high + beyond
 
 
@@ -323,13 +331,13 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
         return {**solid.mjcf_attributes, "size": solid.size}
     whole = solid.piece.vertices, solid.piece.triangles
     mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
-    return {**solid.mjcf_attributes, "mesh": mesh, **({} if body.is_seen else COLLIDES)}
+    return {**solid.mjcf_attributes, "mesh": mesh, **({} if body.is_seen else COLLISION_ATTRIBUTES)}
 
 
-def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Yield triangles (N, 3, 3) m in groups whose centres lie in the same cube of side ``TILE``."""
+def _group_by_cube(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Yield triangles (N, 3, 3) m in groups whose centres lie in the same cube of side ``CUBE_SIDE``."""
     middle = triangles.mean(axis=1)
-    tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
+    tile = ((middle - middle.min(axis=0)) // CUBE_SIDE).astype(np.int64)
     _, which = np.unique(tile, axis=0, return_inverse=True)
     for n in range(int(which.max()) + 1):
         yield triangles[which.ravel() == n]

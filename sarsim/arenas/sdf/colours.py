@@ -37,7 +37,7 @@ _NAMED: dict[str, Colour] = {
 _VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
 """Suffixes of material names that leave the colour unchanged."""
 MAX_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
-SAMPLE = 64  # pixels along a texture's shorter side that suffice for the mean colour
+SAMPLE_SIZE = 64  # pixels along a texture's shorter side that suffice for the mean colour
 MAX_SCRIPTS = 100  # Maximum number of material files that are read in a folder
 _BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
 _SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(\S.*?)\s*$", re.MULTILINE)
@@ -58,12 +58,16 @@ class Materials:
         This is the shape's own colour, or else the colour of a visual with the same pose and geometry, or else the
         colour of the link's first visual.
         """
-        alike = [visual for visual in visuals if _form(visual) == _form(shape)]
+        alike = [visual for visual in visuals if _pose_and_geometry(visual) == _pose_and_geometry(shape)]
         owners = (shape, *alike, *visuals[:1])
         return next((colour for owner in owners if (colour := self._material(owner, base))), None)
 
     def mean(self, uri: str, base: Path) -> Colour | None:
-        """The mean colour of a picture; None if the picture is missing or unreadable, which is not an error."""
+        """The mean colour of the picture at a URI in a file in folder ``base``; None if it is missing or unreadable.
+
+        Raises:
+            RefusedError: the picture is outside the folders of the world and its models.
+        """
         try:
             path = self._resources.find(uri.strip(), base, str(base)) if uri.strip() else None
             if path is None or not path.is_file():
@@ -80,12 +84,12 @@ class Materials:
         material = shape.find("material")
         if material is None:
             return None
-        written = next((c for tag in ("diffuse", "ambient") if (c := _written(material.findtext(tag)))), None)
+        written = next((c for tag in ("diffuse", "ambient") if (c := _parse_colour(material.findtext(tag)))), None)
         texture = self.mean(material.findtext(".//albedo_map") or "", base)
         if texture is not None:
             return product(texture, written or (1.0, 1.0, 1.0))
         name = (material.findtext("script/name") or "").strip()
-        return _named(name) or self._of_scripts(name, material, base) or written
+        return _gazebo_colour(name) or self._of_scripts(name, material, base) or written
 
     def _of_scripts(self, name: str, material: "Element", base: Path) -> Colour | None:
         """The colour of a material in the model's own scripts."""
@@ -105,7 +109,7 @@ class Materials:
                 for texture in [value for key, value in settings if key == "texture"]:
                     if (colour := self.mean(texture.split()[0].strip('"'), place)) is not None:
                         return colour
-            plain = [colour for key, value in sorted(settings, reverse=True) if (colour := _written(value))]
+            plain = [colour for key, value in sorted(settings, reverse=True) if (colour := _parse_colour(value))]
             if plain:  # the diffuse colour, else the ambient one
                 return plain[0]
         return None
@@ -124,7 +128,7 @@ class Materials:
         return self._scripts[folder]
 
 
-def _named(name: str) -> Colour | None:
+def _gazebo_colour(name: str) -> Colour | None:
     """The colour of a Gazebo material or of a variant of one; None for other names."""
     plain = name.removeprefix("Gazebo/")
     stems = [plain, *(plain.removesuffix(ending) for ending in _VARIANTS)]
@@ -144,8 +148,8 @@ def mean_colour(image: Image.Image) -> Colour | None:
     """The mean colour of a picture, weighted by opacity; None if the picture is fully transparent or too large."""
     if image.width * image.height > MAX_PIXELS:
         return None
-    image.draft("RGB", (SAMPLE, SAMPLE))  # decodes a JPEG at a coarse scale
-    pixels = np.asarray(image.convert("RGBA").reduce(max(1, min(image.size) // SAMPLE)), np.float64) / 255
+    image.draft("RGB", (SAMPLE_SIZE, SAMPLE_SIZE))  # decodes a JPEG at a coarse scale
+    pixels = np.asarray(image.convert("RGBA").reduce(max(1, min(image.size) // SAMPLE_SIZE)), np.float64) / 255
     weight = pixels[..., 3:]
     if not weight.any():
         return None
@@ -159,13 +163,13 @@ def product(a: Colour, b: Colour) -> Colour:
     return red, green, blue
 
 
-def _form(shape: "Element") -> list[str]:
+def _pose_and_geometry(shape: "Element") -> list[str]:
     """The texts of a shape's pose and geometry, for comparing shapes."""
     parts = [part for tag in ("pose", "geometry") for part in shape.iterfind(tag)]
     return [f"{e.tag} {' '.join((e.text or '').split())}" for part in parts for e in part.iter()]
 
 
-def _written(text: str | None) -> Colour | None:
+def _parse_colour(text: str | None) -> Colour | None:
     """The colour in a text; None if the text is not a valid colour, which is not an error."""
     try:
         red, green, blue = np.clip([float(word) for word in (text or "").split()[:3]], 0.0, 1.0).tolist()

@@ -1,7 +1,7 @@
 """Replaces a surface with a few convex parts for collisions: prisms between its two sides, or plates on its facets.
 
 Only the robot collides with the parts, while images and rays see the surface itself. The parts may therefore deviate
-from the surface by up to ``ROUNDED``.
+from the surface by up to ``MAX_DEVIATION``.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,11 +15,13 @@ from pipeline.arrays import Direction, Places
 
 THICKNESS = 2e-4  # m, thickness of a plate
 SLIVER = 1e-4  # m; a triangle with a smaller height is treated as a line
-ROUNDED = 1e-3  # m by which a part may fill a concave corner of its surface
-LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
-UPRIGHT = 0.03  # Maximum cosine of the angle between the normal of a prism's side and the prism's axis
-CAP = 0.2  # Minimum cosine of the angle between the normal of a prism's end and the prism's axis
-NARROW = 1.0  # m; an open surface is filled only where it is narrower than this, so that no robot could be inside
+MAX_DEVIATION = 1e-3  # m by which a part may fill a concave corner of its surface
+MAX_LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
+MAX_SIDE_COSINE = 0.03  # Maximum cosine of the angle between the normal of a prism's side and the prism's axis
+MIN_END_COSINE = 0.2  # Minimum cosine of the angle between the normal of a prism's end and the prism's axis
+MAX_OPEN_WIDTH = (
+    1.0  # m; an open surface is filled only where it is narrower than this, so that no robot could be inside
+)
 
 
 def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
@@ -47,14 +49,14 @@ def _extrusion_prisms(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | 
     number = is_high[mesh.faces].sum(axis=1)  # number of high corners of each triangle
     is_side = (number == 1) | (number == 2)
     upper, sides = mesh.faces[number == 3], mesh.faces[is_side]
-    if not len(upper) or (slope[is_side] > UPRIGHT).any() or (slope[~is_side] < CAP).any():
+    if not len(upper) or (slope[is_side] > MAX_SIDE_COSINE).any() or (slope[~is_side] < MIN_END_COSINE).any():
         return None
     if not _is_closed(upper, sides, is_high):
         return None
-    below = _below(mesh.vertices, sides, is_high, axis)
+    below = _points_below(mesh.vertices, sides, is_high, axis)
     xy, xy_below = mesh.vertices @ _across(axis).T, below @ _across(axis).T
     polygons = _merged(upper, [xy, xy_below])
-    if not mesh.is_watertight and any(_width(xy[polygon]) > NARROW for polygon in polygons):
+    if not mesh.is_watertight and any(_min_width(xy[polygon]) > MAX_OPEN_WIDTH for polygon in polygons):
         return None
     lower = np.flatnonzero(number == 0)
     beside = lower[~_covered(xy[mesh.faces[lower]].mean(axis=1), [xy_below[polygon] for polygon in polygons])]
@@ -69,7 +71,7 @@ def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -
         along = np.roll(corners, -1, axis=0) - corners
         to = points[:, None] - corners
         left = along[:, 0] * to[..., 1] - along[:, 1] * to[..., 0]
-        is_in |= (left >= -ROUNDED * np.linalg.norm(along, axis=1)).all(axis=1)
+        is_in |= (left >= -MAX_DEVIATION * np.linalg.norm(along, axis=1)).all(axis=1)
     return is_in
 
 
@@ -86,11 +88,12 @@ def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
 
 
-def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
+def _points_below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
     """(N, 3) m, the point below each vertex of a mesh that is extruded along an axis.
 
-    For the upper end of a side edge, this is the edge's lower end if its offset across the axis is within ``LEAN``.
-    For any other vertex, it is the point straight below at the mesh's lowest height along the axis.
+    For the upper end of a side edge, this is the edge's lower end, unless the offset between the two ends across the
+    axis exceeds ``MAX_LEAN``. For any other vertex, it is the point straight below at the mesh's lowest height along
+    the axis.
     """
     height = vertices @ axis
     below = vertices - np.outer(height - height.min(), axis)
@@ -99,7 +102,7 @@ def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_
     edges = np.where(is_high[edges[:, :1]], edges, edges[:, ::-1])
     aside = np.linalg.norm(below[edges[:, 0]] - below[edges[:, 1]], axis=1)
     edges = edges[np.argsort(-aside, kind="stable")]  # the nearest edge last, to overwrite other edges
-    edges = edges[np.sort(-aside) >= -LEAN]
+    edges = edges[np.sort(-aside) >= -MAX_LEAN]
     below[edges[:, 0]] = vertices[edges[:, 1]]
     return below
 
@@ -110,7 +113,7 @@ def _across(axis: Direction) -> NDArray[np.float64]:
     return np.stack([x, y]) if np.cross(x, y) @ axis > 0 else np.stack([y, x])
 
 
-def _width(corners: NDArray[np.float64]) -> float:
+def _min_width(corners: NDArray[np.float64]) -> float:
     """The minimum width, m, of a convex polygon (N, 2) m."""
     along = np.roll(corners, -1, axis=0) - corners
     along = along[np.linalg.norm(along, axis=1) > SLIVER]
@@ -129,14 +132,14 @@ def _merged(
     Args:
         triangles: indices of vertices.
         views: projections of the vertices, each (N, 2) m.
-        height: (N,) m, heights of the vertices; they differ by at most ``ROUNDED`` within a merged polygon.
+        height: (N,) m, heights of the vertices; they differ by at most ``MAX_DEVIATION`` within a merged polygon.
     """
     xy, height = views[0], np.zeros(len(views[0])) if height is None else height
     a, b, c = xy[triangles].swapaxes(0, 1)
     turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     polygons = dict(enumerate(np.where(turn[:, None] < 0, triangles[:, ::-1], triangles).tolist()))
     low, high = height[triangles].min(axis=1).tolist(), height[triangles].max(axis=1).tolist()
-    left_of = {edge: n for n, polygon in polygons.items() for edge in _around(polygon)}
+    left_of = {edge: n for n, polygon in polygons.items() for edge in _polygon_edges(polygon)}
     inner = [edge for edge in left_of if edge[0] < edge[1] and edge[::-1] in left_of]
     length = np.linalg.norm(np.subtract(*xy[np.array(inner, np.int64).reshape(-1, 2).T]), axis=1)
     places = [view.tolist() for view in views]
@@ -148,13 +151,13 @@ def _merged(
             one, other, start, end = other, one, end, start
         lowest, highest = min(low[one], low[other]), max(high[one], high[other])
         joined = _joined(polygons[one], polygons[other], start, end, places)
-        if joined and highest - lowest <= ROUNDED:
-            left_of |= dict.fromkeys(_around(polygons.pop(other)), one)
+        if joined and highest - lowest <= MAX_DEVIATION:
+            left_of |= dict.fromkeys(_polygon_edges(polygons.pop(other)), one)
             polygons[one], low[one], high[one] = joined, lowest, highest
     return list(polygons.values())
 
 
-def _around(polygon: list[int]) -> Iterator[tuple[int, int]]:
+def _polygon_edges(polygon: list[int]) -> Iterator[tuple[int, int]]:
     """The edges of a polygon."""
     return zip(polygon, [*polygon[1:], polygon[0]], strict=True)
 
@@ -179,6 +182,6 @@ def _joined(one: list[int], other: list[int], start: int, end: int, places: list
 
 
 def _turns_left(place: list[list[float]], polygon: list[int], k: int) -> bool:
-    """Whether a polygon turns to the left at its corner ``k``, within a tolerance of ``ROUNDED``."""
+    """Whether a polygon turns to the left at its corner ``k``, within a tolerance of ``MAX_DEVIATION``."""
     (ax, ay), (x, y), (cx, cy) = (place[polygon[n % len(polygon)]] for n in (k - 1, k, k + 1))
-    return (x - ax) * (cy - y) - (y - ay) * (cx - x) >= -ROUNDED * hypot(cx - ax, cy - ay)
+    return (x - ax) * (cy - y) - (y - ay) * (cx - x) >= -MAX_DEVIATION * hypot(cx - ax, cy - ay)

@@ -18,19 +18,19 @@ class _Frame:
     """A frame, which may be the frame of a nested model.
 
     Attributes:
-        T: pose of the frame; for a nested model, pose of the model's frame ``placed``.
+        T: pose of the frame; for a nested model, pose of the model's frame ``placement_frame``.
         relative_to: name of the frame in which the pose is given.
-        otherwise: name of the frame to use if ``relative_to`` does not exist.
+        fallback: name of the frame to use if ``relative_to`` does not exist.
         inside: frames of the nested model; None if the frame is not a model's frame.
-        placed: name of the nested model's frame to which the pose applies.
+        placement_frame: name of the nested model's frame to which the pose applies.
         merged: whether the nested model's frames also belong to this scope.
     """
 
     T: Pose
     relative_to: str
-    otherwise: str
+    fallback: str
     inside: "Frames | None"
-    placed: str
+    placement_frame: str
     merged: bool
 
 
@@ -47,11 +47,11 @@ class Frames:
         self._where = where
         self._frames: dict[str, _Frame] = {}
         self._poses: dict[str, NDArray[np.float64]] = {}
-        self._open: list[str] = []
+        self._resolving: list[str] = []
 
     def add(
         self, name: str, T: Pose, relative_to: str,
-        inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False, otherwise: str = "",
+        inside: "Frames | None" = None, placement_frame: str = MODEL, merged: bool = False, fallback: str = "",
     ) -> str:  # fmt: skip
         """Add a frame and return its name.
 
@@ -62,13 +62,13 @@ class Frames:
             T: pose of the frame.
             relative_to: name of the frame in which the pose is given.
             inside: frames of a nested model.
-            placed: name of the nested model's frame to which the pose applies.
+            placement_frame: name of the nested model's frame to which the pose applies.
             merged: whether the nested model's frames also belong to this scope.
-            otherwise: name of the frame to use if ``relative_to`` does not exist.
+            fallback: name of the frame to use if ``relative_to`` does not exist.
         """
         while name in self._frames:
             name += "'"
-        self._frames[name] = _Frame(T, relative_to, otherwise, inside, placed, merged)
+        self._frames[name] = _Frame(T, relative_to, fallback, inside, placement_frame, merged)
         return name
 
     def has(self, name: str) -> bool:
@@ -82,16 +82,16 @@ class Frames:
             or any(inside.has(name) for inside in merged)
         )
 
-    def pose(self, name: str, otherwise: str = "") -> Pose:
+    def pose(self, name: str, fallback: str = "") -> Pose:
         """Pose, relative to this scope's own frame, of a frame that may be in a nested model (``model::frame``).
 
-        If the frame does not exist and ``otherwise`` is given, the pose of the frame ``otherwise`` is returned.
+        If the frame does not exist and ``fallback`` is given, the pose of the frame ``fallback`` is returned.
 
         Raises:
             InputError: there is no such frame, or the poses of frames form a cycle.
         """
-        if otherwise and not self.has(name):
-            name = otherwise
+        if fallback and not self.has(name):
+            name = fallback
         if name == self.root:
             return np.eye(4)
         if name in self._frames:  # also if ``::`` is part of the name itself, as in old Gazebo files
@@ -111,16 +111,18 @@ class Frames:
         raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
 
     def _pose(self, name: str) -> NDArray[np.float64]:
-        if name in self._open:
-            raise InputError(f"{self._where}: the poses of these frames form a cycle: {', '.join(self._open)[:200]}")
+        if name in self._resolving:
+            raise InputError(
+                f"{self._where}: the poses of these frames form a cycle: {', '.join(self._resolving)[:200]}"
+            )
         if name not in self._poses:
             frame = self._frames[name]
-            self._open.append(name)
+            self._resolving.append(name)
             try:
-                T = self.pose(frame.relative_to, frame.otherwise) @ frame.T
+                T = self.pose(frame.relative_to, frame.fallback) @ frame.T
             finally:
-                self._open.remove(name)
-            if frame.inside is not None and frame.placed != MODEL:
-                T = T @ inverse(frame.inside.pose(frame.placed))
+                self._resolving.remove(name)
+            if frame.inside is not None and frame.placement_frame != MODEL:
+                T = T @ inverse(frame.inside.pose(frame.placement_frame))
             self._poses[name] = T
         return self._poses[name]

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from pathlib import Path
     from xml.etree.ElementTree import Element
 
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
-"""Supported file types; geographic rasters are not supported."""
+IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+"""Extensions of supported files; geographic rasters are not supported."""
 MAX_PIXELS = 1025**2  # pixels, maximum size of a heightmap: the largest size in Gazebo's documentation
-TILE = 2.0  # m, approximate side of a tile; each tile has its own label
+TILE_SIDE = 2.0  # m, approximate side of a tile; each tile has its own label
 MAX_TILES = 40  # Maximum number of tiles along an axis
-BASE = 1.0  # m, thickness of a height field below its lowest point, so that nothing falls through
+BASE_THICKNESS = 1.0  # m, thickness of a height field below its lowest point, so that nothing falls through
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class GroundTile:
         return float(self.heights[round(row), round(column)] + self.T_world[2, 3])
 
     @property
-    def slope(self) -> float:
+    def normal_z(self) -> float:
         """z component of the unit normal of the tile's mean plane, in the world."""
         step = 2 * self.half[::-1] / (np.array(self.heights.shape) - 1)
         along_y, along_x = (float(np.diff(self.heights, axis=axis).mean() / step[axis]) for axis in (0, 1))
@@ -64,7 +64,7 @@ class GroundTile:
         return float(normal[2] / np.linalg.norm(normal))
 
 
-class NaturalGround:
+class HeightmapGround:
     """The ground that a world's heightmaps form."""
 
     def __init__(self, tiles: list[GroundTile]):
@@ -93,8 +93,8 @@ def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources,
     path = resources.find(uri, base, where)
     if path is None or path.is_dir():
         raise MissingError(uri, where)
-    if path.suffix.lower() not in PICTURES:
-        known = f"{', '.join(PICTURES[:-1])} or {PICTURES[-1]}"
+    if path.suffix.lower() not in IMAGE_EXTENSIONS:
+        known = f"{', '.join(IMAGE_EXTENSIONS[:-1])} or {IMAGE_EXTENSIONS[-1]}"
         raise InputError(f"{where}: the format of the heightmap {path} is not supported; use {known}")
     size = child_numbers(form, "size", (1.0, 1.0, 1.0), where)
     if not (size[:2] > 0).all():
@@ -140,5 +140,5 @@ def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pos
 
 def _ends(cells: int, length: float) -> NDArray[np.int64]:
     """Indices of the points at which tiles start and end, along an axis with ``cells`` cells and ``length`` m."""
-    count = int(np.clip(round(length / TILE), 1, min(MAX_TILES, cells)))
+    count = int(np.clip(round(length / TILE_SIDE), 1, min(MAX_TILES, cells)))
     return np.linspace(0, cells, count + 1).round().astype(np.int64)

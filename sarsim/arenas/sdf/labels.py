@@ -39,9 +39,11 @@ from pipeline.robot import RobotModel
 from sarsim.ground_truth.true_surface import clearance_of
 from sarsim.robots.skid_steered import robot_model
 
-DOOR = 2.0  # m, height of a door
-SLENDER = 0.25  # Maximum ratio of thickness to length of a panel
-LARGE = 0.25  # Fraction of the world's bounding rectangle that level surfaces must fill to be the ground
+DOOR_HEIGHT = 2.0  # m, height of a door
+MAX_THICKNESS_RATIO = 0.25  # Maximum ratio of thickness to length of a panel
+MIN_GROUND_FRACTION = (
+    0.25  # Fraction of the world's bounding rectangle that level surfaces must fill to be the ground
+)
 _DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
 """(16, 2) directions in a plane along which widths are measured; the true maximum is at most 0.5% larger."""
 
@@ -62,22 +64,22 @@ class ShapeFeatures:
         low, high: heights of the lowest and highest point, m.
         length: maximum width as seen along the normal of the main face, accurate to 1%, m.
         thickness: extent along that normal, m.
-        slope: z component of the unit normal of the main face.
+        normal_z: z component of the unit normal of the main face.
         area: area of the main face, m².
-        surface: upward-facing area of the surface to which the main face belongs, m².
+        upward_area: upward-facing area of the surface to which the main face belongs, m².
     """
 
     low: float
     high: float
     length: float
     thickness: float
-    slope: float
+    normal_z: float
     area: float
-    surface: float
+    upward_area: float
 
 
-def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
-    """The features of the convex hull of ``corners`` (N, 3) m in ``world``; ``surface``: see ShapeFeatures."""
+def shape_features(corners: NDArray[np.float64], upward_area: float = 0.0) -> ShapeFeatures:
+    """The features of the convex hull of ``corners`` (N, 3) m in ``world``; ``upward_area``: see ShapeFeatures."""
     low, high = corners[:, 2].min(), corners[:, 2].max()
     try:
         hull = ConvexHull(corners)
@@ -91,11 +93,11 @@ def shape_features(corners: NDArray[np.float64], surface: float = 0.0) -> ShapeF
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
-    return ShapeFeatures(low, high, length, thickness, float(normal[2]), area, max(area, surface))
+    return ShapeFeatures(low, high, length, thickness, float(normal[2]), area, max(area, upward_area))
 
 
-def flat_shape_features(triangles: NDArray[np.float64], surface: float = 0.0) -> ShapeFeatures:
-    """The features of coplanar triangles (N, 3, 3) m in ``world``; ``surface``: see ShapeFeatures."""
+def flat_shape_features(triangles: NDArray[np.float64], upward_area: float = 0.0) -> ShapeFeatures:
+    """The features of coplanar triangles (N, 3, 3) m in ``world``; ``upward_area``: see ShapeFeatures."""
     corners = triangles.reshape(-1, 3)
     sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
     area = float(np.linalg.norm(sums))
@@ -103,7 +105,7 @@ def flat_shape_features(triangles: NDArray[np.float64], surface: float = 0.0) ->
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
     low, high = corners[:, 2].min(), corners[:, 2].max()
-    return ShapeFeatures(low, high, length, thickness, abs(float(normal[2])), area, max(area, surface))
+    return ShapeFeatures(low, high, length, thickness, abs(float(normal[2])), area, max(area, upward_area))
 
 
 def plane_features(T_world: Pose) -> ShapeFeatures:
@@ -112,15 +114,15 @@ def plane_features(T_world: Pose) -> ShapeFeatures:
     return ShapeFeatures(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)
 
 
-def heightmap_features(corners: NDArray[np.float64], slope: float) -> ShapeFeatures:
-    """The features of a heightmap's tile with points (N, 3) m in ``world``; ``slope``: z of its unit normal."""
+def heightmap_features(corners: NDArray[np.float64], normal_z: float) -> ShapeFeatures:
+    """The features of a heightmap's tile with points (N, 3) m in ``world``; ``normal_z``: z of its unit normal."""
     extent = np.ptp(corners, axis=0)
     area = float(extent[0] * extent[1])
     length = float(extent[:2].max())
-    return ShapeFeatures(corners[:, 2].min(), corners[:, 2].max(), length, float(extent[2]), slope, area, area)
+    return ShapeFeatures(corners[:, 2].min(), corners[:, 2].max(), length, float(extent[2]), normal_z, area, area)
 
 
-def ground_of(features: list[ShapeFeatures], footprint: float) -> float | None:
+def ground_height_of(features: list[ShapeFeatures], footprint: float) -> float | None:
     """Height of the ground, m, in a world of ``footprint`` m²; None if the world has no ground."""
     level = sorted((o.high, o.area) for o in features if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
@@ -129,7 +131,7 @@ def ground_of(features: list[ShapeFeatures], footprint: float) -> float | None:
         is_above, is_near = tops >= top, tops <= top + 2 * robot.max_step
         area = areas[is_above & is_near].sum()
         covered = areas[is_above & ~is_near & (tops <= top + robot.headroom)].sum()
-        if area >= LARGE * footprint and not covered >= area:
+        if area >= MIN_GROUND_FRACTION * footprint and not covered >= area:
             return top
     return None
 
@@ -138,29 +140,29 @@ def label_of(features: ShapeFeatures, ground: float, footprint: float) -> Label:
     """The label of a body in a world of ``footprint`` m² with the ground at height ``ground`` m."""
     robot = _pioneer()
     wide, top = 2 * clearance_of(robot), features.high - ground
-    if features.slope >= np.cos(robot.max_tilt):
+    if features.normal_z >= np.cos(robot.max_tilt):
         if not _is_level(features):
-            if features.surface >= wide**2:
+            if features.upward_area >= wide**2:
                 return Label.INCLINED_RAMP
         elif abs(top) <= 2 * robot.max_step:
             return Label.TERRAIN
-        elif 0 < top <= robot.headroom and features.surface >= wide**2:
+        elif 0 < top <= robot.headroom and features.upward_area >= wide**2:
             return Label.STRAIGHT_RAMP
-        elif 0 < top < DOOR and features.surface >= LARGE * footprint:
+        elif 0 < top < DOOR_HEIGHT and features.upward_area >= MIN_GROUND_FRACTION * footprint:
             return Label.TERRAIN
-        elif features.low - ground >= DOOR:
+        elif features.low - ground >= DOOR_HEIGHT:
             return Label.CEILING
-    is_upright = features.slope <= np.sin(robot.max_tilt) and features.length >= wide
-    is_panel = is_upright and features.thickness <= SLENDER * features.length
-    return Label.WALL if is_panel or features.high - features.low >= DOOR else Label.CLUTTER
+    is_upright = features.normal_z <= np.sin(robot.max_tilt) and features.length >= wide
+    is_panel = is_upright and features.thickness <= MAX_THICKNESS_RATIO * features.length
+    return Label.WALL if is_panel or features.high - features.low >= DOOR_HEIGHT else Label.CLUTTER
 
 
-def label_of_ground(slope: float) -> Label:
-    """The label of a heightmap's tile, whatever its height; ``slope``: z of its unit normal."""
-    if slope > np.cos(RAMP_TILT):
+def label_of_ground(normal_z: float) -> Label:
+    """The label of a heightmap's tile, whatever its height; ``normal_z``: z of its unit normal."""
+    if normal_z > np.cos(RAMP_TILT):
         return Label.TERRAIN
-    return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER
+    return Label.INCLINED_RAMP if normal_z >= np.cos(_pioneer().max_tilt) else Label.CLUTTER
 
 
 def _is_level(features: ShapeFeatures) -> bool:
-    return features.slope > np.cos(RAMP_TILT)
+    return features.normal_z > np.cos(RAMP_TILT)

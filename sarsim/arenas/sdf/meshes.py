@@ -138,11 +138,11 @@ def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materi
         T, name = scene.graph[node]
         mesh, named = scene.geometry[name], [o for o in objects if name == o or name.startswith(f"{o}_")]
         vertices = transform_places(T, np.asarray(mesh.vertices, np.float64))
-        colour = None if is_plain else _of_material(getattr(mesh.visual, "material", None))
+        colour = None if is_plain else _obj_colour(getattr(mesh.visual, "material", None))
         yield MeshSurface(max(named, key=len, default=name), vertices, np.asarray(mesh.faces, np.int64), colour)
 
 
-def _of_material(material: Any) -> Colour | None:
+def _obj_colour(material: Any) -> Colour | None:
     """The product of an OBJ material's colour ``Kd`` and its texture's mean colour; None if both are missing."""
     if material is None:
         return None
@@ -169,11 +169,11 @@ def _collada(content: bytes, path: Path, resources: Resources, materials: Materi
                 continue  # lines
             vertices = np.asarray(triangles.vertex, np.float64) * unit
             name = geometry.original.name or geometry.original.id
-            colour = _diffuse(primitive.material, path.parent, materials)
+            colour = _collada_colour(primitive.material, path.parent, materials)
             yield MeshSurface(name, vertices, np.asarray(triangles.vertex_index, np.int64), colour)
 
 
-def _diffuse(material: Any, folder: Path, materials: Materials) -> Colour | None:
+def _collada_colour(material: Any, folder: Path, materials: Materials) -> Colour | None:
     """The diffuse colour of a COLLADA material or its texture's mean colour; None if both are missing."""
     value = getattr(getattr(material, "effect", None), "diffuse", None)
     image = getattr(getattr(getattr(value, "sampler", None), "surface", None), "image", None)

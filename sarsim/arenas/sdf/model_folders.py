@@ -6,10 +6,11 @@ from pipeline.errors import InputError
 from sarsim.arenas.sdf.resources import Resources, versions
 from sarsim.vetting.model_files import RefusedError
 
-CONFIGS = ("model.config", "manifest.xml")
+CONFIG_FILES = ("model.config", "manifest.xml")
 """Files that list the SDF files of a model; the second one was used before Gazebo 1.9."""
-USUAL = "model.sdf"
-NEWEST = (1, 12)
+DEFAULT_FILE = "model.sdf"
+"""Name of a model's SDF file if no other is listed."""
+NEWEST_VERSION = (1, 12)
 """The newest SDF version that is read."""
 
 
@@ -23,14 +24,16 @@ def model_file(resources: Resources, path: Path) -> Path:
     Raises:
         InputError: there is no such file.
     """
-    file = _in_folder(resources, path) if path.is_dir() else path
+    file = _file_in_folder(resources, path) if path.is_dir() else path
     if file is None:
-        raise InputError(f"{path / USUAL}: no such file; add it, or a {CONFIGS[0]} that names another SDF file")
+        raise InputError(
+            f"{path / DEFAULT_FILE}: no such file; add it, or a {CONFIG_FILES[0]} that names another SDF file"
+        )
     return file
 
 
-def _in_folder(resources: Resources, folder: Path) -> Path | None:
-    for name in [*_listed(resources, folder), USUAL]:
+def _file_in_folder(resources: Resources, folder: Path) -> Path | None:
+    for name in [*_listed_files(resources, folder), DEFAULT_FILE]:
         file = resources.find(name, folder, str(folder))
         if file is not None and file.is_file():
             return file
@@ -39,16 +42,16 @@ def _in_folder(resources: Resources, folder: Path) -> Path | None:
         return alone[0]
     newest = [folder / str(version) for version in versions(folder)]
     inner = newest or [path for path in sorted(folder.iterdir()) if path.is_dir() and _is_model(path)]
-    return _in_folder(resources, inner[0]) if newest or len(inner) == 1 else None
+    return _file_in_folder(resources, inner[0]) if newest or len(inner) == 1 else None
 
 
 def _is_model(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in (*CONFIGS, USUAL))
+    return any((folder / name).is_file() for name in (*CONFIG_FILES, DEFAULT_FILE))
 
 
-def _listed(resources: Resources, folder: Path) -> list[str]:
+def _listed_files(resources: Resources, folder: Path) -> list[str]:
     """The SDF files that a folder's ``model.config`` lists, newest version first."""
-    config = next((folder / name for name in CONFIGS if (folder / name).is_file()), None)
+    config = next((folder / name for name in CONFIG_FILES if (folder / name).is_file()), None)
     try:
         listed = [] if config is None else list(resources.parse(config).iter("sdf"))
     except RefusedError:
@@ -56,7 +59,7 @@ def _listed(resources: Resources, folder: Path) -> list[str]:
     except InputError:
         return []  # as in Gazebo, which uses the usual file if the list is broken
     texts = [(_version(sdf.get("version", "")), (sdf.text or "").strip()) for sdf in listed]
-    return [text for _, text in sorted([t for t in texts if t[1] and t[0] <= NEWEST], reverse=True)]
+    return [text for _, text in sorted([t for t in texts if t[1] and t[0] <= NEWEST_VERSION], reverse=True)]
 
 
 def _version(text: str) -> tuple[int, ...]:

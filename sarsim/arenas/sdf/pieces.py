@@ -21,12 +21,14 @@ from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.convex import SLIVER, THICKNESS, plates, prisms
 from sarsim.arenas.sdf.meshes import MeshSurface
 
-PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
+PRISM_TRIANGLES = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) indices of corners: triangles of a prism with ends 0, 1, 2 and 3, 4, 5, counter-clockwise from outside."""
 THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
 """m, thicknesses of plates on flat parts, in the order in which they are tried; far from the origin, single precision
 does not resolve the thinnest plate."""
-FLATTEST = THICKNESS / 10  # m, ratio of volume to area below which a part is flat; a plate's is half its thickness
+MIN_VOLUME_PER_AREA = (
+    THICKNESS / 10
+)  # m, ratio of volume to area below which a part is flat; a plate's is half its thickness
 MAX_PIECES = 2_000  # Maximum numbers of a mesh's pieces, a world's convex parts and a piece's facets; 2 ms per geom
 
 
@@ -49,7 +51,7 @@ class MeshPiece:
     facets: NDArray[np.int64] | None = None
 
     @cached_property
-    def seen(self) -> list[NDArray[np.float64]]:
+    def facet_triangles(self) -> list[NDArray[np.float64]]:
         """The triangles of each facet, (K, 3, 3) m; empty unless the surface is drawn and the parts only collide."""
         if self.facets is None:
             return []
@@ -62,7 +64,7 @@ class MeshPiece:
         """Number of parts divided by the piece's extent, 1/m."""
         return len(self.parts) / max(float(np.linalg.norm(np.ptp(self.vertices, axis=0))), SLIVER)
 
-    def area_up(self, R: Rotation3) -> float:
+    def upward_area(self, R: Rotation3) -> float:
         """Area projected on the ground, m², of the triangles that face up if the piece is rotated by ``R`` (3, 3)."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)
         return float(np.maximum(np.cross(b - a, c - a) @ R[2] / 2, 0.0).sum())
@@ -85,7 +87,7 @@ def _has_volume(corners: Places) -> bool:
         hull = ConvexHull(corners.astype(np.float32))
     except (QhullError, ValueError):
         return False
-    return bool(hull.volume > FLATTEST * hull.area)
+    return bool(hull.volume > MIN_VOLUME_PER_AREA * hull.area)
 
 
 def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:
@@ -134,5 +136,5 @@ def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
         raise ValueError("the polylines enclose no area")
     bases = [np.pad(shapely.get_coordinates(triangle)[:3], ((0, 0), (0, 1))) for triangle in triangles]
     parts = [np.concatenate([base, base + np.array([0, 0, height])]) for base in bases]
-    faces = np.concatenate([PRISM + 6 * n for n in range(len(parts))])
+    faces = np.concatenate([PRISM_TRIANGLES + 6 * n for n in range(len(parts))])
     return MeshPiece(np.concatenate(parts), faces, parts, None)

@@ -26,14 +26,14 @@ _ONLINE = re.compile(r"https?://(.+)/models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(
 """The address of a model, or of one of its files, in Gazebo's online library."""
 _PACKAGE = "package.xml"
 """The file that makes a folder a ROS package."""
-_DEEPEST = 20  # Maximum number of suffixes of a path that are searched for
+_MAX_SUFFIXES = 20  # Maximum number of suffixes of a path that are searched for
 _PACKAGE_LEVELS = 3  # Maximum number of levels from a world's folder up to its package
 _MAX_PACKAGES = 200  # Maximum number of packages next to the world's package that are searched
-_INSIDE = ("models", "media/models", "Media/models")
+_SUBFOLDERS = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
 
-PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[:2])}"
+SEARCHED_PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[:2])}"
 """The places where a world's files are searched for, as text for messages."""
 
 
@@ -46,7 +46,7 @@ class MissingError(InputError):
 
     def __init__(self, uri: str, where: str):
         self.uri = " ".join(uri.split())[:200] or "an empty <uri>"
-        super().__init__(f"{where}: {self.uri} was not found in {PLACES}")
+        super().__init__(f"{where}: {self.uri} was not found in {SEARCHED_PLACES}")
 
 
 _OUTSIDE = Path("..")
@@ -60,11 +60,11 @@ def versions(folder: Path) -> list[int]:
     )
 
 
-def _in_any_case(path: Path) -> Path | None:
+def _ignoring_case(path: Path) -> Path | None:
     """The file or folder whose path equals ``path``, ignoring case; None if there is none."""
     if path.parent == path:
         return path
-    folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
+    folder = path.parent if path.parent.is_dir() else _ignoring_case(path.parent)
     if folder is None or not folder.is_dir():
         return None
     alike = sorted(entry for entry in folder.iterdir() if entry.name.casefold() == path.name.casefold())
@@ -97,7 +97,7 @@ class Resources:
         self._packages = {home.parent.name: home.parent} | self._packages_around(home)
         beside = [home, home / "models", home.parent / "models"]
         around = [*self._packages.values(), *named]
-        inside = [folder / name for folder in around for name in (*_INSIDE, "")]
+        inside = [folder / name for folder in around for name in (*_SUBFOLDERS, "")]
         inside = [folder for folder in inside if folder != home.parent or (folder / _PACKAGE).is_file()]
         folders = dict.fromkeys(folder.resolve() for folder in (*beside, *inside))
         self._folders = [folder for folder in folders if folder.is_dir()]
@@ -150,7 +150,7 @@ class Resources:
         path = (folder / name).resolve()
         if not self._is_inside(path, folder):
             return _OUTSIDE
-        existing = path if path.exists() else _in_any_case(path)
+        existing = path if path.exists() else _ignoring_case(path)
         return existing if existing is None or self._is_inside(existing.resolve(), folder) else _OUTSIDE
 
     def _is_inside(self, path: Path, folder: Path) -> bool:
@@ -165,7 +165,7 @@ class Resources:
             elif not apart or scheme == "file":
                 path = rest if apart else spelt
                 yield from ((folder, path) for folder in (base, *self._folders))
-                yield from self._ends(path)
+                yield from self._suffixes(path)
             elif scheme in ("model", "package"):
                 yield from self._of_model(rest, base)
 
@@ -191,10 +191,10 @@ class Resources:
                 if model and model.is_dir():
                     yield from ((model, str(version) + file) for version in versions(model))
 
-    def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
+    def _suffixes(self, path: str) -> Iterator[tuple[Path, str]]:
         """Yield the suffixes of a path, each with at least a folder and a file name, in all folders of models."""
         parts = [part for part in Path(path).parts if part != "/"]
-        for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
+        for start in range(0 if ".." in parts else min(len(parts) - 1, _MAX_SUFFIXES)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":

@@ -13,7 +13,7 @@ from pipeline.arrays import Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, from_rotation
 from sarsim.arenas.sdf.colours import Colour
-from sarsim.arenas.sdf.heightmaps import BASE, GroundTile, tiles_of
+from sarsim.arenas.sdf.heightmaps import BASE_THICKNESS, GroundTile, tiles_of
 from sarsim.arenas.sdf.meshes import Meshes, MeshSurface
 from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
 from sarsim.arenas.sdf.resources import MissingError
@@ -25,10 +25,10 @@ from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-THINNEST = 1e-4  # m, minimum half size of solids that are flat in the file, because MuJoCo has no flat solids
-PLATE = 0.005  # m, half thickness of a plane that is not level
-LEVEL = 1e-9  # A plane is level and faces up if 1 − z of its normal is below this
-PLANE = 0.1  # m, spacing of a plane's grid lines, which MuJoCo requires as one of its sizes
+MIN_HALF_SIZE = 1e-4  # m, minimum half size of solids that are flat in the file, because MuJoCo has no flat solids
+PLATE_HALF_THICKNESS = 0.005  # m, half thickness of the plate that replaces a plane that is not level
+LEVEL_TOLERANCE = 1e-9  # A plane is level and faces up if 1 − z of its normal is below this
+GRID_SPACING = 0.1  # m, spacing of a plane's grid lines, which MuJoCo requires as one of its sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class SolidReader:
                 return  # all outlines form one body
             elif form.tag == "heightmap":
                 for tile in tiles_of(form, shape.T_world, shape.base, self._files.resources, shape.where):
-                    yield _ground(tile, shape.colour)
+                    yield _height_field(tile, shape.colour)
             elif form.tag not in (*LEFT_OUT, "empty"):
                 raise InputError(f"{shape.where}: the geometry <{form.tag[:40]}> is not supported")
 
@@ -129,7 +129,7 @@ def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bo
         yield MeshSurface(s.name, (s.vertices - middle) * scale, s.triangles[:, ::order], s.colour)
 
 
-def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> Values:
+def _sizes(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> Values:
     """Sizes of a form, m, from child elements with defaults; InputError if a size is invalid or negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
@@ -138,36 +138,36 @@ def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -
 
 
 def _box(form: "Element", shape: SdfShape) -> Solid:
-    half = np.maximum(_positive(form, {"size": (1.0, 1.0, 1.0)}, shape.where) / 2, THINNEST)
+    half = np.maximum(_sizes(form, {"size": (1.0, 1.0, 1.0)}, shape.where) / 2, MIN_HALF_SIZE)
     return Solid("box", half, shape.T_world, CUBE * half, None, shape.colour)
 
 
-def _round(kind: str, form: "Element", shape: SdfShape) -> Solid:
+def _cylinder_or_capsule(kind: str, form: "Element", shape: SdfShape) -> Solid:
     """A cylinder or a capsule; the length of a capsule does not include its round ends."""
-    sizes = _positive(form, {"radius": (1.0,), "length": (1.0,)}, shape.where) * (1.0, 0.5)
-    radius, half = np.maximum(sizes, THINNEST)
+    sizes = _sizes(form, {"radius": (1.0,), "length": (1.0,)}, shape.where) * (1.0, 0.5)
+    radius, half = np.maximum(sizes, MIN_HALF_SIZE)
     reach = half + radius * (kind == "capsule")
     corners = swept(np.array([(radius, -reach), (radius, reach)]), SEGMENTS)
     return Solid(kind, np.array([radius, half]), shape.T_world, corners, None, shape.colour)
 
 
 def _cone(form: "Element", shape: SdfShape) -> Solid:
-    radius, length = np.maximum(_positive(form, {"radius": (0.5,), "length": (1.0,)}, shape.where), THINNEST)
+    radius, length = np.maximum(_sizes(form, {"radius": (0.5,), "length": (1.0,)}, shape.where), MIN_HALF_SIZE)
     corners = np.vstack([swept(np.array([(radius, -length / 2)]), SEGMENTS), [(0, 0, length / 2)]])
     piece = MeshPiece(corners, np.zeros((0, 3), np.int64), [corners], shape.colour)
     return Solid("mesh", np.zeros(0), shape.T_world, corners, piece, shape.colour)
 
 
-def _ball(kind: str, tag: str, default: tuple[float, ...], form: "Element", shape: SdfShape) -> Solid:
-    radii = np.maximum(_positive(form, {tag: default}, shape.where), THINNEST)
+def _sphere_or_ellipsoid(kind: str, tag: str, default: tuple[float, ...], form: "Element", shape: SdfShape) -> Solid:
+    radii = np.maximum(_sizes(form, {tag: default}, shape.where), MIN_HALF_SIZE)
     latitude = np.linspace(-np.pi / 2, np.pi / 2, SEGMENTS // 2 + 1)
     corners = swept(np.stack([np.cos(latitude), np.sin(latitude)], axis=1), SEGMENTS) * radii
     return Solid(kind, radii, shape.T_world, corners, None, shape.colour)
 
 
-def _ground(tile: GroundTile, colour: Colour | None) -> Solid:
+def _height_field(tile: GroundTile, colour: Colour | None) -> Solid:
     low, high = float(tile.heights.min()), float(tile.heights.max())
-    size = np.array([*tile.half, max(high - low, THINNEST), BASE])
+    size = np.array([*tile.half, max(high - low, MIN_HALF_SIZE), BASE_THICKNESS])
     T = tile.T_world @ from_rotation(np.eye(3), (0.0, 0.0, low))
     return Solid("hfield", size, T, tile.corners - (0.0, 0.0, low), None, colour, tile)
 
@@ -178,26 +178,26 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
     if not normal.any():
         raise InputError(f"{shape.where}: the <normal> of a <plane> must not be the zero vector")
     try:
-        half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
+        half = np.maximum(_sizes(form, {"size": (1.0, 1.0)}, shape.where) / 2, MIN_HALF_SIZE)
     except InputError:  # for example, if the size is too large; the plane is then infinite
         half = np.full(2, ENDLESS)
     z = normal / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)
     T = shape.T_world @ from_rotation(np.column_stack([x, np.cross(z, x), z]), np.zeros(3))
-    if T[2, 2] > 1 - LEVEL:
-        return Solid("plane", np.array([*half, PLANE]), T, SQUARE * [*half, 0], None, shape.colour)
-    size = np.array([*half, PLATE])
-    behind = T @ from_rotation(np.eye(3), (0.0, 0.0, -PLATE))
+    if T[2, 2] > 1 - LEVEL_TOLERANCE:
+        return Solid("plane", np.array([*half, GRID_SPACING]), T, SQUARE * [*half, 0], None, shape.colour)
+    size = np.array([*half, PLATE_HALF_THICKNESS])
+    behind = T @ from_rotation(np.eye(3), (0.0, 0.0, -PLATE_HALF_THICKNESS))
     return Solid("box", size, behind, CUBE * size, None, shape.colour)
 
 
 _PRIMITIVES: dict[str, Callable[..., Solid]] = {
     "box": _box,
-    "cylinder": partial(_round, "cylinder"),
-    "capsule": partial(_round, "capsule"),
+    "cylinder": partial(_cylinder_or_capsule, "cylinder"),
+    "capsule": partial(_cylinder_or_capsule, "capsule"),
     "cone": _cone,
-    "sphere": partial(_ball, "sphere", "radius", (1.0,)),
-    "ellipsoid": partial(_ball, "ellipsoid", "radii", (1.0, 1.0, 1.0)),
+    "sphere": partial(_sphere_or_ellipsoid, "sphere", "radius", (1.0,)),
+    "ellipsoid": partial(_sphere_or_ellipsoid, "ellipsoid", "radii", (1.0, 1.0, 1.0)),
     "plane": _plane,
 }

@@ -64,11 +64,11 @@ class Reference(NamedTuple):
 
     Attributes:
         relative_to: name of the frame.
-        otherwise: name of the frame to use if ``relative_to`` does not exist; empty if ``relative_to`` must exist.
+        fallback: name of the frame to use if ``relative_to`` does not exist; empty if ``relative_to`` must exist.
     """
 
     relative_to: str
-    otherwise: str = ""
+    fallback: str = ""
 
 
 def reference_of(owner: "Element", default: str) -> Reference:

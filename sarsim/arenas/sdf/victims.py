@@ -24,13 +24,13 @@ def victims_of(world: SdfWorld) -> list[SdfModel]:
     """The models of a world that are victims and not nested in other victims."""
     victims = list[SdfModel]()
     for model in world.models():
-        is_inside = any(model.scoped.startswith(f"{victim.scoped}::") for victim in victims)
-        if not is_inside and not model.is_empty and is_victim(_called(model)):
+        is_inside = any(model.scoped_name.startswith(f"{victim.scoped_name}::") for victim in victims)
+        if not is_inside and not model.is_empty and is_victim(_name_with_folder(model)):
             victims.append(model)
     return victims
 
 
-def _called(model: SdfModel) -> str:
+def _name_with_folder(model: SdfModel) -> str:
     """The name of a model in its world, preceded by the name of the folder from which it is included."""
     return f"{model.uri.rstrip('/').rpartition('/')[2]} {model.name}"
 
@@ -48,7 +48,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
         if solids:
             origin = victim.T_world[:3, 3]
             geoms = [(_geom(builder, solid, origin), solid.colour) for solid in solids]
-            builder.add_victim(origin, geoms, state_of(_called(victim)))
+            builder.add_victim(origin, geoms, state_of(_name_with_folder(victim)))
         else:
             unseen.append(victim)
             add_person(builder, _pose(victim))
@@ -59,9 +59,11 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
     """The solids of each victim, without planes, from one pass over the world."""
-    reader, missing = SolidReader(world.meshes), {victim.scoped for victim in victims if victim.missing}
-    found: dict[str, list[Solid]] = {victim.scoped: [] for victim in victims}
-    for shape in world.shapes(without=lambda model: model.scoped in missing) if len(missing) < len(victims) else ():
+    reader, missing = SolidReader(world.meshes), {victim.scoped_name for victim in victims if victim.is_missing}
+    found: dict[str, list[Solid]] = {victim.scoped_name: [] for victim in victims}
+    for shape in (
+        world.shapes(without=lambda model: model.scoped_name in missing) if len(missing) < len(victims) else ()
+    ):
         of = next((name for name in found if f"{shape.model}::".startswith(f"{name}::")), None)
         if of is not None:
             with world.skipping_errors():
@@ -77,7 +79,7 @@ def _pose(victim: SdfModel) -> WorldPose:
     """
     T = victim.T_world
     x, y, z = T[:3, 3].tolist()
-    return WorldPose(_called(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))
+    return WorldPose(_name_with_folder(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))
 
 
 def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes:

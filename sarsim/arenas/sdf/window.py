@@ -15,8 +15,8 @@ from sarsim.arenas.sdf.meshes import MeshSurface
 from sarsim.arenas.sdf.pieces import pieces_of, with_volume
 from sarsim.arenas.sdf.solids import Solid
 
-AROUND = 4.0  # m by which an arena is longer and wider than its contents
-SPARE = 0.98  # Fraction of the maximum area that is used, because cutting and rounding enlarge the area
+ARENA_MARGIN = 4.0  # m by which an arena is longer and wider than its contents
+USED_FRACTION = 0.98  # Fraction of the maximum area that is used, because cutting and rounding enlarge the area
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Window:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
-    def holds(self, place: NDArray[np.float64]) -> bool:
+    def contains(self, place: NDArray[np.float64]) -> bool:
         """Whether the window contains a position (2,) m."""
         return bool(((self.low <= place) & (place <= self.high)).all())
 
@@ -45,12 +45,12 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
     ``boxes``: (N, 2, 2) m, lowest and highest x, y of each object; ``area``: maximum area of the arena, m².
     """
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-    area *= SPARE
-    room, extent = np.sqrt(area) - AROUND, high - low
+    area *= USED_FRACTION
+    room, extent = np.sqrt(area) - ARENA_MARGIN, high - low
     side = np.minimum(extent, room)
     if (extent > room).sum() == 1:  # long and narrow
         axis = int(np.argmax(extent))
-        side[axis] = min(extent[axis], area / (side[1 - axis] + AROUND) - AROUND)
+        side[axis] = min(extent[axis], area / (side[1 - axis] + ARENA_MARGIN) - ARENA_MARGIN)
     nearest = np.clip(0.0, boxes[:, 0], boxes[:, 1])
     middle = nearest[np.linalg.norm(nearest, axis=1).argmin()]
     start = np.clip(middle - side / 2, low, high - side)

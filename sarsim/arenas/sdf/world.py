@@ -42,9 +42,15 @@ LEFT_OUT = ("plugin", "sensor", "actor", "light", "road", "projector")
 ROOTS = ("sdf", "gazebo")
 """Root elements of SDF files."""
 WORLD = "world"
-_OLD = (".//origin[@pose]", ".//box[@size]", ".//cylinder[@radius]", ".//sphere[@radius]", ".//mesh[@filename]")
+_OLD_ELEMENTS = (
+    ".//origin[@pose]",
+    ".//box[@size]",
+    ".//cylinder[@radius]",
+    ".//sphere[@radius]",
+    ".//mesh[@filename]",
+)
 """Elements that occur only in versions of SDF before 1.3."""
-_SHIPPED = {
+_GAZEBO_MODELS = {
     "ground_plane": "<model name='ground_plane'><link name='link'><collision name='collision'><geometry><plane>"
     "<normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link></model>",
     "sun": "<model name='sun'/>",
@@ -58,26 +64,26 @@ class SdfModel:
 
     Attributes:
         name: name in the world: the name in the ``<include>``, or else the model's own name.
-        scoped: unique name: the names of the models that contain the model and its own name, joined by ``::``.
+        scoped_name: unique name: the names of the models that contain the model and its own name, joined by ``::``.
         uri: URI from which the model is included; empty if the model is defined in the file itself.
         T_world: pose in the world.
-        missing: whether the model could not be included, or has shapes of which none can be read.
+        is_missing: whether the model could not be included, or has shapes of which none can be read.
         is_empty: whether neither the model nor any model nested in it has shapes, although all could be included.
     """
 
     name: str
-    scoped: str
+    scoped_name: str
     uri: str
     T_world: Pose
-    missing: bool
+    is_missing: bool
     is_empty: bool
 
 
-Choice = Callable[[SdfModel], bool]
+ModelPredicate = Callable[[SdfModel], bool]
 """A function that selects models."""
 
 
-def _none(model: SdfModel) -> bool:
+def _never(model: SdfModel) -> bool:
     return False
 
 
@@ -102,7 +108,7 @@ class SdfShape:
     where: str
 
 
-_OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
+_OUTSIDE = SdfModel("", "", "", np.eye(4), is_missing=False, is_empty=False)
 """The world itself, as the parent of its models."""
 
 
@@ -110,7 +116,7 @@ _OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
 class _Model:
     """A model or a world, with its frames, and its links and nested models by the names of their frames.
 
-    If an included model cannot be read, the model is empty and ``lost`` is the error.
+    If an included model cannot be read, the model is empty and ``error`` is set.
     """
 
     name: str
@@ -119,7 +125,7 @@ class _Model:
     where: str
     frames: Frames
     uri: str = ""
-    lost: InputError | None = None
+    error: InputError | None = None
     links: dict[str, "Element"] = field(default_factory=dict)
     nested: dict[str, "_Model"] = field(default_factory=dict)
 
@@ -130,7 +136,7 @@ class SdfWorld:
     Attributes:
         left_out: number of elements of each kind in ``LEFT_OUT``.
         is_model: whether the file contains only models, and therefore not the ground of a world.
-        lost: a message for each broken item.
+        errors: a message for each broken item.
         missing: the URIs that could not be found, in file order.
         resources: the world's files.
         meshes: the world's mesh files.
@@ -143,7 +149,7 @@ class SdfWorld:
             InputError: the file is missing or invalid, an included file may be harmful, or there are too many models.
         """
         self.left_out: Counter[str] = Counter()
-        self.lost: list[str] = []
+        self.errors: list[str] = []
         self.missing: list[str] = []
         self.resources = Resources(path)
         self.meshes = Meshes(self.resources)
@@ -154,22 +160,22 @@ class SdfWorld:
         beside = [*worlds[1:], *root.findall("model")] if worlds else []
         if beside:
             said = ", ".join(f"<{e.tag}> {name_of(e)}" for e in beside)
-            self.lost.append(f"{path}, {said[:200]}: ignored; only the first <world> of a file is read")
+            self.errors.append(f"{path}, {said[:200]}: ignored; only the first <world> of a file is read")
         self._world = self._read("", worlds[0] if worlds else root, path, WORLD, (path.resolve(),))
         self._state = world_state(self._world.element)
 
     def models(self) -> Iterator[SdfModel]:
         """Yield all models in file order, including nested models."""
-        for model, placed, _ in self._placed(self._world, _OUTSIDE, self._state, _none):
+        for model, placed, _ in self._placed(self._world, _OUTSIDE, self._state, _never):
             if model is not self._world:
                 yield placed
 
-    def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
+    def shapes(self, without: ModelPredicate = _never) -> Iterator[SdfShape]:
         """Yield all shapes in file order, but skip models that ``without`` selects and all models nested in them."""
         for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
             with self.skipping_errors():
-                if model.lost is not None:
-                    raise model.lost
+                if model.error is not None:
+                    raise model.error
                 yield from self._own_shapes(model, placed, state)
 
     @contextmanager
@@ -182,14 +188,14 @@ class SdfWorld:
         except MissingError as error:
             self.missing.append(error.uri)
         except InputError as error:
-            self.lost.append(str(error))
+            self.errors.append(str(error))
 
     def _root(self, path: Path) -> "Element":
         root = self.resources.parse(path)
         if root.tag not in ROOTS:
             tag = root.tag.rpartition("}")[2][:40]
             raise InputError(f"{path}: the root element of an SDF file must be <sdf>, not <{tag}>")
-        if any(root.find(old) is not None for old in _OLD):
+        if any(root.find(old) is not None for old in _OLD_ELEMENTS):
             raise InputError(
                 f"{path}: SDF versions before 1.3, with poses and sizes as attributes, are not supported;"
                 " convert the file to version 1.3 or later"
@@ -214,13 +220,13 @@ class SdfWorld:
         """Add a child element of a model or a world, unless elements of this kind are ignored."""
         place, name = f"{model.where}, <{child.tag}> {name_of(child)}".rstrip(), child.get("name", "")
         if child.tag == "link":
-            model.links[_framed(model, child, name, place, root)] = child
+            model.links[_add_frame(model, child, name, place, root)] = child
         elif child.tag == "frame":
-            _framed(model, child, name, place, child.get("attached_to") or root)
+            _add_frame(model, child, name, place, child.get("attached_to") or root)
         elif child.tag == "joint":
-            _framed(model, child, name, place, (child.findtext("child") or root).strip())
+            _add_frame(model, child, name, place, (child.findtext("child") or root).strip())
         elif child.tag == "model":
-            _nest(model, child, child, self._read(name, child, path, MODEL, files))
+            _add_nested(model, child, child, self._read(name, child, path, MODEL, files))
         elif child.tag == "include":
             self._include(model, child, files)
         elif child.tag == "population":
@@ -252,19 +258,19 @@ class SdfWorld:
             raise
         except InputError as error:
             nothing = ElementTree.fromstring("<model/>")
-            absent = _Model(name or _last(uri), nothing, model.base, where, Frames(where), uri=uri, lost=error)
-            _nest(model, include, include, absent)
+            absent = _Model(name or _last_part(uri), nothing, model.base, where, Frames(where), uri=uri, error=error)
+            _add_nested(model, include, include, absent)
             return
         if included is not None:  # a file may contain only a light
             placed = include if include.find("pose") is not None else included
             nested = self._read(name or included.get("name", ""), included, path, MODEL, (*files, path))
-            _nest(model, include, placed, replace(nested, uri=uri))
+            _add_nested(model, include, placed, replace(nested, uri=uri))
 
     def _included(self, uri: str, base: Path, where: str, files: tuple[Path, ...]) -> "tuple[Element | None, Path]":
         """The model for a URI, or None for a light or an actor, and the path of the file that contains it."""
         path = self.resources.find(uri, base, where) if uri else None
         if path is None:
-            shipped = _SHIPPED.get(_last(uri).lower().replace(" ", "_"))
+            shipped = _GAZEBO_MODELS.get(_last_part(uri).lower().replace(" ", "_"))
             if shipped is None:
                 raise MissingError(uri, where)
             return ElementTree.fromstring(shipped), files[-1]
@@ -276,13 +282,13 @@ class SdfWorld:
         if not models and root.find("light") is None and root.find("actor") is None:
             raise InputError(f"{where}: {path} contains no <model>")
         if len(models) > 1:
-            self.lost.append(
+            self.errors.append(
                 f"{path}, <model> {name_of(models[1])}: ignored; only the first <model> of an included file is read"
             )
         return (models[0] if models else None), path
 
     def _placed(
-        self, model: _Model, outside: SdfModel, state: State, without: Choice
+        self, model: _Model, outside: SdfModel, state: State, without: ModelPredicate
     ) -> Iterator[tuple[_Model, SdfModel, State]]:
         """Yield a model and all models nested in it, each with its placement in the world and its state."""
         yield model, outside, state
@@ -292,18 +298,20 @@ class SdfWorld:
                 T = outside.T_world @ model.frames.pose(name)
                 if own.pose is not None:
                     T = pose_of(own.pose, f"{nested.where}, <state>")
-                scoped = f"{outside.scoped}::{name}".removeprefix("::")
+                scoped_name = f"{outside.scoped_name}::{name}".removeprefix("::")
                 missing, is_empty = self._is_missing(nested), _is_empty(nested)
-                placed = SdfModel(nested.name, scoped, nested.uri, T, missing, is_empty)
+                placed = SdfModel(nested.name, scoped_name, nested.uri, T, missing, is_empty)
                 if not without(placed):
                     yield from self._placed(nested, placed, own, without)
 
     def _is_missing(self, model: _Model) -> bool:
         """Whether a model without nested models could not be included, or has shapes of which none can be read."""
         shapes = _shapes_in(model)
-        return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
+        return (
+            not model.nested and bool(shapes or model.error) and not any(self._is_readable(s, model) for s in shapes)
+        )
 
-    def _is_read(self, shape: "Element", model: _Model) -> bool:
+    def _is_readable(self, shape: "Element", model: _Model) -> bool:
         """Whether a shape has a geometry that can be read, including its mesh file, if any."""
         mesh = shape.find("geometry/mesh")
         if mesh is None:
@@ -331,7 +339,7 @@ class SdfWorld:
             [shape for shape in link.findall(tag) if shape.find("geometry") is not None and not _is_invisible(shape)]
             for tag in ("collision", "visual")
         )
-        is_solid, is_seen = (any(self._is_read(shape, model) for shape in shapes) for shapes in (solid, visuals))
+        is_solid, is_seen = (any(self._is_readable(shape, model) for shape in shapes) for shapes in (solid, visuals))
         for shape in [*solid, *visuals] if is_seen and not is_solid else solid or visuals:
             place = f"{where}, <{shape.tag}> {name_of(shape)}"
             with self.skipping_errors():
@@ -341,7 +349,7 @@ class SdfWorld:
                     x, y, z = T[:3, 3]
                     raise InputError(f"{place}: ({x:g}, {y:g}, {z:g}) m is more than {FARTHEST:g} m from the origin")
                 colour = self.meshes.materials.of_shape(shape, visuals, model.base)
-                yield SdfShape(placed.scoped, geometry, T, colour, model.base, place)
+                yield SdfShape(placed.scoped_name, geometry, T, colour, model.base, place)
 
 
 def _shapes_in(model: _Model) -> "list[Element]":
@@ -351,13 +359,13 @@ def _shapes_in(model: _Model) -> "list[Element]":
 
 def _is_empty(model: _Model) -> bool:
     """Whether neither a model nor any model nested in it has shapes, although all could be included."""
-    return not (_shapes_in(model) or model.lost) and all(_is_empty(nested) for nested in model.nested.values())
+    return not (_shapes_in(model) or model.error) and all(_is_empty(nested) for nested in model.nested.values())
 
 
-def _framed(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
+def _add_frame(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
     """Add the frame of a link, joint or ``<frame>``, by default relative to ``owner``; return the frame's name."""
     parent = reference_of(child, owner)
-    return model.frames.add(name, pose_of(child, where), parent.relative_to, otherwise=parent.otherwise)
+    return model.frames.add(name, pose_of(child, where), parent.relative_to, fallback=parent.fallback)
 
 
 def _is_invisible(shape: "Element") -> bool:
@@ -368,17 +376,17 @@ def _is_invisible(shape: "Element") -> bool:
         return False
 
 
-def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
+def _add_nested(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
     """Add a nested model; ``owner`` gives its ``placement_frame`` and ``merge``, and ``placed`` gives its pose."""
     frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
     frame = frame or nested.element.get("placement_frame") or MODEL
     T, parent = pose_of(placed, nested.where), reference_of(placed, model.frames.root)
     merged = owner.get("merge") in ("true", "1")
     frames = model.frames
-    name = frames.add(nested.name, T, parent.relative_to, nested.frames, frame, merged, parent.otherwise)
+    name = frames.add(nested.name, T, parent.relative_to, nested.frames, frame, merged, parent.fallback)
     model.nested[name] = nested
 
 
-def _last(uri: str) -> str:
+def _last_part(uri: str) -> str:
     """The last part of a URI, which is the name of the model."""
     return " ".join(uri.rstrip("/").rpartition("/")[2].replace("%20", " ").split())[:60]

@@ -5,9 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 TAG_DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-MODULES = 8  # Modules along a side of a tag's black square
+TAG_MODULES = 8  # Modules along a side of a tag's black square
 TAG_SIDE = 0.16  # m, side of the black square of a tag on a wall
-MAX_TAGS = 50  # Lower tag numbers are reserved for the tags that are used to score maps
+RESERVED_TAGS = 50  # Lower tag numbers are reserved for the tags that are used to score maps
 QUIET_ZONE = 4  # Modules of white margin around a code, required by ISO/IEC 18004
 
 
@@ -27,5 +27,5 @@ def qr_picture(text: str) -> NDArray[np.uint8]:
 
 def tag_picture(tag: int) -> NDArray[np.uint8]:
     """(160, 160) uint8 image of a tag with a white margin of one module; a module has 16 × 16 pixels."""
-    black = cv2.aruco.generateImageMarker(TAG_DICTIONARY, tag, MODULES * 16)
+    black = cv2.aruco.generateImageMarker(TAG_DICTIONARY, tag, TAG_MODULES * 16)
     return np.pad(black, 16, constant_values=255)

@@ -14,8 +14,8 @@ from sarsim.arenas.things.models import ColouredGeom, ThingModel
 from sarsim.victims.body import HAIR, SKIN, TOPS
 
 DOLL_BACK = 0.50  # m, y of a doll's trunk
-LIES_AT = -0.09  # m, z of the trunk of a lying doll
-SITS_AT = -0.05  # m, z of the trunk of a sitting doll
+LYING_HEIGHT = -0.09  # m, z of the trunk of a lying doll
+SITTING_HEIGHT = -0.05  # m, z of the trunk of a sitting doll
 LIPS, EYE = (0.70, 0.25, 0.25), (0.08, 0.06, 0.06)
 BLANKETS = (*TOPS, (0.85, 0.82, 0.75), (0.60, 0.70, 0.85))
 
@@ -28,7 +28,7 @@ def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
 
     skin, hair, cloth, cover = one_of(SKIN[:4]), one_of(HAIR), one_of(TOPS), one_of(BLANKETS)
     roll = float(rng.choice([0.0, 0.0, 1.0, -1.0]) * np.pi / 2 + rng.uniform(-0.2, 0.2))
-    trunk = np.array([0.0, DOLL_BACK, SITS_AT if abs(roll) < 1 else LIES_AT])
+    trunk = np.array([0.0, DOLL_BACK, SITTING_HEIGHT if abs(roll) < 1 else LYING_HEIGHT])
     parts = [_placed(part, roll, trunk) for part in _body(skin, hair, cloth)]
     geoms = [part.geom(name, Label.VICTIM) for part in parts]
     blanket = ColouredGeom("blanket", "ellipsoid", (0, -0.035, -0.10), (0.11, 0.05, 0.075), cover)

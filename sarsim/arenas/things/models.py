@@ -16,19 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import Rotation3
 from pipeline.labels import Label
-from sarsim.arenas.things.codes import MODULES, QUIET_ZONE, qr_picture, tag_picture
+from sarsim.arenas.things.codes import QUIET_ZONE, TAG_MODULES, qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_png
 from sarsim.arenas.things.thing import annotate_body
 from sarsim.victims.mjcf import geom, numbers, quaternion
 
-BACKING = "backing_"  # Prefix of the name of the body with an object's backing, such as paper or a blanket
-THICK = 0.001  # m, thickness of paper; a depth camera cannot resolve it
+BACKING_PREFIX = "backing_"  # Prefix of the name of the body with an object's backing, such as paper or a blanket
+PAPER_THICKNESS = 0.001  # m, thickness of paper; a depth camera cannot resolve it
 PAPER, METAL, RUBBER = (0.93, 0.93, 0.91), (0.62, 0.63, 0.65), (0.06, 0.06, 0.06)
-PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # Colours of fire extinguishers
-LABELS = ((0.92, 0.92, 0.90), (0.93, 0.83, 0.15), (0.85, 0.85, 0.80))
-ACROSS = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+BOTTLE_COLOURS = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # Colours of fire extinguishers
+LABEL_COLOURS = ((0.92, 0.92, 0.90), (0.93, 0.83, 0.15), (0.85, 0.85, 0.80))
+ALONG_X = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """Quaternion that aligns a capsule or cylinder with x."""
-UPRIGHT = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+ALONG_Y = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 """Quaternion that aligns a capsule or cylinder with y."""
 
 
@@ -61,7 +61,7 @@ class ThingModel:
         annotate_body(root, self.name, self.kind, self.text, self.state)
         pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
         bodies = []
-        for name, geoms in ((self.name, self.geoms), (BACKING + self.name, self.backing)):
+        for name, geoms in ((self.name, self.geoms), (BACKING_PREFIX + self.name, self.backing)):
             if geoms:
                 bodies.append(Element("body", {"name": name} | pose))
                 bodies[-1].extend(geoms)
@@ -108,7 +108,7 @@ def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: floa
     turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # puts the picture's top left corner on top
     content = sign_png(kind, style)
     plate, assets, files = _printed(name, content, side / 2, turned)
-    sheet = [_box(f"{name}_paper", (side / 2 + paper,) * 2, PAPER, turned)] if paper else []
+    sheet = [_sheet(f"{name}_paper", (side / 2 + paper,) * 2, PAPER, turned)] if paper else []
     return ThingModel(name, "hazmat_sign", kind, [plate], assets, files, backing=sheet)
 
 
@@ -122,7 +122,7 @@ def qr_code(name: str, text: str, side: float) -> ThingModel:
 
 def april_tag(name: str, number: int, side: float) -> ThingModel:
     """An AprilTag of family 36h11 whose black square measures ``side`` m."""
-    plate, assets, files = _printed(name, _png(tag_picture(number)), side / 2 * (MODULES + 2) / MODULES)
+    plate, assets, files = _printed(name, _png(tag_picture(number)), side / 2 * (TAG_MODULES + 2) / TAG_MODULES)
     return ThingModel(name, "april_tag", str(number), [plate], assets, files)
 
 
@@ -133,7 +133,7 @@ def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
         ColouredGeom("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
         ColouredGeom("rose", "cylinder", (0, 0.03, 0.012), (0.02, 0.006), METAL),
         ColouredGeom("neck", "cylinder", (0, 0.03, 0.032), (0.009, 0.02), METAL),
-        ColouredGeom("lever", "capsule", (way * length / 2, 0.03, 0.052), (0.0095, length / 2), METAL, ACROSS),
+        ColouredGeom("lever", "capsule", (way * length / 2, 0.03, 0.052), (0.0095, length / 2), METAL, ALONG_X),
         ColouredGeom("lock", "cylinder", (0, -0.05, 0.009), (0.011, 0.002), METAL),
         ColouredGeom("keyhole", "box", (0, -0.05, 0.0115), (0.0015, 0.006, 0.0005), RUBBER),
     ]
@@ -145,16 +145,18 @@ def fire_extinguisher(name: str, radius: float, height: float, paint: int, label
 
     ``radius`` and ``height`` are in m; ``paint`` and ``label`` are indices of the bottle's and the label's colours.
     """
-    red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
+    red, r, h, top = BOTTLE_COLOURS[paint % len(BOTTLE_COLOURS)], radius, 0.72 * height, height
     parts = [
         ColouredGeom("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
         ColouredGeom("bottle", "cylinder", (0, 0, h / 2 + 0.01), (r, h / 2 - 0.01), red),
         ColouredGeom("shoulder", "ellipsoid", (0, 0, h), (r, r, 0.6 * r), red),
-        ColouredGeom("label", "cylinder", (0, 0, 0.5 * h), (r + 0.0015, 0.17 * h), LABELS[label % len(LABELS)]),
+        ColouredGeom(
+            "label", "cylinder", (0, 0, 0.5 * h), (r + 0.0015, 0.17 * h), LABEL_COLOURS[label % len(LABEL_COLOURS)]
+        ),
         ColouredGeom("print", "cylinder", (0, 0, 0.56 * h), (r + 0.0020, 0.03 * h), red),
         ColouredGeom("neck", "cylinder", (0, 0, h + 0.6 * r + 0.02), (0.018, 0.03), METAL),
         ColouredGeom("valve", "box", (0, 0, top - 0.045), (0.022, 0.018, 0.016), RUBBER),
-        ColouredGeom("gauge", "cylinder", (0, -0.022, top - 0.045), (0.012, 0.004), PAPER, UPRIGHT),
+        ColouredGeom("gauge", "cylinder", (0, -0.022, top - 0.045), (0.012, 0.004), PAPER, ALONG_Y),
         ColouredGeom("grip", "box", (0.045, 0, top - 0.035), (0.045, 0.011, 0.004), RUBBER),
         ColouredGeom("trigger", "box", (0.04, 0, top - 0.01), (0.05, 0.011, 0.004), red),
     ]
@@ -174,10 +176,15 @@ def _hose(radius: float, shoulder: float, top: float) -> list[ColouredGeom]:
     return [*hose, ColouredGeom("nozzle", "cylinder", (-side, 0, 0.34 * shoulder), (0.014, 0.08 * shoulder), RUBBER)]
 
 
-def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:
+def _sheet(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:
     """A sheet directly behind an object that hangs on the wall; ``half``: half sizes, m."""
-    size = numbers((*half, THICK / 4), 6)
-    pose = {"pos": numbers((0, 0, -3 * THICK / 4), 6), "quat": quat, "size": size, "rgba": numbers((*colour, 1))}
+    size = numbers((*half, PAPER_THICKNESS / 4), 6)
+    pose = {
+        "pos": numbers((0, 0, -3 * PAPER_THICKNESS / 4), 6),
+        "quat": quat,
+        "size": size,
+        "rgba": numbers((*colour, 1)),
+    }
     return geom(name, Label.CLUTTER, type="box", contype="0", conaffinity="0", **pose)
 
 
@@ -189,8 +196,8 @@ def _printed(
     texture = Element("texture", name=name, type="2d", file=file)
     material = Element("material", name=name, texture=name, texuniform="false", specular="0.02", shininess="0.05")
     plate = geom(
-        f"{name}_plate", Label.CLUTTER, type="box", size=numbers((half, half, THICK / 4), 6),
-        pos=numbers((0, 0, -THICK / 4), 6), quat=quat, material=name, contype="0", conaffinity="0",
+        f"{name}_plate", Label.CLUTTER, type="box", size=numbers((half, half, PAPER_THICKNESS / 4), 6),
+        pos=numbers((0, 0, -PAPER_THICKNESS / 4), 6), quat=quat, material=name, contype="0", conaffinity="0",
     )  # fmt: skip
     return plate, [texture, material], {file: content}
 

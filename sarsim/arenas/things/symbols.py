@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
-LETTER = 160  # pixels, font size of a text before the text is scaled
+FONT_SIZE = 160  # pixels, font size of a text before the text is scaled
 
 FLAME = (
     (-0.22, 0.75), (-0.5, 0.6), (-0.68, 0.32), (-0.69, 0.04), (-0.57, -0.2), (-0.58, -0.44), (-0.44, -0.24),
@@ -59,7 +59,7 @@ class Drawing:
         """A drawing of ``size`` × ``size`` pixels in one colour."""
         return cls(np.full((size, size, 3), colour, np.uint8))
 
-    def area(self, corners: ArrayLike, colour: Colour) -> None:
+    def polygon(self, corners: ArrayLike, colour: Colour) -> None:
         """Fill a polygon with corners (N, 2)."""
         cv2.fillPoly(self.pixels, [self._places(corners)], colour, cv2.LINE_AA)
 
@@ -77,7 +77,7 @@ class Drawing:
         (place,) = self._places(np.asarray(centre)[None])
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
-    def words(self, text: str, centre: ArrayLike, size: tuple[float, float], bold: float, colour: Colour) -> None:
+    def text(self, text: str, centre: ArrayLike, size: tuple[float, float], bold: float, colour: Colour) -> None:
         """Write a text with the height, and at most the width, in ``size`` (width, height).
 
         ``bold``: ratio of the stroke's width to the height of the letters.
@@ -118,16 +118,16 @@ class Symbol:
 
     def flame(self) -> None:
         """Draw a flame above a line."""
-        self._area(FLAME, self.ink)
-        self._area(FLAME_CORE, self.ground)
-        self._area(BASE, self.ink)
+        self._polygon(FLAME, self.ink)
+        self._polygon(FLAME_CORE, self.ground)
+        self._polygon(BASE, self.ink)
 
     def flame_over_circle(self) -> None:
         """Draw a flame on a ring above a line, the symbol of oxidisers."""
-        self._area(np.array(FLAME) * 0.62 + [0.0, -0.4], self.ink)
+        self._polygon(np.array(FLAME) * 0.62 + [0.0, -0.4], self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.42 * self.scale, self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.31 * self.scale, self.ground)
-        self._area(BASE, self.ink)
+        self._polygon(BASE, self.ink)
 
     def skull(self) -> None:
         """Draw a skull and crossbones, outlined in ink and filled with the background colour."""
@@ -136,10 +136,10 @@ class Symbol:
                 self._bone(np.array([end, (-end[0], 1.1 - end[1])]), width, colour)
         for grown, colour in ((1.0, self.ink), (0.9, self.ground)):
             self.drawing.disc(self._at((0, -0.3)), 0.56 * grown * self.scale, colour)
-            self._area(np.array(JAW) * [grown, grown**0.5], colour)
+            self._polygon(np.array(JAW) * [grown, grown**0.5], colour)
         for x in (-0.22, 0.22):
             self.drawing.disc(self._at((x, -0.2)), 0.15 * self.scale, self.ink)
-        self._area(NOSE, self.ink)
+        self._polygon(NOSE, self.ink)
         for x in (-0.16, 0.0, 0.16):
             self._line([(x, 0.26), (x, 0.46)], 0.04, self.ink)
 
@@ -148,7 +148,7 @@ class Symbol:
         for middle in (30, 150, 270):
             angles = np.radians(np.arange(middle - 30, middle + 31, 5))
             rim = np.column_stack([np.cos(angles), -np.sin(angles)])
-            self._area(np.concatenate([rim, 0.3 * rim[::-1]]), self.ink)
+            self._polygon(np.concatenate([rim, 0.3 * rim[::-1]]), self.ink)
         self.drawing.disc(self._at((0, 0)), 0.2 * self.scale, self.ink)
 
     def biohazard(self) -> None:
@@ -168,18 +168,18 @@ class Symbol:
         for x, turn in ((-0.42, 0.3), (0.42, np.pi - 0.3)):
             cos, sin = np.cos(turn), np.sin(turn)
             tube = 0.7 * np.array(TUBE) @ np.array([(cos, sin), (-sin, cos)])
-            self._area(tube + np.array([x, -0.35]), self.ink)
-            self._area(tube * [0.88, 0.6] + np.array([x, -0.35]), self.ground)
+            self._polygon(tube + np.array([x, -0.35]), self.ink)
+            self._polygon(tube * [0.88, 0.6] + np.array([x, -0.35]), self.ground)
         for x, y in ((-0.1, 0.05), (-0.55, 0.28), (-0.3, 0.4), (0.12, 0.05), (0.5, 0.3), (0.66, 0.42)):
-            self._area(np.array(DROP) + np.array([x, y]), self.ink)
-        self._area(METAL, self.ink)
-        self._area(HAND, self.ink)
+            self._polygon(np.array(DROP) + np.array([x, y]), self.ink)
+        self._polygon(METAL, self.ink)
+        self._polygon(HAND, self.ink)
         for x in (0.62, 0.78, 0.94):
             self._line([(x, 0.66), (x + 0.1, 0.8)], 0.03, self.ground)
 
     def gas_cylinder(self) -> None:
         """Draw a tilted gas cylinder."""
-        self._area(np.array(CYLINDER) @ np.array([(0.97, -0.22), (0.22, 0.97)]), self.ink)
+        self._polygon(np.array(CYLINDER) @ np.array([(0.97, -0.22), (0.22, 0.97)]), self.ink)
 
     def bomb(self) -> None:
         """Draw a bursting round bomb, the symbol of explosives."""
@@ -187,7 +187,7 @@ class Symbol:
         for way in np.radians(np.arange(0, 181, 22.5)):
             tip = np.array([np.cos(way), -np.sin(way)])
             self._line([0.5 * tip + np.array([0, 0.3]), tip + np.array([0, 0.25])], 0.09, self.ink)
-        self._area(np.array(BASE) + np.array([0.0, 0.05]), self.ink)
+        self._polygon(np.array(BASE) + np.array([0.0, 0.05]), self.ink)
 
     def _bone(self, ends: NDArray[np.float64], width: float, colour: Colour) -> None:
         self._line(ends, width * 0.7, colour)
@@ -198,8 +198,8 @@ class Symbol:
     def _at(self, points: ArrayLike) -> NDArray[np.float64]:
         return np.asarray(points, np.float64) * self.scale + self.centre
 
-    def _area(self, corners: ArrayLike, colour: Colour) -> None:
-        self.drawing.area(self._at(corners), colour)
+    def _polygon(self, corners: ArrayLike, colour: Colour) -> None:
+        self.drawing.polygon(self._at(corners), colour)
 
     def _line(self, corners: ArrayLike | Sequence[NDArray[np.float64]], width: float, colour: Colour) -> None:
         self.drawing.line(self._at(np.asarray(corners)), width * self.scale, colour)
@@ -207,7 +207,7 @@ class Symbol:
 
 def _letters(text: str, bold: float) -> NDArray[np.uint8]:
     """(H, W) uint8 image of a text, white on black, cropped to its bounding box."""
-    font, stroke = ImageFont.load_default(LETTER), round(bold * LETTER)
+    font, stroke = ImageFont.load_default(FONT_SIZE), round(bold * FONT_SIZE)
     left, top, right, bottom = (round(edge) for edge in font.getbbox(text, stroke_width=stroke))
     image = Image.new("L", (right - left, bottom - top))
     ImageDraw.Draw(image).text((-left, -top), text, 255, font, stroke_width=stroke)

@@ -14,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.things.codes import MAX_TAGS, MODULES, TAG_SIDE, tag_picture
+from sarsim.arenas.things.codes import RESERVED_TAGS, TAG_MODULES, TAG_SIDE, tag_picture
 from sarsim.arenas.things.thing import data_of
 from sarsim.arenas.walls import Walls, wall_axes
 
@@ -31,10 +31,10 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
         (number, 4, 4) poses T_world_tag: origin at the tag's centre; x right, y up and z towards the viewer.
 
     Raises:
-        InputError: the number is below 0 or above ``MAX_TAGS``, or there is not enough room on the walls.
+        InputError: the number is below 0 or above ``RESERVED_TAGS``, or there is not enough room on the walls.
     """
-    if not 0 <= number <= MAX_TAGS:
-        raise InputError(f"--fiducials {number}: must be from 0 to {MAX_TAGS}")
+    if not 0 <= number <= RESERVED_TAGS:
+        raise InputError(f"--fiducials {number}: must be from 0 to {RESERVED_TAGS}")
     with arena.prefixing_errors():
         poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
@@ -45,7 +45,7 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
 
 
 def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
-    name, half = f"fiducial_{tag}", TAG_SIDE / MODULES * (MODULES / 2 + 1)
+    name, half = f"fiducial_{tag}", TAG_SIDE / TAG_MODULES * (TAG_MODULES / 2 + 1)
     png = cv2.imencode(".png", cv2.cvtColor(tag_picture(tag), cv2.COLOR_GRAY2BGR))[1].tobytes()
     texture = root.asset.add("texture", name=name, type="2d", file=mjcf.Asset(png, ".png"))
     material = root.asset.add("material", name=name, texture=texture, texuniform=False, specular=0)
@@ -63,7 +63,7 @@ def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterato
     """At most ``number`` 4×4 tag poses: a random first pose, and poses as far as possible from all earlier ones."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
-    walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / MODULES * (MODULES / 2 + 2)
+    walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / TAG_MODULES * (TAG_MODULES / 2 + 2)
     places = walls.spread_places(rng, TAG_SPACING, lambda point, normal: walls.has_room(point, normal, half))
     for point, normal in islice(places, number):
         yield from_rotation(wall_axes(normal), point + normal * THICK)

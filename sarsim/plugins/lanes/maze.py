@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.tracks.find import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.things.hazmat import SignStyle
-from sarsim.arenas.things.models import THICK, hazmat_sign, qr_code
+from sarsim.arenas.things.models import PAPER_THICKNESS, hazmat_sign, qr_code
 from sarsim.arenas.walls import wall_axes
 
 Pair = NDArray[np.float64]
@@ -201,7 +201,7 @@ def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: 
         middle = config.cell * np.array([panel.x, panel.y]) - size / 2
         inwards = np.array([-np.sign(middle[0]), 0.0]) if panel.is_upright else np.array([0.0, -np.sign(middle[1])])
         normal = np.array([*inwards, 0.0])
-        place = np.array([*middle, config.eye]) + (config.thick / 2 + THICK) * normal
+        place = np.array([*middle, config.eye]) + (config.thick / 2 + PAPER_THICKNESS) * normal
         thing = (
             qr_code(f"qr_code_{builder.next_thing_number}", f"maze {n // 2}", config.code_side)
             if n % 2 == 0

@@ -70,7 +70,7 @@ def test_a_wrong_population_is_one_line_and_no_others_loss(wrong, tmp_path):
     with pytest.raises(InputError, match=r"^here"):
         places_of(fromstring(wrong), "here")
     world = SdfWorld(write(tmp_path, PLANE, wrong, model("m", box(1, 1, 1))))
-    assert [m.name for m in world.models()] == ["ground_plane", "m"] and len(world.lost) == 1
+    assert [m.name for m in world.models()] == ["ground_plane", "m"] and len(world.errors) == 1
 
 
 def test_the_copies_of_a_world_are_models_without_the_pose_of_the_first(tmp_path):

@@ -91,7 +91,7 @@ def test_an_absolute_path_of_another_machine_is_looked_for_by_its_end(tmp_path):
 def said(path):
     world = SdfWorld(path)
     list(world.shapes())
-    return world.lost
+    return world.errors
 
 
 def test_a_package_is_known_by_its_name_whatever_its_folder_is_called(tmp_path):

@@ -11,7 +11,7 @@ from tests.sarsim.arenas.sdf.worlds import PLANE, box, include, mesh, model, wri
 
 
 def models_of(path):
-    return {m.scoped: m for m in SdfWorld(path).models()}
+    return {m.scoped_name: m for m in SdfWorld(path).models()}
 
 
 def crowd(folder):
@@ -37,7 +37,7 @@ def test_every_model_is_listed_with_its_place(tmp_path):
     assert list(models) == [
         "ground_plane", "victim_hot", "inside", "house", "house::victim_cold", "house::room", "frame", "frame::door",
     ]  # fmt: skip
-    assert [m.name for m in models.values() if m.missing] == ["victim_hot", "victim_cold", "door"]
+    assert [m.name for m in models.values() if m.is_missing] == ["victim_hot", "victim_cold", "door"]
     assert models["victim_hot"].uri == "model://person" and models["house"].uri == ""
     np.testing.assert_allclose(models["victim_hot"].T_world[:3, 3], (1, 2, 0))
     np.testing.assert_allclose(models["house::victim_cold"].T_world[:3, 3], (6, 1, 0))  # as the state has the house
@@ -46,14 +46,14 @@ def test_every_model_is_listed_with_its_place(tmp_path):
 def test_a_mesh_that_cannot_be_read_is_missing_too(tmp_path):
     (tmp_path / "a.stl").write_bytes(b"nonsense")
     (only,) = SdfWorld(write(tmp_path, model("m", mesh("a.stl")))).models()
-    assert only.missing
+    assert only.is_missing
 
 
 @pytest.mark.parametrize("chosen", ["house", "house::room", "victim_hot"])
 def test_a_model_can_be_left_out_with_all_in_it(tmp_path, chosen):
     world = SdfWorld(crowd(tmp_path))
     every = [shape.model for shape in world.shapes()]
-    left = [shape.model for shape in world.shapes(without=lambda m: m.scoped == chosen)]
+    left = [shape.model for shape in world.shapes(without=lambda m: m.scoped_name == chosen)]
     assert left == [name for name in every if not f"{name}::".startswith(f"{chosen}::")] != every
 
 

@@ -24,7 +24,11 @@ def test_no_two_classes_look_alike(faces):
 
 
 def test_a_face_has_the_top_of_the_sign_in_its_top_left_corner():
-    above, below, bare = np.s_[8:12, 8:12], np.s_[-30:-14, -30:-14], SignStyle(words=False, number=False, size=0.5)
+    above, below, bare = (
+        np.s_[8:12, 8:12],
+        np.s_[-30:-14, -30:-14],
+        SignStyle(has_words=False, has_number=False, size=0.5),
+    )
     for name, top, bottom in (
         ("corrosive", (255, 255, 255), (0, 0, 0)),
         ("organic-peroxide", (218, 41, 28), (255, 221, 0)),

@@ -3,7 +3,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from sarsim.arenas.things.thing import data_of, things_of
-from sarsim.arenas.things.warmth import AMBIENT, CLOTHES_TEMPERATURE, SKIN_TEMPERATURE, temperatures
+from sarsim.arenas.things.warmth import AMBIENT_TEMPERATURE, CLOTHES_TEMPERATURE, SKIN_TEMPERATURE, temperatures
 
 ARENA = """<mujoco><size nuser_geom="1"/>
 <asset><material name="victim_1_top"/><material name="victim_1_skin"/></asset>
@@ -20,4 +20,14 @@ def test_the_living_are_warm_through_their_clothes_and_all_else_is_cold():
     mujoco.mj_kinematics(model, data)
     warm = temperatures(model, things_of(model, data))
     assert warm.dtype == np.float32
-    assert_allclose(warm, [AMBIENT, SKIN_TEMPERATURE, CLOTHES_TEMPERATURE, SKIN_TEMPERATURE, AMBIENT, AMBIENT])
+    assert_allclose(
+        warm,
+        [
+            AMBIENT_TEMPERATURE,
+            SKIN_TEMPERATURE,
+            CLOTHES_TEMPERATURE,
+            SKIN_TEMPERATURE,
+            AMBIENT_TEMPERATURE,
+            AMBIENT_TEMPERATURE,
+        ],
+    )

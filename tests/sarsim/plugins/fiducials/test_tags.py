@@ -9,7 +9,7 @@ from pipeline.errors import InputError
 from pipeline.labels import Label
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.things.codes import MAX_TAGS, TAG_DICTIONARY, TAG_SIDE, tag_picture
+from sarsim.arenas.things.codes import RESERVED_TAGS, TAG_DICTIONARY, TAG_SIDE, tag_picture
 from sarsim.arenas.walls import VIEWING_DISTANCE
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.plugins.fiducials.tags import TAG_SPACING, THICK, hang_fiducials
@@ -37,7 +37,7 @@ def compiled(arena: RescueArena) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def test_pictures_are_tags_with_a_white_margin():
     detector = cv2.aruco.ArucoDetector(TAG_DICTIONARY)
-    for tag in range(MAX_TAGS):
+    for tag in range(RESERVED_TAGS):
         image = tag_picture(tag)
         assert image.shape == (160, 160) and (image[:16] == 255).all() and (image[16:32, 16:-16] == 0).all()
         (corners,), ids, _ = detector.detectMarkers(np.pad(image, 40, constant_values=128))

@@ -13,12 +13,12 @@ from pipeline.transforms import from_rotation
 Message = Any  # A message of rosbags: an instance of one of the dataclasses in the store
 STORE = get_typestore(Stores.ROS2_JAZZY)
 CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
-NANO = 10**9
+NS_PER_S = 10**9
 
 
 def seconds(stamp: Message) -> float:
     """The time of a ROS timestamp, s."""
-    return (stamp.sec * NANO + stamp.nanosec) / NANO
+    return (stamp.sec * NS_PER_S + stamp.nanosec) / NS_PER_S
 
 
 def pose_matrix(position: Message, quaternion: Message) -> Pose:

@@ -10,7 +10,7 @@ from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Robot, Velocity
 
-CurrentPose = Callable[[], Pose | None]
+PoseGetter = Callable[[], Pose | None]
 """A function that returns a pose, or None while the pose is not known."""
 TICK = 1e-6  # s, added between the times of frames taken at the same time, because bags identify frames by time
 
@@ -44,16 +44,16 @@ class Joints(NamedTuple):
 class Listener(Protocol):
     """Receives the sensor data and motions of a robot."""
 
-    def frame(self, frame: Frame) -> None:
+    def take_frame(self, frame: Frame) -> None:
         """Receive a frame of the camera."""
 
-    def motion(self, motion: Motion, command: Velocity) -> None:
+    def take_motion(self, motion: Motion, command: Velocity) -> None:
         """Receive a motion, and the command that the robot followed."""
 
-    def joints(self, time: float, joints: Joints) -> None:
+    def take_joints(self, time: float, joints: Joints) -> None:
         """Receive the wheels' angles and speeds, measured at ``time``, s."""
 
-    def odometry(self, odometry: OdometrySample) -> None:
+    def take_odometry(self, odometry: OdometrySample) -> None:
         """Receive the robot's pose and velocity."""
 
 
@@ -63,22 +63,22 @@ class ReportingRobot:
     def __init__(
         self,
         robot: Robot,
-        topics: Listener,
-        T_map_odom: CurrentPose = lambda: None,
-        T_world_base: CurrentPose = lambda: None,
+        listener: Listener,
+        T_map_odom: PoseGetter = lambda: None,
+        T_world_base: PoseGetter = lambda: None,
         joints: Callable[[], Joints | None] = lambda: None,
     ):
-        """Report to ``topics``.
+        """Report to ``listener``.
 
         Args:
             robot: the robot that senses and drives.
-            topics: receives the robot's sensor data and motions.
+            listener: receives the robot's sensor data and motions.
             T_map_odom: returns the current pose of ``odom`` in ``map``.
             T_world_base: returns the robot's current true pose.
             joints: returns the current state of the wheels; None if it is not known.
         """
         self.robot, self.model, self.control_period = robot, robot.model, robot.control_period
-        self._topics, self._joints = topics, joints
+        self._listener, self._joints = listener, joints
         self._T_map_odom, self._T_world_base = T_map_odom, T_world_base
         self._reported = self._seen = -np.inf
 
@@ -88,20 +88,22 @@ class ReportingRobot:
         self._seen = max(frame.time, self._seen + TICK)
         frame = replace(frame, time=self._seen)
         self._report(frame.time, frame.T_odom_base, Velocity())
-        self._topics.frame(frame)
+        self._listener.take_frame(frame)
         return frame
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""
         motion, joints = self.robot.drive(command), self._joints()
-        self._topics.motion(motion, command)
+        self._listener.take_motion(motion, command)
         if joints is not None:
-            self._topics.joints(motion.time, joints)
+            self._listener.take_joints(motion.time, joints)
         self._report(motion.time, motion.T_odom_base, motion.twist)
         return motion
 
     def _report(self, time: float, T_odom_base: Pose, twist: Velocity) -> None:
         """Report the robot's pose and velocity, unless they were already reported for this time."""
         if time > self._reported:
-            self._topics.odometry(OdometrySample(time, T_odom_base, twist, self._T_map_odom(), self._T_world_base()))
+            self._listener.take_odometry(
+                OdometrySample(time, T_odom_base, twist, self._T_map_odom(), self._T_world_base())
+            )
             self._reported = time

@@ -25,7 +25,7 @@ from pipeline.datasets.cameras import (
 from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.images import DEPTHS, colour_of, depth_of, is_depth, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
-from pipeline.datasets.messages import CAMERA, NANO, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.datasets.messages import CAMERA, NS_PER_S, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
 from pipeline.errors import InputError, required
 from pipeline.files import check_regular
@@ -64,7 +64,7 @@ def read_ros_bag(
     with _opened(path) as reader:
         chosen = Topics(path, reader, topics)
         non_image_data = _NonImageData(reader, chosen)
-        span = reader.duration / NANO
+        span = reader.duration / NS_PER_S
     depth, colour = non_image_data.sources(chosen)
     camera = RgbdCamera(path, depth, colour, non_image_data.frame_tree, calibration)
     mount = non_image_data.frame_tree.mount(camera.frame)
@@ -369,7 +369,7 @@ def _times(reader: AnyReader, topic: str) -> Iterator[float]:
 
 def _time(message: Message, received: int) -> float:
     """The time of a message, s: its timestamp or, without one, the time ``received`` at which it was recorded, ns."""
-    return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NANO
+    return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NS_PER_S
 
 
 def _pose(message: Message) -> Pose:

@@ -20,9 +20,9 @@ from pipeline.transforms import inverse, transform_points
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
 """Type of each property. It is an assumption that ``confidence`` is between 0 and 1."""
-WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
-ALIASES = {"float32": "float", "uint8": "uchar"}
-COUNT = re.compile(r"\d{1,18}")  # A number of vertices
+WRITTEN_PROPERTIES = (*PLACE, *RGB, *NORMAL, "confidence")  # In the order of the columns
+ALIASES = {"float32": "float", "uint8": "uchar"}  # Names of types that some programs write, and the names used here
+COUNT_PATTERN = re.compile(r"\d{1,18}")  # A number of vertices
 COMMENTS = ("team", "start time", "mission")
 
 
@@ -40,7 +40,7 @@ class CloudFile:
     columns: dict[str, Values] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
 
-    def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
+    def rows(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
         """(N, K) values of the columns ``names``, by default positions, m; no rows if a column is missing."""
         if not all(name in self.columns for name in names):
             return np.zeros((0, len(names)))
@@ -80,7 +80,7 @@ def write_cloud(
     lines += [f"comment {name}: {value}" for name, value in zip(COMMENTS, comments, strict=True)]
     lines += [
         f"element vertex {len(points)}",
-        *(f"property {PROPERTIES[name]} {name}" for name in WRITTEN),
+        *(f"property {PROPERTIES[name]} {name}" for name in WRITTEN_PROPERTIES),
         "end_header",
     ]
     table = np.column_stack([moved, colours, normals, confidence])
@@ -129,16 +129,16 @@ def _vertex_element(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     """Number of vertices, which must be the first element, and names of their properties."""
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
-    if not elements or elements[0][1][1:-1] != ["vertex"] or not COUNT.fullmatch(elements[0][1][-1]):
+    if not elements or elements[0][1][1:-1] != ["vertex"] or not COUNT_PATTERN.fullmatch(elements[0][1][-1]):
         read.errors.append("the first element must be declared as: element vertex NUMBER")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
-    read.errors += list(_wrong_properties(dict(properties)))
+    read.errors += list(_property_errors(dict(properties)))
     return int(elements[0][1][-1]), [name for name, _ in properties]
 
 
-def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
+def _property_errors(kinds: dict[str, str]) -> Iterator[str]:
     """The errors in the properties of a vertex and their types."""
     for name, kind in kinds.items():
         if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:

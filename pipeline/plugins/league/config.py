@@ -13,19 +13,19 @@ class ValidationConfig:
         smallest, largest: minimum and maximum extent of a point cloud, m; with coordinates in millimetres, even an
             arena of 1 m exceeds the maximum.
         around: horizontal distance from the origin of a point cloud within which floor is expected, m.
-        lowest_share: quantile of the heights of the points around the origin that is taken as the floor.
-        floor: maximum error of the floor's height, m; the default is the size of a voxel.
-        unit: maximum error of the length of a normal.
-        rarest: minimum fraction of the pixels along the image's border for each grey of the checkerboard.
+        floor_quantile: quantile of the heights of the points around the origin that is taken as the floor.
+        floor_tolerance: maximum error of the floor's height, m; the default is the size of a voxel.
+        normal_tolerance: maximum error of the length of a normal.
+        min_grey_fraction: minimum fraction of the pixels along the image's border for each grey of the checkerboard.
     """
 
     smallest: float = 1.0
     largest: float = 200.0
     around: float = 2.0
-    lowest_share: float = 0.01
-    floor: float = 0.1
-    unit: float = 0.05
-    rarest: float = 0.01
+    floor_quantile: float = 0.01
+    floor_tolerance: float = 0.1
+    normal_tolerance: float = 0.05
+    min_grey_fraction: float = 0.01
 
 
 @dataclass(frozen=True)

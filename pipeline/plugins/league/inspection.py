@@ -54,7 +54,7 @@ class WallPieces(NamedTuple):
         return found._replace(sign_widths=found.sign_widths_from(T[None, :3, 3], frame)[:, 0])
 
     def where(self, index: Mask | Indices) -> "WallPieces":
-        """The pieces that an index selects."""
+        """The pieces that a mask or indices select."""
         return WallPieces(self.points[index], self.normals[index], self.sign_widths[index], self.config)
 
     def sign_widths_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
@@ -88,17 +88,17 @@ class Inspection(Strategy):
         """Do nothing, because the keyframes store their own observations."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The pose, of all poses from which signs on a remaining wall are readable, that the robot reaches soonest.
+        """The pose that the robot reaches soonest among those from which signs on a remaining wall are readable.
 
         None if there is no such pose.
         """
-        left = self._left(context)
+        left = self._remaining(context)
         paths = context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         if not len(left.points) or not len(cells):
             return None
         places = context.traversability.on_ground(context.traversability.grid.centre_of(cells))
-        cameras = places + _height(context.frame)
+        cameras = places + _camera_offset(context.frame)
         ahead = np.abs(wrap_angle(_bearings(left, places)[..., None] - HEADING_ANGLES)).argmin(axis=2)
         seconds = np.where(heading_mask(paths.headings[tuple(cells.T)]), paths.seconds_to(cells), np.inf)
         cost = np.where(self._shows(left, places, context.frame), seconds[np.arange(len(cells)), ahead], np.inf)
@@ -106,7 +106,7 @@ class Inspection(Strategy):
             wall, place = np.unravel_index(index, cost.shape)
             if np.isinf(cost[wall, place]):
                 break
-            if self._is_free(cameras[place], left.points[wall]):
+            if self._is_line_free(cameras[place], left.points[wall]):
                 heading = wrap_angle(float(HEADING_ANGLES[ahead[wall, place]]))
                 seconds_there = self._config.keyframe_time + float(cost[wall, place])
                 return Viewpoint(places[place, :2], heading, True, 0.0, seconds_there)
@@ -114,25 +114,25 @@ class Inspection(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Mark the walls that are readable from the viewpoint as aimed at."""
-        left = self._left(context)
+        left = self._remaining(context)
         place = context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
         is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_fov)
-        camera = place[0] + _height(context.frame)
-        is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
+        camera = place[0] + _camera_offset(context.frame)
+        is_aimed[is_aimed] = [self._is_line_free(camera, point) for point in left.points[is_aimed]]
         aimed = left.where(is_aimed).points_in_front
         self._aimed.append(AnchoredPlaces.anchored(aimed, context.poses, len(context.poses) - 1))
 
-    def _is_free(self, camera: Place, point: Place) -> bool:
+    def _is_line_free(self, camera: Place, point: Place) -> bool:
         """Whether the line of sight between a camera and a point on a wall is free."""
         free = self._walls.depth, self._walls.beside_camera
         return bool(self._map.are_free_along(camera[None], point, cKDTree(point[None]), *free)[0])
 
-    def _left(self, context: Context) -> WallPieces:
+    def _remaining(self, context: Context) -> WallPieces:
         """The pieces of walls that were neither shown well enough nor aimed at, thinned to one per grid cell."""
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
-        walls = _at(self._shown, context.poses, self._walls)
+        walls = _in_map(self._shown, context.poses, self._walls)
         is_read = walls.sign_widths >= self._walls.readable
         aimed = AnchoredPlaces.joined(self._aimed).at(context.poses)
         done = np.concatenate([walls.points_in_front[is_read], aimed])[:, :2]
@@ -147,13 +147,13 @@ class Inspection(Strategy):
 
         ``places``: (M, 3) m, positions on the ground.
         """
-        cameras = places + _height(frame)
+        cameras = places + _camera_offset(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
         return far & (walls.sign_widths_from(cameras, frame) >= self._walls.readable)
 
 
-def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> WallPieces:
-    """Transform the walls of each keyframe from its ``base_link`` to ``map``."""
+def _in_map(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> WallPieces:
+    """All pieces of walls, transformed from the ``base_link`` of the keyframe that has shown them to ``map``."""
     T = np.repeat(poses, [len(walls.points) for walls in shown], axis=0)
     points, normals, sign_widths = (
         np.concatenate([getattr(walls, name) for walls in shown]) for name in ("points", "normals", "sign_widths")
@@ -163,7 +163,7 @@ def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> Wall
     return WallPieces(points, normals, sign_widths, config)
 
 
-def _height(frame: Frame) -> Place:
+def _camera_offset(frame: Frame) -> Place:
     """(3,) m, offset of a frame's camera from the robot's position on the ground."""
     return np.array([0.0, 0.0, frame.T_base_camera[2, 3]])
 

@@ -21,7 +21,7 @@ from pipeline.plugins.league.pois import PointOfInterest
 from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS, pixels
 from pipeline.transforms import inverse, transform_points
 
-CAPITALS = 0.7  # Height of capital letters as a fraction of the font's size
+CAPITAL_HEIGHT = 0.7  # Height of capital letters as a fraction of the font's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,9 @@ def _empty_map(points: Places, letters: int) -> LeagueMap:
 
 def _draw_ground(league_map: LeagueMap, ground: SearchedGround, T_map_league: Pose) -> None:
     """Draw the searched area in greys that show its confidence, the grid on it, and the walls."""
-    confidence, is_wall = (_as_seen(league_map, layer, ground.grid, T_map_league) for layer in _layers(ground))
+    confidence, is_wall = (
+        _at_pixels(league_map, layer, ground.grid, T_map_league) for layer in _grey_and_wall_layers(ground)
+    )
     is_known = confidence > 0
     league_map.image[is_known] = confidence[is_known, None]
     step, first = pixels("grid"), league_map.pixel_of(np.zeros(2))
@@ -136,14 +138,14 @@ def _draw_ground(league_map: LeagueMap, ground: SearchedGround, T_map_league: Po
     league_map.image[is_wall > 0] = MAP_COLOURS["walls"]
 
 
-def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _grey_and_wall_layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """(nx, ny) greys of the confidence, from ``searched`` to ``text``, or 0 on unknown ground; and (nx, ny) walls."""
     (least, *_), (most, *_) = MAP_COLOURS["searched"], MAP_COLOURS["text"]
     greys = np.rint(least + (2 * ground.confidence - 1) * (most - least))
     return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
 
 
-def _as_seen(league_map: LeagueMap, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
+def _at_pixels(league_map: LeagueMap, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
     """(H, W) values of a layer (nx, ny) at the pixels of a league map; 0 outside the layer's grid in ``map``."""
     pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
     x, y = league_map.corner + np.array([pixel, -pixel]) / 2
@@ -175,23 +177,26 @@ def _draw_find(league_map: LeagueMap, poi: PointOfInterest) -> None:
         radius, text = pixels("diamond", 0.5), poi.name[:2]
         tips = np.array([(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)], np.int32)
         cv2.fillPoly(league_map.image, [tips], MAP_COLOURS[poi.type])
-    size = radius * min(1 / CAPITALS, radius / max(1, width_of(text, radius)))
+    size = radius * min(1 / CAPITAL_HEIGHT, radius / max(1, width_of(text, radius)))
     write(league_map.image, (x, y), text, size, MAP_COLOURS["text"], IN_MIDDLE, is_smooth=False)
 
 
 def _draw_title_and_axes(league_map: LeagueMap, title: str) -> None:
-    """Draw the file's name at the top left, and the scale and the axes, with x up and y left, at the top right."""
+    """Draw the file's name at the top left, and the scale and the axes at the top right.
+
+    As the rules require, the axes are drawn with x up and y left, although y points up in the league's frame.
+    """
     letter, right, axis = pixels("title"), league_map.image.shape[1] - pixels("margin", 0.5), pixels("axis")
-    _write(league_map, (letter, 2 * letter), title, letter, "file_name")
+    _write_text(league_map, (letter, 2 * letter), title, letter, "file_name")
     first = right - pixels("scale")
     league_map.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
-    _write(league_map, (first, 2 * letter - 3), "1 m", letter / 2, "scale")
+    _write_text(league_map, (first, 2 * letter - 3), "1 m", letter / 2, "scale")
     foot = (right, 3 * letter + axis)
     for name, tip in (("x", (right, foot[1] - axis)), ("y", (right - axis, foot[1]))):
         cv2.arrowedLine(league_map.image, foot, tip, MAP_COLOURS["scale"], 2)
-        _write(league_map, (tip[0] + 3, tip[1] - 8), name, letter / 2, "scale")
+        _write_text(league_map, (tip[0] + 3, tip[1] - 8), name, letter / 2, "scale")
 
 
-def _write(league_map: LeagueMap, at: tuple[int, int], text: str, height: float, element: str) -> None:
+def _write_text(league_map: LeagueMap, at: tuple[int, int], text: str, height: float, element: str) -> None:
     """Write a text with capitals ``height`` pixels high, in exactly the colour that the rules give to the element."""
-    write(league_map.image, at, text, height / CAPITALS, MAP_COLOURS[element], is_smooth=False)
+    write(league_map.image, at, text, height / CAPITAL_HEIGHT, MAP_COLOURS[element], is_smooth=False)

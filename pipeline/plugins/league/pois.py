@@ -29,7 +29,7 @@ MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
 """The quoted lines above the columns: two fixed words, then five values of the mission."""
 
-FORMS = {"date": "%Y-%m-%d", "time": "%H:%M:%S"}
+FORMATS = {"date": "%Y-%m-%d", "time": "%H:%M:%S"}
 
 _TEXT, _NUMBER = r'"((?:[^"]|"")*)"', r"(-?\d+(?:\.\d+)?)"
 _ROW = re.compile(rf"(\d+),(\d\d:\d\d:\d\d),{_TEXT},{_TEXT},{_NUMBER},{_NUMBER},{_NUMBER},{_TEXT},(\w*)")
@@ -154,13 +154,13 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
         read.errors.append(f'line {number}: must be "{name}"')
     elif not value.strip():
         read.errors.append(f"line {number}: the {name} is empty")
-    elif name in FORMS and not _is_of(value, FORMS[name]):
+    elif name in FORMATS and not _has_format(value, FORMATS[name]):
         read.errors.append(
-            f"line {number}: must be a valid {name} such as {DEFAULT_START:{FORMS[name]}}, not {value!r}"
+            f"line {number}: must be a valid {name} such as {DEFAULT_START:{FORMATS[name]}}, not {value!r}"
         )
 
 
-def _is_of(text: str, form: str) -> bool:
+def _has_format(text: str, form: str) -> bool:
     """Whether a text is a date or time in a given format, with all its zeros."""
     try:
         return f"{datetime.strptime(text, form):{form}}" == text
@@ -178,8 +178,8 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
     wrong = {
         f"detection = {label}: must be {number}, because rows are numbered in order": int(label) != number,
-        f"time = {time}: must be a valid time such as {DEFAULT_START:{FORMS['time']}}": not _is_of(
-            time, FORMS["time"]
+        f"time = {time}: must be a valid time such as {DEFAULT_START:{FORMATS['time']}}": not _has_format(
+            time, FORMATS["time"]
         ),
         f"type = {kind!r}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
         f"name = {name!r}: must not be empty": not name.strip(),

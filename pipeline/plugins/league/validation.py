@@ -17,8 +17,8 @@ from pipeline.plugins.league.pois import PoiFile, read_pois
 from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS
 
 HANDED_FILES = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
-NAME = re.compile(r"RoboCup\d{4}-[^-]+-.+")
-ALWAYS = ("file_name", "scale", "grid", "start", "walls", "path")
+NAME_PATTERN = re.compile(r"RoboCup\d{4}-[^-]+-.+")
+REQUIRED_ELEMENTS = ("file_name", "scale", "grid", "start", "walls", "path")
 """Elements that every 2D map must contain, each with a single colour."""
 
 
@@ -50,14 +50,14 @@ def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> 
     lists = {path: read_pois(path) for path in files[".csv"]}
     headers = [read.header for read in lists.values()]
     for path, read in lists.items():
-        errors += _with_file_name(path, [*_wrong_list_name(path, read), *read.errors])
+        errors += _with_file_name(path, [*_list_name_errors(path, read), *read.errors])
     for path in files[".ply"]:
         errors += _with_file_name(
-            path, [*_wrong_name(path, headers), *cloud_errors(read_cloud(path), headers, config)]
+            path, [*_name_errors(path, headers), *cloud_errors(read_cloud(path), headers, config)]
         )
     types = {poi.type for read in lists.values() for poi in read.pois}
     for path in files[".tiff"]:
-        errors += _with_file_name(path, [*_wrong_name(path, headers), *map_errors(path, types, config)])
+        errors += _with_file_name(path, [*_name_errors(path, headers), *map_errors(path, types, config)])
     return errors
 
 
@@ -76,17 +76,17 @@ def _stem(header: dict[str, str]) -> str:
     )
 
 
-def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
+def _list_name_errors(path: Path, read: PoiFile) -> Iterator[str]:
     """Errors in a list's name, which must match the year, team, mission and start time in its header."""
-    if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
+    if not NAME_PATTERN.fullmatch(path.stem) or not path.stem.endswith("-pois"):
         yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
     elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
         yield "the file name must match the year, team, mission and start time in the header"
 
 
-def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
+def _name_errors(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
     """Errors in a map's name, which must match the year, team and mission of one of the lists."""
-    if not NAME.fullmatch(path.stem):
+    if not NAME_PATTERN.fullmatch(path.stem):
         yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
     elif headers and _letters(path.stem) not in map(_stem, headers):
         yield "the file name must match the year, team and mission in the header of the list of finds"
@@ -104,15 +104,15 @@ def cloud_errors(read: CloudFile, headers: list[dict[str, str]], config: Validat
             )
         elif values and not any(value in comments for value in values):
             errors.append(f"no comment names the {name}, {' or '.join(map(repr, sorted(set(values))))}")
-    points = read.points()
+    points = read.rows()
     if len(points):
-        errors += [*_wrong_place(points, config), *_wrong_extras(read, config.unit)]
+        errors += [*_position_errors(points, config), *_extra_errors(read, config.normal_tolerance)]
     elif not errors:
         errors.append("contains no points")
     return errors
 
 
-def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
+def _position_errors(points: Places, config: ValidationConfig) -> Iterator[str]:
     """Errors in the points, which must be in metres, with the origin on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
     if not config.smallest <= extent <= config.largest:
@@ -122,18 +122,18 @@ def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
     near = points[np.linalg.norm(points[:, :2], axis=1) < config.around, 2]
     if not len(near):
         yield f"no point is within {config.around:g} m of the origin, which must be at the front of the robot's start"
-    elif abs(floor := float(np.quantile(near, config.lowest_share))) > config.floor:
+    elif abs(floor := float(np.quantile(near, config.floor_quantile))) > config.floor_tolerance:
         yield f"the floor around the origin is at z = {floor:.2f} m; it must be at z = 0, with z pointing up"
 
 
-def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
-    """Errors in colours, normals and confidences, which must be in their valid ranges."""
-    rgb, normals = read.points(RGB), read.points(NORMAL)
+def _extra_errors(read: CloudFile, tolerance: float) -> Iterator[str]:
+    """Errors in colours, normals and confidences; the length of a normal must be within ``tolerance`` of 1."""
+    rgb, normals = read.rows(RGB), read.rows(NORMAL)
     confidence = read.columns.get("confidence", np.zeros(0))
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
         yield "colours must be whole numbers from 0 to 255"
-    if (abs(np.linalg.norm(normals, axis=1) - 1) > error).any():
-        yield f"normals must have a length of 1 ± {error:g}"
+    if (abs(np.linalg.norm(normals, axis=1) - 1) > tolerance).any():
+        yield f"normals must have a length of 1 ± {tolerance:g}"
     if ((confidence < 0) | (confidence > 1)).any():
         yield "confidences must be between 0 and 1"
 
@@ -149,16 +149,16 @@ def map_errors(path: Path, types: set[str], config: ValidationConfig) -> list[st
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
         return ["must be an RGB or RGBA image with 8 bits per channel"]
     image = image[..., :3]
-    return [*_wrong_scale(image, scale), *_missing_elements(image, types, config.rarest)]
+    return [*_scale_errors(image, scale), *_element_errors(image, types, config.min_grey_fraction)]
 
 
-def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
+def _scale_errors(image: Rgb, scale: Values) -> Iterator[str]:
     """Errors in the pixel size, which must be given and agree with the scale at the top right."""
     if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
         yield "no pixel size: the GeoTIFF tag ModelPixelScale is missing or invalid"
         return
     height, width = image.shape[:2]
-    line = _longest_run(_is_of(image[: height // 2, width // 2 :], "scale"))
+    line = _longest_run(_mask_of(image[: height // 2, width // 2 :], "scale"))
     if scale[0] != scale[1]:
         yield f"pixels must be square, not {scale[0]:g} × {scale[1]:g} m"
     elif not line:
@@ -167,7 +167,7 @@ def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
         yield f"the scale must be 1 m long, but its {line} pixels of {scale[0]:g} m are {line * scale[0]:.3f} m long"
 
 
-def _is_of(image: Rgb, element: str) -> PixelMask:
+def _mask_of(image: Rgb, element: str) -> PixelMask:
     """The pixels of an image that have the colour of an element."""
     return np.asarray((image == np.array(MAP_COLOURS[element], np.uint8)).all(axis=-1))
 
@@ -179,12 +179,15 @@ def _longest_run(mask: PixelMask) -> int:
     return int(runs.max(initial=0))
 
 
-def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[str]:
-    """Errors about missing or misplaced elements, which are recognised by their colours."""
-    for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
-        if not _is_of(image, element).any():
+def _element_errors(image: Rgb, types: set[str], min_fraction: float) -> Iterator[str]:
+    """Errors about missing or misplaced elements, which are recognised by their colours.
+
+    ``min_fraction``: minimum fraction of the pixels along the image's border for each grey of the checkerboard.
+    """
+    for element in (*REQUIRED_ELEMENTS, *sorted(types & MAP_COLOURS.keys())):
+        if not _mask_of(image, element).any():
             yield f"no {element.replace('_', ' ')}: no pixel has the colour RGB {MAP_COLOURS[element]}"
-    title = _is_of(image, "file_name")
+    title = _mask_of(image, "file_name")
     if title.any() and not title[: image.shape[0] // 2, : image.shape[1] // 2].any():
         yield "the file name must be drawn at the top left"
     is_grey = image.max(axis=-1) == image.min(axis=-1)
@@ -192,6 +195,6 @@ def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[st
         yield f"no searched area: no pixel has a grey from RGB {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
     frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     colours, counts = np.unique(frame, axis=0, return_counts=True)
-    greys = np.ptp(colours[counts >= rarest * len(frame)].astype(int), axis=1) <= 2
+    greys = np.ptp(colours[counts >= min_fraction * len(frame)].astype(int), axis=1) <= 2
     if greys.sum() < 2:
         yield "no checkerboard: the edges of the image must show unexplored area in two greys"

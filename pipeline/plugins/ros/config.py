@@ -33,7 +33,7 @@ class LiveConfig:
 
     Attributes:
         discovery_timeout: time within which nodes on one machine discover each other and acknowledge messages, s.
-        idle: maximum time between two calls of a node's ``idle``, s.
+        idle: maximum time between two calls of a node's ``on_idle``, s.
         odometry_queue: number of messages that are queued per subscribed topic while the pipeline computes, and
             number of odometry poses that are kept; enough for a few seconds of odometry.
         queue: number of messages that are queued per published topic, and number of images that are kept; the default
@@ -41,8 +41,9 @@ class LiveConfig:
         min_speed, min_turn_rate: speed and turn rate up to which a robot may ignore commands, m/s and rad/s.
         min_distance, min_turn: minimum motion that shows that a robot follows commands, m and rad.
         min_period: minimum control period, s.
-        command_timeout: time without a new command after which a robot is stopped because the pipeline is computing,
-            on the robot's clock, s. A frame may be older than the newest odometry by at most half of this time.
+        command_timeout: time on the robot's clock, s, after which a robot is stopped if it gets no new command
+            because the pipeline is computing. A frame may be older than the newest odometry by at most half of this
+            time.
         starting: number of odometry messages from which their period is estimated.
         trajectory: how long an odometry pose is valid.
         depth_range: nearest and farthest depth that the camera measures, m; by default, the range in the robot's file

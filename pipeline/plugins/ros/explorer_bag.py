@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pipeline.arrays import Pose
-from pipeline.datasets.recorded_robot import CurrentPose, Joints, ReportingRobot
+from pipeline.datasets.recorded_robot import Joints, PoseGetter, ReportingRobot
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.plugin import Plugin
 from pipeline.plugins.ros.bag import Bag
@@ -30,7 +30,7 @@ class ExplorerBag(Bag, Sink):
         images: ImageFormat,
         robot: Robot,
         mapper: Mapper,
-        T_world_base: CurrentPose = lambda: None,
+        T_world_base: PoseGetter = lambda: None,
         joints: Callable[[], Joints | None] = lambda: None,
         *,
         config: RosConfig = RosConfig(),
@@ -60,11 +60,11 @@ class ExplorerBag(Bag, Sink):
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Write the newest keyframe."""
-        self._maps.keyframe(keyframe)
+        self._maps.send_keyframe(keyframe)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Write the maps and the plan of the newest step."""
-        self._maps.maps(mapper, step.keyframe, step.plan)
+        self._maps.send_maps(mapper, step.keyframe, step.plan)
         for plugin in self.plugins:
             for topic, message in plugin.messages(mapper, step):
                 self.write(topic, step.keyframe.frame.time, message)

@@ -15,7 +15,7 @@ from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Labels, Places, Points, Pose, Values
-from pipeline.datasets.messages import BASE, CAMERA, MAP, NANO, ODOM, STORE, Message, seconds
+from pipeline.datasets.messages import BASE, CAMERA, MAP, NS_PER_S, ODOM, STORE, Message, seconds
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.robot import Motion, Velocity
@@ -63,12 +63,12 @@ def time_of(data: bytes) -> float:
 def nanoseconds(time: float) -> int:
     """A time given in s, in whole ns; :func:`pipeline.datasets.messages.seconds` returns the same time again."""
     whole = floor(time)  # times since 1970 in ns have more digits than a float
-    return whole * NANO + round((time - whole) * NANO)
+    return whole * NS_PER_S + round((time - whole) * NS_PER_S)
 
 
 def stamp(time: float) -> Message:
     """A time in s as builtin_interfaces/Time, to the nanosecond."""
-    return make("builtin_interfaces/Time", *divmod(nanoseconds(time), NANO))
+    return make("builtin_interfaces/Time", *divmod(nanoseconds(time), NS_PER_S))
 
 
 def header(time: float, frame: str) -> Message:

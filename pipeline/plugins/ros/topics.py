@@ -21,20 +21,21 @@ from pipeline.robot import Motion, Velocity
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Encoding of depth, in whole mm or in m (REP 118), followed by ``-jpeg`` if colour images are compressed."""
 Send = Callable[[str, float, Message], None]  # Function that takes a topic, the time in s and a message
-STILL = 1e-6  # m, maximum change of the camera's pose that is not sent, because a simulator may have rounded the pose
+POSE_TOLERANCE = 1e-6
+"""Maximum change of any element of the camera's pose that is not sent, because a simulator may have rounded it."""
 
 
 class RobotTopics:
-    """Sends a robot's sensor data and pose."""
+    """A :class:`~pipeline.datasets.recorded_robot.Listener` that sends a robot's sensor data and pose."""
 
     def __init__(self, send: Send, images: ImageFormat = "16UC1"):
         self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")
         self._T_base_camera: Pose | None = None
 
-    def frame(self, frame: Frame) -> None:
+    def take_frame(self, frame: Frame) -> None:
         """Send both images, their intrinsics, true labels if there are any, and the camera's pose if it changed."""
         time, before = frame.time, self._T_base_camera
-        if before is None or not np.allclose(before, frame.T_base_camera, rtol=0, atol=STILL):
+        if before is None or not np.allclose(before, frame.T_base_camera, rtol=0, atol=POSE_TOLERANCE):
             self._T_base_camera = frame.T_base_camera
             self._send("/tf_static", time, messages.transforms(time, {(BASE, CAMERA): frame.T_base_camera}))
         for kind in ("color", "depth"):
@@ -52,7 +53,7 @@ class RobotTopics:
         pixels = metres if self._depth_encoding == "32FC1" else frame.millimetres
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
-    def odometry(self, odometry: OdometrySample) -> None:
+    def take_odometry(self, odometry: OdometrySample) -> None:
         """Send the odometry and, if they are known, the pose of ``odom`` in ``map`` and the robot's true pose."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
@@ -61,14 +62,14 @@ class RobotTopics:
         if T_world_base is not None:
             self._send("/ground_truth/pose", time, messages.pose_stamped(time, MAP, T_world_base))
 
-    def motion(self, motion: Motion, command: Velocity | None = None) -> None:
+    def take_motion(self, motion: Motion, command: Velocity | None = None) -> None:
         """Send the time and the inertial measurements of a motion and, if given, the command."""
         self._send("/clock", motion.time, messages.clock(motion.time))
         if command is not None:
             self._send("/cmd_vel", motion.time, messages.velocity(command))
         self._send("/imu", motion.time, messages.imu(motion))
 
-    def joints(self, time: float, joints: Joints) -> None:
+    def take_joints(self, time: float, joints: Joints) -> None:
         """Send the wheels' angles and speeds, measured at ``time``, s."""
         self._send("/joint_states", time, messages.joint_states(time, *joints))
 
@@ -79,7 +80,7 @@ class MapTopics:
     def __init__(self, send: Send, *, config: RosConfig = RosConfig()):
         self._send, self._config = send, config
 
-    def keyframe(self, keyframe: Keyframe) -> None:
+    def send_keyframe(self, keyframe: Keyframe) -> None:
         """Send a keyframe's pose and, if it was labelled, its points as ``semantic_cloud``."""
         time = keyframe.frame.time
         self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
@@ -89,7 +90,7 @@ class MapTopics:
             named = labels.argmax(axis=1).astype(np.uint8)
             self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))
 
-    def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
+    def send_maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
         """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and finds."""
         time, traversability = keyframe.frame.time, mapper.drivable
         known = np.where(traversability.hazard, 100, 0)

@@ -119,20 +119,20 @@ class TumDrive(ExitStack, Sink):
         self._keyframes: dict[float, tuple[bool, bool]] = {}
         self.callback(self._save, folder, seed)
 
-    def frame(self, frame: Frame) -> None:
+    def take_frame(self, frame: Frame) -> None:
         """Write a frame's images."""
         self._newest = frame
         self._sequence.frame(frame)
 
-    def motion(self, motion: Motion, command: Velocity) -> None:
+    def take_motion(self, motion: Motion, command: Velocity) -> None:
         """Add the readings of the IMU."""
         self._sequence.numbers("accelerometer", motion.time, motion.accelerometer)
         self._sequence.numbers("gyroscope", motion.time, motion.gyro)
 
-    def joints(self, time: float, joints: Joints) -> None:
+    def take_joints(self, time: float, joints: Joints) -> None:
         """Ignore the joints, because the benchmark has no file for wheels."""
 
-    def odometry(self, odometry: OdometrySample) -> None:
+    def take_odometry(self, odometry: OdometrySample) -> None:
         """Add the robot's pose by odometry, and its true pose if it is known."""
         self._poses.append(("odometry", odometry.time, odometry.T_odom_base))
         if odometry.T_world_base is not None:

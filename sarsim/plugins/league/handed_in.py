@@ -186,11 +186,11 @@ def score_handed_in(
                 f"{folder}: contains no {ending} file; scoring needs a 3D map (.ply) and a list of finds (.csv)"
             )
     cloud, pois = read_cloud(files[".ply"][0]), read_pois(files[".csv"][0]).pois
-    if not len(cloud.points()):
+    if not len(cloud.rows()):
         raise InputError(
             f"{files['.ply'][0]}: contains no readable points; to see why, run 'sarsim-validate-mission {folder}'"
         )
-    points = transform_points(arena.T_world_league, cloud.points())
+    points = transform_points(arena.T_world_league, cloud.rows())
     moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
     shown = covered(points, arena.surface)
     run = league_run(cloud, points, shown, pois, moved, arena, resets)
@@ -258,7 +258,7 @@ def league_run(
     return LeagueRun(
         coverage=float(shown[arena.surface.drivable].mean()),
         global_error=registered_error(points, arena.scene),
-        extras=sum(len(cloud.points(names)) > 0 for names in extras),
+        extras=sum(len(cloud.rows(names)) > 0 for names in extras),
         present=len(arena.finds),
         right=len(right),
         wrong=len(pois) - len(right),

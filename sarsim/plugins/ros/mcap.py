@@ -27,5 +27,7 @@ class Mcap(Export):
             for index, frame in enumerate(scene):
                 # The robot's velocity between two frames is unknown.
                 unknown = Velocity(np.nan, np.nan)
-                topics.odometry(OdometrySample(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index]))
-                topics.frame(frame)
+                topics.take_odometry(
+                    OdometrySample(frame.time, frame.T_odom_base, unknown, None, scene.pose_true[index])
+                )
+                topics.take_frame(frame)

@@ -67,12 +67,12 @@ class _Topics(Sink):
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Publish the newest keyframe."""
         self._estimate.add(TimedPose(keyframe.frame.time, keyframe.frame.T_odom_base))
-        self._maps.keyframe(keyframe)
+        self._maps.send_keyframe(keyframe)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Publish the maps and the plan."""
         self._frontiers = len(step.frontiers)
-        self._maps.maps(mapper, step.keyframe, step.plan)
+        self._maps.send_maps(mapper, step.keyframe, step.plan)
         for plugin in self._plugins:
             for topic, message in plugin.messages(mapper, step):
                 self._send(topic, step.keyframe.frame.time, message)

@@ -115,12 +115,12 @@ class SimulatedNode:
             command = self._command if is_commanded else Velocity()
             keyframes, self._keyframes = self._keyframes, []
         motion, topics = self._driven.drive(command), self._topics
-        topics.motion(motion)
+        topics.take_motion(motion)
         for plugin in self._plugins:
             for topic, time, message in plugin.measurements():
                 self._node.publish(topic, time, message)
-        topics.joints(motion.time, Joints(WHEELS, *self.robot.wheels))
-        topics.odometry(OdometrySample(motion.time, motion.T_odom_base, motion.twist))
+        topics.take_joints(motion.time, Joints(WHEELS, *self.robot.wheels))
+        topics.take_odometry(OdometrySample(motion.time, motion.T_odom_base, motion.twist))
         if motion.time >= self._next_frame - 1e-6:
             self._next_frame += 1 / self.config.camera_rate
             self._sense()
@@ -134,7 +134,7 @@ class SimulatedNode:
             link = transform(frame.time, BASE, CAMERA, frame.T_base_camera)
             self._node.publish("/camera/transform", frame.time, link)
             self._has_camera = True
-        self._topics.frame(replace(frame, label=None))
+        self._topics.take_frame(replace(frame, label=None))
         self._true_frames.append((frame.time, required(self.robot.true_frame)))
 
     def report(self) -> dict[str, Any]:

@@ -97,8 +97,8 @@ def write_bag(
         topics = RobotTopics(send, images)
         for frame, T_world_base in zip(frames()[:number], WAY[:number], strict=True):
             twist = Velocity(1.0, 0.0)
-            topics.odometry(OdometrySample(frame.time, frame.T_odom_base, twist, None, T_world_base))
+            topics.take_odometry(OdometrySample(frame.time, frame.T_odom_base, twist, None, T_world_base))
             up = frame.T_odom_base[2, :3] * 9.81
-            topics.motion(Motion(frame.time, frame.T_odom_base, np.zeros(3), up, np.zeros(2)), Velocity())
-            topics.frame(frame)
+            topics.take_motion(Motion(frame.time, frame.T_odom_base, np.zeros(3), up, np.zeros(2)), Velocity())
+            topics.take_frame(frame)
     return path

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Place
+from pipeline.arrays import Values
 from pipeline.navigation.commands import STOP, Outcome, Send, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.course import Course
@@ -23,10 +23,10 @@ from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 
 _log = logging.getLogger(__name__)
-NAVIGATE, KIND = "navigate_to_pose", "nav2_msgs/action/NavigateToPose"
-STATUS = "/_action/status"
+ACTION_NAME, ACTION_TYPE = "navigate_to_pose", "nav2_msgs/action/NavigateToPose"  # The name has no namespace
+STATUS_SUFFIX = "/_action/status"
 """Suffix that turns the name of an action into the name of its status topic."""
-ENDS = {Verdict.DONE: Outcome.DONE, Verdict.UNSURE: Outcome.UNSURE, Verdict.SPINNING: Outcome.STUCK}
+OUTCOMES = {Verdict.DONE: Outcome.DONE, Verdict.UNSURE: Outcome.UNSURE, Verdict.SPINNING: Outcome.STUCK}
 """Outcome of a drive for each verdict after which the drive must not, or need not, continue."""
 LATEST = 0.0
 """Timestamp of goals, s, for which Nav2 uses the latest transform."""
@@ -37,10 +37,10 @@ class GoTo(Velocity):
     """A command to drive to a pose, at velocities of Nav2's choice.
 
     Attributes:
-        place: (3,) x, y in m and heading in rad, in ``odom``.
+        goal: (3,) x, y in m and heading in rad, in ``odom``.
     """
 
-    place: Place
+    goal: Values
 
 
 class Nav2Robot(RosRobot):
@@ -61,38 +61,38 @@ class Nav2Robot(RosRobot):
             self._node.wait(lambda: goal.end is not None, self._config.discovery_timeout)
 
     def _missing_receivers(self) -> list[str]:
-        if self._served():
+        if self._served_name():
             return []
-        ending = f"/{NAVIGATE}{STATUS}"
-        others = [topic.removesuffix(STATUS) for topic in self._node.types() if topic.endswith(ending)]
+        ending = f"/{ACTION_NAME}{STATUS_SUFFIX}"
+        others = [topic.removesuffix(STATUS_SUFFIX) for topic in self._node.types() if topic.endswith(ending)]
         there = f" (found {', '.join(others)}; set --topics.odom to a topic in its namespace)" if others else ""
-        return [f"no Nav2 action server offers {self._names()[0]}{there}"]
+        return [f"no Nav2 action server offers {self._possible_names()[0]}{there}"]
 
     def _prepare_commands(self) -> None:
-        name = self._served()
-        self._action: Action = self._node.action(name, KIND)
+        name = self._served_name()
+        self._action: Action = self._node.action(name, ACTION_TYPE)
         _log.warning("sending Nav2 goals to %s, in the frame of %s", name, self.topics.odom)
 
-    def _served(self) -> str:
+    def _served_name(self) -> str:
         """The name of the action; empty if no node serves it."""
-        return next((name for name in self._names() if self._node.publishers(name + STATUS)), "")
+        return next((name for name in self._possible_names() if self._node.publishers(name + STATUS_SUFFIX)), "")
 
-    def _names(self) -> list[str]:
+    def _possible_names(self) -> list[str]:
         """The possible names of the action, in the namespace of the odometry and in its parent namespaces."""
         spaces = f"/{self.topics.odom.strip('/')}".split("/")[:-1]
-        return ["/".join([*spaces[:depth], NAVIGATE]) for depth in range(len(spaces), 0, -1)]
+        return ["/".join([*spaces[:depth], ACTION_NAME]) for depth in range(len(spaces), 0, -1)]
 
     def _send(self, command: Velocity) -> None:
-        before, self._last, self._commanded = self._last, command, self._senses.time
+        before, self._last_command, self._command_time = self._last_command, command, self._senses.time
         if not isinstance(command, GoTo):
             if self._goal is not None:
                 self._goal.cancel()
         elif command is not before:
-            x, y, heading = command.place
+            x, y, heading = command.goal
             pose = messages.pose_stamped(LATEST, self._senses.odom_frame, from_yaw(x, y, 0.0, heading))
             self._goal = self._action.send(pose=pose)
 
-    def _rest(self) -> None:
+    def _on_idle(self) -> None:
         """Do nothing, because Nav2 keeps the robot safe while the pipeline computes."""
 
     def why_ended(self) -> str:
@@ -113,7 +113,7 @@ class Nav2Navigator(Navigator):
         self._body, self._nav2 = robot, nav2
 
     def halt(self, send: Send) -> Outcome:
-        """End the drive, and wait until the robot has stopped."""
+        """End the drive, and wait until the robot has stopped, for at most ``braking`` s."""
         send(STOP)
         end = self._time + self._nav2.braking
         while self._speed > STILL and self._time < end:
@@ -141,37 +141,43 @@ class Nav2Navigator(Navigator):
         self.legs.append(DrivenLeg(end, leg_outcome(outcome)))
         return outcome
 
-    def _go_to(self, place: Place, length: float, send: Send) -> Outcome:
-        """Let Nav2 drive to ``place``, (3,) x, y and heading in ``map``; ``length``: length of the path, m."""
-        command = GoTo(place=self._in_odom(place))
+    def _go_to(self, goal: Values, length: float, send: Send) -> Outcome:
+        """Let Nav2 drive to a goal.
+
+        Args:
+            goal: (3,) x and y, m, and heading, rad, in ``map``.
+            length: length of the path, m.
+            send: sends a command and returns a verdict on it.
+        """
+        command = GoTo(goal=self._in_odom(goal))
         latest = self._time + self._nav2.patience + length / self._nav2.min_speed
         while True:
-            outcome = self._outcome(send(command), place, latest)
+            outcome = self._outcome(send(command), goal, latest)
             if outcome is not None:
                 self.halt(send)
                 return outcome
-            if self._has_shifted(command.place, corrected := self._in_odom(place)):
-                command = GoTo(place=corrected)
+            if self._has_shifted(command.goal, corrected := self._in_odom(goal)):
+                command = GoTo(goal=corrected)
 
-    def _outcome(self, verdict: Verdict, place: Place, latest: float) -> Outcome | None:
-        """The outcome of a drive, which may last until ``latest``, s; None if the drive has not ended."""
-        if verdict in ENDS:
-            return ENDS[verdict]
+    def _outcome(self, verdict: Verdict, goal: Values, latest: float) -> Outcome | None:
+        """The outcome of a drive to a goal, which may last until ``latest``, s; None if the drive has not ended."""
+        if verdict in OUTCOMES:
+            return OUTCOMES[verdict]
         if self._was_carried:
             return Outcome.MOVED
         if (has_arrived := self._body.has_arrived) is not None:
             if not has_arrived:
-                _log.warning("Nav2 did not reach the goal %s: %s", place_name(place[:2]), self._body.why_ended())
+                _log.warning("Nav2 did not reach the goal %s: %s", place_name(goal[:2]), self._body.why_ended())
             return Outcome.REACHED if has_arrived else Outcome.BLOCKED
         return Outcome.STUCK if self._time > latest else None
 
-    def _in_odom(self, place: Place) -> Place:
-        """(3,) x and y, m, and heading, rad, converted from ``map`` to ``odom``."""
-        x, y, heading = place
+    def _in_odom(self, goal: Values) -> Values:
+        """A goal, (3,) x and y, m, and heading, rad, converted from ``map`` to ``odom``."""
+        x, y, heading = goal
         T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
         return np.append(T[:2, 3], yaw_of(T))
 
-    def _has_shifted(self, sent: Place, place: Place) -> bool:
-        """Whether the map was corrected so much that a goal must be sent again."""
-        way, turn = np.linalg.norm(place[:2] - sent[:2]), abs(wrap_angle(place[2] - sent[2]))
-        return bool(way > self._nav2.moved or turn > self._nav2.turned)
+    def _has_shifted(self, sent: Values, corrected: Values) -> bool:
+        """Whether the map was corrected so much that a goal, (3,) in ``odom``, must be sent again."""
+        shift, turn = np.linalg.norm(corrected[:2] - sent[:2]), abs(wrap_angle(corrected[2] - sent[2]))
+        return bool(shift > self._nav2.moved or turn > self._nav2.turned)

@@ -23,7 +23,7 @@ class RosNode:
     """Publishes and receives messages until it is closed; it listens in a separate thread.
 
     Attributes:
-        idle: function that is called repeatedly in the listening thread.
+        on_idle: function that is called repeatedly in the listening thread.
         now: function that returns the time on a monotonic clock, s.
         received: condition that is held while a message is handled and notified afterwards.
     """
@@ -44,7 +44,7 @@ class RosNode:
         if not network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         rclpy = _rclpy()
-        self.idle: Callable[[], None] = lambda: None
+        self.on_idle: Callable[[], None] = lambda: None
         self.now, self._config = monotonic, config
         self._publishers: dict[str, Any] = {}
         self.received, self._closing = Condition(), Event()
@@ -70,7 +70,7 @@ class RosNode:
         while not self._closing.is_set():
             try:
                 self._executor.spin_once(timeout_sec=self._config.idle)
-                self.idle()
+                self.on_idle()
             except Exception as error:
                 # This thread stops a robot that gets no commands, so it must go on.
                 self._failure = error
@@ -125,7 +125,7 @@ class RosNode:
             durability=qos.DurabilityPolicy.BEST_AVAILABLE if is_published else qos.DurabilityPolicy.VOLATILE,
         )
 
-        def heard(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             with self.received:
                 try:
                     take(data)
@@ -133,7 +133,7 @@ class RosNode:
                     raise InputError(f"{topic}: a message is not a valid {name}: {one_line(error)}") from error
                 self.received.notify_all()
 
-        self._node.create_subscription(kind, topic, heard, profile, raw=True)
+        self._node.create_subscription(kind, topic, receive, profile, raw=True)
 
     def action(self, name: str, kind: str) -> Action:
         """An action that another node serves; InputError if its type, ``package/action/Name``, is not installed."""

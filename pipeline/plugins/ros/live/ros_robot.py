@@ -20,9 +20,9 @@ from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
-ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
-TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-TRANSFORM, TRANSFORM_TYPE = "/camera/transform", "geometry_msgs/msg/TransformStamped"
+ODOMETRY_TYPE, IMU_TYPE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
+TWIST_TYPE, STAMPED_TYPE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+TRANSFORM_TOPIC, TRANSFORM_TYPE = "/camera/transform", "geometry_msgs/msg/TransformStamped"
 """Topic of a transform, used where tf2_msgs is not installed, and its type."""
 
 
@@ -31,6 +31,7 @@ class RosRobot:
 
     Attributes:
         model: the robot's size and abilities.
+        topics: names of the robot's topics.
         control_period: control period, s.
         sensor: range and noise of the camera; None if neither its name nor the settings determine them.
     """
@@ -61,19 +62,20 @@ class RosRobot:
             config: settings of robots on a network.
 
         Raises:
-            InputError: a necessary topic, subscriber or transform is missing, or a topic has the wrong type.
+            InputError: a necessary topic, subscriber or transform is missing, or a topic is silent or has the wrong
+                type.
         """
         self.model, self.topics = model, topics
         self._on_motion, self._config = on_motion, config
         self._node, self._patience = node, patience
         self._senses = SensorReceiver(model.half_width, config)
         self._heard: dict[str, float] = {}
-        self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
+        self._last_command, self._command_time, self._is_driving = Velocity(), -np.inf, False
         self._frame_time = -np.inf
         self._anchor, self._ignored_for = np.eye(4), 0.0
-        self._find(wait)
+        self._connect(wait)
         with node.received:
-            self._camera, period = self._senses.camera(topics.depth, topics.color), self._senses.period
+            self._camera, period = self._senses.camera(topics.depth, topics.color), self._senses.odometry_period
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
         self.sensor = self._senses.sensor
         if self.sensor is not None:
@@ -81,9 +83,9 @@ class RosRobot:
         if self._camera.note:
             _log.warning("%s", self._camera.note)
         self.control_period = round(max(config.min_period, period), 4)
-        node.idle = self._rest
+        node.on_idle = self._on_idle
 
-    def _find(self, wait: float) -> None:
+    def _connect(self, wait: float) -> None:
         """Wait for all necessary topics, up to ``wait`` s longer than ``patience``, and subscribe to them."""
         node, topics, senses = self._node, self.topics, self._senses
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
@@ -95,7 +97,7 @@ class RosRobot:
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("waiting for the robot: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
-                others = "" if all(map(node.publishers, needed)) else self._others(needed)
+                others = "" if all(map(node.publishers, needed)) else self._alternatives(needed)
                 raise InputError(f"no robot found within {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(publishers := node.publishers(topic)) > 1:
@@ -105,9 +107,13 @@ class RosRobot:
         self._subscribe(topics.depth, senses.take_depth(depth), depth)
         self._subscribe(topics.color, senses.take_colour(colour), colour)
         self._subscribe(topics.camera_info, senses.take_info, self._type_of(topics.camera_info, INFO_TYPE))
-        self._subscribe(topics.odom, senses.take_odometry, self._type_of(topics.odom, ODOMETRY))
+        self._subscribe(topics.odom, senses.take_odometry, self._type_of(topics.odom, ODOMETRY_TYPE))
         self._subscribe_to_others()
-        self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+        self._wait(
+            lambda: (
+                senses.info is not None and senses.pose_count >= self._config.starting and self._has_frame(-np.inf)
+            )
+        )
 
     def _type_of(self, topic: str, *expected: str) -> str:
         """The type of a topic's messages, the first of the ``expected`` types; InputError if it has none of them."""
@@ -122,29 +128,34 @@ class RosRobot:
         return [] if self._node.subscribers(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
-        self._kind = self._type_of(self.topics.cmd_vel, STAMPED, TWIST)
+        self._kind = self._type_of(self.topics.cmd_vel, STAMPED_TYPE, TWIST_TYPE)
         self._node.advertise(self.topics.cmd_vel, self._kind)
 
     def _subscribe_to_others(self) -> None:
         """Subscribe to topics that not every robot has: IMU, transforms and camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
-        def places() -> list[str]:
+        def transform_topics() -> list[str]:
             sent = {topic: names[0] for topic, names in node.types().items() if node.publishers(topic)}
-            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (
-                sent.get(TRANSFORM) == TRANSFORM_TYPE
+            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM_TOPIC] * (
+                sent.get(TRANSFORM_TOPIC) == TRANSFORM_TYPE
             )
 
         # These topics may not be discovered yet.
-        node.wait(lambda: bool(node.publishers(topics.imu)) and bool(places()), self._config.discovery_timeout)
-        takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
+        node.wait(
+            lambda: bool(node.publishers(topics.imu)) and bool(transform_topics()), self._config.discovery_timeout
+        )
+        takers = {
+            name: senses.take_transform if name == TRANSFORM_TOPIC else senses.take_transforms
+            for name in transform_topics()
+        }
         of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
         if of_colour not in (None, topics.camera_info):
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
         if node.publishers(topics.imu):
-            self._type_of(topics.imu, IMU)
-        elif imus := self._sent(IMU):
+            self._type_of(topics.imu, IMU_TYPE)
+        elif imus := self._published(IMU_TYPE):
             _log.warning("nothing publishes %s; to use %s instead, set --topics.imu", topics.imu, " or ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
@@ -152,23 +163,23 @@ class RosRobot:
                     self._subscribe(topic, take)
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery_timeout)
 
-    def _others(self, needed: Sequence[str]) -> str:
+    def _alternatives(self, needed: Sequence[str]) -> str:
         """The published topics that a user may have meant instead of ``needed``, as part of an error message."""
-        there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
+        there = [topic for topic in self._published(*IMAGE_TYPES, INFO_TYPE, ODOMETRY_TYPE) if topic not in needed]
         return f"; published instead: {', '.join(there)}; choose with the --topics flags" if there else ""
 
-    def _sent(self, *kinds: str) -> list[str]:
+    def _published(self, *kinds: str) -> list[str]:
         """The topics on which messages of given types are published."""
         return sorted(
             topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.publishers(topic)
         )
 
     def _subscribe(self, topic: str, take: Callable[[bytes], None], kind: str | None = None) -> None:
-        def heard(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             self._heard[topic] = self._node.now()
             take(data)
 
-        self._node.subscribe(topic, heard, kind)
+        self._node.subscribe(topic, receive, kind)
         self._heard.setdefault(topic, -np.inf)
 
     def _camera_pose(self) -> Pose:
@@ -192,16 +203,16 @@ class RosRobot:
         """
         senses, start, timeout = self._senses, self._senses.time, self._config.command_timeout
         after = max(start - timeout / 2, self._frame_time)
-        while self._last != Velocity() and not self._sees(after) and senses.time - start < timeout:
-            self.drive(self._last)
-        self._wait(lambda: self._sees(after))
+        while self._last_command != Velocity() and not self._has_frame(after) and senses.time - start < timeout:
+            self.drive(self._last_command)
+        self._wait(lambda: self._has_frame(after))
         with self._node.received:
-            self._frame_time = senses.newest(after) or after
+            self._frame_time = senses.newest_frame_time(after) or after
             return senses.frame(self._frame_time, self._camera, self._T_base_camera)
 
-    def _sees(self, after: float) -> bool:
+    def _has_frame(self, after: float) -> bool:
         with self._node.received:
-            return self._senses.newest(after) is not None
+            return self._senses.newest_frame_time(after) is not None
 
     def drive(self, command: Velocity) -> Motion:
         """Send ``command``, and wait until the odometry has advanced by a control period.
@@ -236,15 +247,17 @@ class RosRobot:
         self._send(Velocity())
 
     def _send(self, command: Velocity) -> None:
-        self._last, self._commanded = command, self._senses.time
+        self._last_command, self._command_time = command, self._senses.time
         time = max(0.0, self._senses.time)
-        message = messages.velocity_stamped(time, command) if self._kind == STAMPED else messages.velocity(command)
+        message = (
+            messages.velocity_stamped(time, command) if self._kind == STAMPED_TYPE else messages.velocity(command)
+        )
         self._node.publish(self.topics.cmd_vel, time, message)
 
-    def _rest(self) -> None:
-        """Stop a robot that gets no commands because the pipeline is computing; called as the node's ``idle``."""
-        silence = self._senses.time - self._commanded
-        if not self._is_driving and self._last != Velocity() and silence > self._config.command_timeout:
+    def _on_idle(self) -> None:
+        """Stop a robot that gets no commands because the pipeline is computing; called as the node's ``on_idle``."""
+        silence = self._senses.time - self._command_time
+        if not self._is_driving and self._last_command != Velocity() and silence > self._config.command_timeout:
             self._send(Velocity())
 
     def _check_obeyed(self, command: Velocity, motion: Motion, elapsed: float) -> None:

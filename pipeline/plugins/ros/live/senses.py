@@ -22,7 +22,7 @@ from pipeline.plugins.ros.messages import decode, time_of
 from pipeline.robot import Motion
 from pipeline.sensor import SensorModel
 
-SETTINGS = "ros.live.depth_range", "ros.live.depth_noise"  # Names in a settings file
+SETTING_NAMES = "ros.live.depth_range", "ros.live.depth_noise"  # Names in a settings file
 
 
 class SensorReceiver:
@@ -106,12 +106,12 @@ class SensorReceiver:
         return self._poses[-1][0] if self._poses else -np.inf
 
     @property
-    def period(self) -> float:
+    def odometry_period(self) -> float:
         """The median time between successive odometry messages, s."""
         return float(np.median(np.diff([time for time, _ in self._poses])))
 
     @property
-    def poses(self) -> int:
+    def pose_count(self) -> int:
         """Number of odometry poses that are kept."""
         return len(self._poses)
 
@@ -144,10 +144,10 @@ class SensorReceiver:
         named = camera_named([depth, of_depth.frame, of_colour.frame])
         if named is not None or any(self._given_sensor):
             sensor = UNNAMED if named is None else named[0].sensor
-            self.sensor = with_flags(sensor, *self._given_sensor, names=SETTINGS)
+            self.sensor = with_flags(sensor, *self._given_sensor, names=SETTING_NAMES)
         return camera
 
-    def newest(self, after: float) -> float | None:
+    def newest_frame_time(self, after: float) -> float | None:
         """The time, s, of the newest depth image after ``after`` s with a colour image and a pose, or None."""
         colours = np.array([time for time, *_ in self._colour])
         for time, *_ in reversed(self._depth):
@@ -158,7 +158,12 @@ class SensorReceiver:
         return None
 
     def frame(self, time: float, camera: RgbdCamera, T_base_camera: Pose) -> Frame:
-        """The frame at ``time``, s, which :meth:`newest` has returned, of a camera with a given pose on the robot.
+        """The frame at a time that :meth:`newest_frame_time` has returned.
+
+        Args:
+            time: time of the frame, s.
+            camera: the camera that took the images.
+            T_base_camera: pose of the camera on the robot.
 
         Raises:
             InputError: the images have an unknown encoding or a wrong size, or are broken.

@@ -31,7 +31,7 @@ def test_others_read_the_cloud(path):
 
 
 def test_normals_point_to_where_the_robot_was(path):
-    normals, points = read_cloud(path).points(NORMAL), room_points()
+    normals, points = read_cloud(path).rows(NORMAL), room_points()
     is_floor = np.abs(points).max(axis=1) < 1.8
     np.testing.assert_allclose(normals[is_floor & (points[:, 2] == 0)], [[0, 0, 1]] * is_floor.sum(), atol=0.01)
     is_east = (points[:, 0] == 2) & (np.abs(points[:, 1]) < 1.8) & (points[:, 2] > 0.3)
@@ -71,4 +71,4 @@ def test_a_cloud_in_good_form_has_no_faults(tmp_path):
     (tmp_path / "a.ply").write_text(PLY + "0 0 0\n1 2 3\n")
     read = read_cloud(tmp_path / "a.ply")
     assert read.errors == []
-    np.testing.assert_array_equal(read.points(), [[0, 0, 0], [1, 2, 3]])
+    np.testing.assert_array_equal(read.rows(), [[0, 0, 0], [1, 2, 3]])

@@ -56,7 +56,7 @@ def test_a_judge_rejects_nothing(files):
 
 
 def test_the_origin_is_at_the_robots_front_and_it_looks_along_y(files):
-    points = read_cloud(files[1]).points()
+    points = read_cloud(files[1]).rows()
     is_wall = points[:, 2] > 0.2
     np.testing.assert_allclose(np.median(points[is_wall, 1]), 2.2 - PIONEER.half_length, atol=0.01)
     np.testing.assert_allclose(np.median(points[~is_wall & (points[:, 1] < 1.5), 2]), 0, atol=0.01)

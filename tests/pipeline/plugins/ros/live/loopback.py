@@ -79,7 +79,7 @@ class End:
     def __init__(self, wire: Wire, name: str):
         self.wire, self.name = wire, name
         self.received = nullcontext()
-        self.idle: Callable[[], None] = lambda: None
+        self.on_idle: Callable[[], None] = lambda: None
         self.work: Callable[[], None] = lambda: None
 
     def now(self) -> float:
@@ -123,7 +123,7 @@ class End:
             if self.wire.time >= end:
                 return False
             self.work()
-            self.idle()
+            self.on_idle()
         return True
 
 
@@ -150,11 +150,11 @@ class RoomRobot:
         """Drive for a control period, which the wall's clock takes as well."""
         self.end.wire.time += self.body.control_period
         motion = self.body.drive(self._command)
-        self._topics.motion(motion)
+        self._topics.take_motion(motion)
         twist = Velocity(self._command.v, float(motion.gyro[2]))
-        self._topics.odometry(OdometrySample(motion.time, motion.T_odom_base, twist))
+        self._topics.take_odometry(OdometrySample(motion.time, motion.T_odom_base, twist))
         if self._periods % self._every == 0:
             frame = replace(painted(seen(self.body.T, self.body.T), self.body.T), time=motion.time)
             self.frames[motion.time] = frame
-            self._topics.frame(frame)
+            self._topics.take_frame(frame)
         self._periods += 1

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 
 SIDE = 64  # Side of a block, voxels: a multiple of the number that the kernels read and test together
 
-Key = tuple[int, int, int]
+BlockKey = tuple[int, int, int]
 VoxelWindow = tuple[slice, slice, slice]
 
 
@@ -23,22 +23,22 @@ class BlockArray:
 
     def __init__(self, max_bytes: int):
         self._max_bytes = max_bytes
-        self._blocks: dict[Key, NDArray[np.int8]] = {}
+        self._blocks: dict[BlockKey, NDArray[np.int8]] = {}
 
     @property
     def nbytes(self) -> int:
         """Memory of all blocks, bytes."""
         return len(self._blocks) * SIDE**3
 
-    def __contains__(self, key: Key) -> bool:
+    def __contains__(self, key: BlockKey) -> bool:
         """Whether this block exists."""
         return key in self._blocks
 
-    def __getitem__(self, key: Key) -> NDArray[np.int8]:
+    def __getitem__(self, key: BlockKey) -> NDArray[np.int8]:
         """(SIDE, SIDE, SIDE) int8 values of a block: the block itself, not a copy."""
         return self._blocks[key]
 
-    def reserve(self, keys: Iterable[Key]) -> None:
+    def reserve(self, keys: Iterable[BlockKey]) -> None:
         """Allocate the blocks that do not exist yet.
 
         Raises:
@@ -71,7 +71,7 @@ class BlockArray:
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:
         """An int8 copy of the box with a given first index (3,) and shape."""
         result = np.zeros(shape, np.int8)
-        for key, in_box, in_block in parts(lower, shape):
+        for key, in_box, in_block in block_parts(lower, shape):
             if key in self._blocks:
                 result[in_box] = self._blocks[key][in_block]
         return result
@@ -82,7 +82,9 @@ class BlockArray:
         Raises:
             InputError: the box would exceed the memory limit; nothing is written.
         """
-        written = [part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks]
+        written = [
+            part for part in block_parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks
+        ]
         self.reserve(key for key, _, _ in written)
         for key, in_box, in_block in written:
             self._blocks[key][in_block] = values[in_box]
@@ -95,18 +97,20 @@ class BlockArray:
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, VoxelWindow, VoxelWindow]]:
+def block_parts(
+    lower: NDArray[np.int64], shape: tuple[int, ...]
+) -> Iterator[tuple[BlockKey, VoxelWindow, VoxelWindow]]:
     """Cut a box, given by its first index (3,) and its shape, into one part per block.
 
     Yields:
         The block's key, and the part's slices in the box and in the block.
     """
-    axes = [_parts_of_axis(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
+    axes = [_axis_parts(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
     for (a, i, u), (b, j, v), (c, k, w) in product(*axes):
         yield (a, b, c), (i, j, k), (u, v, w)
 
 
-def _parts_of_axis(first: int, length: int) -> list[tuple[int, slice, slice]]:
+def _axis_parts(first: int, length: int) -> list[tuple[int, slice, slice]]:
     """The parts along one axis: index of the block, and slices in the box and in the block."""
     result = []
     for block in range(first // SIDE, -(-(first + length) // SIDE)):

@@ -11,7 +11,7 @@ WORD = np.dtype(np.uint64).itemsize
 
 @njit(cache=True)
 def box_around(points, block):
-    """First index (x, y, z) and shape of the box of whole blocks around (N, 3) points with a margin of a voxel."""
+    """First index (x, y, z) and shape of the box of whole blocks around points (N, 3), voxels, and a margin of 1."""
     lower, upper = points[0] - 1, points[0] + 1
     for n in range(1, len(points)):
         for axis in range(3):
@@ -41,7 +41,7 @@ def mark_ends(points, T_grid_camera, size, far, lower, marks):
 
 
 @njit(cache=True)
-def any_mark(words):
+def has_marks(words):
     """Whether a part of a scan, (nx, ny, nz / WORD) uint64, contains a mark."""
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):
@@ -73,6 +73,7 @@ def update_log_odds(words, log_odds, hit, miss, min_log_odds, max_log_odds):
 
 @njit(cache=True)
 def _update_word(word, log_odds, hit, miss, min_log_odds, max_log_odds):
+    """Add the marks of one word to the log-odds (WORD,) of the same voxels."""
     for n in range(WORD):
         mark = (word >> np.uint64(8 * n)) & np.uint64(0xFF)
         if mark != 0:

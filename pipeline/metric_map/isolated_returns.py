@@ -13,12 +13,12 @@ from pipeline.metric_map import isolated_returns_kernels as kernels
 
 REACH = 2
 """Maximum distance of a return's neighbours along rows and columns, pixels."""
-FEWEST_ALIKE = 2
+MIN_ALIKE = 2
 """Minimum number of neighbours that must have a similar depth."""
 
 
 def remove_isolated_returns(frame: Frame) -> Frame:
     """The frame without the returns that have too few neighbours of similar depth in the image."""
     same_surface = np.float32(frame.sensor.same_surface)
-    depth = kernels.remove_isolated_returns(frame.depth, REACH, same_surface, FEWEST_ALIKE)
+    depth = kernels.remove_isolated_returns(frame.depth, REACH, same_surface, MIN_ALIKE)
     return replace(frame, depth=depth)

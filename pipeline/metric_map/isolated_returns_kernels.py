@@ -5,8 +5,8 @@ from numba import njit
 
 
 @njit(cache=True)
-def remove_isolated_returns(depth, reach, tolerance, least):
-    """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` neighbours have a similar depth.
+def remove_isolated_returns(depth, reach, tolerance, min_alike):
+    """A copy of ``depth`` (H, W), m, with 0 where fewer than ``min_alike`` neighbours have a similar depth.
 
     Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most the fraction
     ``tolerance``.
@@ -21,7 +21,7 @@ def remove_isolated_returns(depth, reach, tolerance, least):
             for j in range(max(v - reach, 0), min(v + reach + 1, height)):
                 for i in range(max(u - reach, 0), min(u + reach + 1, width)):
                     alike += abs(depth[j, i] - z) <= tolerance * z
-                if alike >= least:
+                if alike >= min_alike:
                     result[v, u] = z
                     break
     return result

@@ -13,10 +13,10 @@ from pipeline.arrays import Boxes, Cells, Depth, Direction, Mask, MaskLayer, Pla
 from pipeline.errors import InputError, required
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid, check_memory
-from pipeline.metric_map.blocks import BlockArray, parts
+from pipeline.metric_map.blocks import BlockArray, block_parts
 from pipeline.metric_map.config import MetricMapConfig
-from pipeline.metric_map.grid_kernels import WORD, any_mark, update_log_odds
-from pipeline.metric_map.updates import Scan, Updater
+from pipeline.metric_map.grid_kernels import WORD, has_marks, update_log_odds
+from pipeline.metric_map.updates import Scan, ScanBuilder
 from pipeline.transforms import FARTHEST, POSE, are_poses
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: the probability that it is free
@@ -42,7 +42,7 @@ class MetricMap:
         self.corner: Place = np.array(config.offset) * config.voxel_size
         self._log_odds = BlockArray(config.max_bytes)
         self._rebuilding: tuple[Grid, MaskLayer] | None = None
-        self._updater = Updater(config)
+        self._scan_builder = ScanBuilder(config)
 
     @property
     def nbytes(self) -> int:
@@ -93,11 +93,11 @@ class MetricMap:
                 unchanged.
         """
         _check_image(depth, intrinsics)
-        T_grid_camera = _rigid(T_map_camera)
+        T_grid_camera = _checked_pose(T_map_camera)
         T_grid_camera[:3, 3] -= self.corner
         ends = np.zeros((0, 3), np.float32) if returns is None else returns - self.corner.astype(np.float32)
         self._add_scan(
-            self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends)
+            self._scan_builder.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends)
         )
 
     def stride(self, intrinsics: Intrinsics) -> int:
@@ -114,17 +114,17 @@ class MetricMap:
         Raises:
             InputError: a shape is wrong, the origin is out of range, or the map is full. The map is unchanged.
         """
-        cloud, start = _points(points), np.asarray(origin, np.float64)
+        cloud, start = _checked_points(points), np.asarray(origin, np.float64)
         if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
             limits = f"three numbers from -{FARTHEST:.0f} to {FARTHEST:.0f} m"
             raise InputError(f"the origin of a point cloud must be {limits}, not {start.tolist()}")
         cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
-            self._add_scan(self._updater.trace(cloud, start - self.corner))
+            self._add_scan(self._scan_builder.trace(cloud, start - self.corner))
 
     def voxel_index(self, points: ArrayLike) -> Cells:
-        """(N, 3) indices of the voxels that contain points (N, 3) in ``map``, m."""
-        return np.floor((_points(points) - self.corner) / self.voxel_size).astype(np.int64)
+        """(N, 3) indices of the voxels that contain points (N, 3) in ``map``, m; InputError for another shape."""
+        return np.floor((_checked_points(points) - self.corner) / self.voxel_size).astype(np.int64)
 
     def voxel_centre(self, index: Cells) -> Points:
         """(N, 3) centres in ``map``, m, of voxels with indices (N, 3)."""
@@ -188,7 +188,7 @@ class MetricMap:
         is_open = (before == FREE) | (before == OCCUPIED) & (next_before == FREE)
         return (self.p_free_at(points) == OCCUPIED) & is_open
 
-    def are_free_along(
+    def are_sightlines_free(
         self,
         starts: Places,
         end: Place,
@@ -198,7 +198,7 @@ class MetricMap:
         step: float | None = None,
         may_be_unknown: bool = False,
     ) -> Mask:
-        """(N,) whether the line of sight from each of ``starts`` towards ``end`` is free until it reaches the target.
+        """(N,) whether the line of sight from each of ``starts`` to ``end`` is free, at least up to the target.
 
         Args:
             starts, end: (N, 3) and (3,) ends of the lines in ``map``, m.
@@ -247,9 +247,9 @@ class MetricMap:
             scan.marks[~self._are_rebuilt(scan.lower, scan.marks.shape)] = 0
         words = scan.marks.view(np.uint64)  # Eight marks each
         marked = []
-        for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
+        for key, (i, j, k), in_block in block_parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]
-            if key in self._log_odds or any_mark(part):
+            if key in self._log_odds or has_marks(part):
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
         c = self.config
@@ -267,14 +267,14 @@ def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
         raise InputError(f"the principal point must be within ±1e6 pixels, not {intrinsics.cx}, {intrinsics.cy}")
 
 
-def _rigid(T: Pose) -> Pose:
-    """A float64 copy of a pose; InputError if it is not a pose."""
+def _checked_pose(T: Pose) -> Pose:
+    """A float64 copy of a matrix; InputError if the matrix is not a pose."""
     if np.ndim(T) != 2 or not are_poses(T):
         raise InputError(f"the pose of a depth image must be {POSE}")
     return np.array(T, np.float64)
 
 
-def _points(points: ArrayLike) -> NDArray[np.float64]:
+def _checked_points(points: ArrayLike) -> NDArray[np.float64]:
     cloud = np.asarray(points, np.float64)
     if cloud.ndim != 2 or cloud.shape[1] != 3:
         raise InputError(f"points must have shape (N, 3), not {cloud.shape}")

@@ -16,15 +16,16 @@ from pipeline.metric_map.grid_kernels import WORD
 
 BLOCK = WORD
 """Side of the blocks of voxels that are tested together, voxels."""
-SIDE = BLOCK + 1
+CORNERS_PER_SIDE = BLOCK + 1
 """Number of voxel corners along a side of a block."""
-CORNERS = -(-(SIDE**3) // 64) * 64
+CORNER_COUNT = -(-(CORNERS_PER_SIDE**3) // 64) * 64
 """Number of corners in a block, padded with copies of the last one to a multiple of 64, which fills whole vectors."""
 SEEN, HIDDEN = np.uint8(1), np.uint8(2)
+"""Flags of corners and voxels, see :func:`_flag_corners` and :func:`_join_corners`."""
 TILE = 8
 """Side of the tiles of the depth pyramid's finest level, pixels."""
 
-TOO_NEAR = np.finfo(np.float32).eps
+MIN_DEPTH = np.finfo(np.float32).eps
 """Depth below which nothing is visible, m."""
 
 
@@ -35,7 +36,7 @@ class DepthCamera(NamedTuple):
     fy: float
     cx: float
     cy: float
-    far: float
+    max_depth: float
     """Depth up to which returns are end points, m; the rays of deeper returns free space up to this depth."""
     margin: float
     """Difference in depth, m, between the end of a ray and the point up to which the ray frees space."""
@@ -45,19 +46,19 @@ class DepthCamera(NamedTuple):
     """(3, 3) the camera's x, y and z axes (rows) in the map, voxels per metre."""
     size: float
     """Side of a voxel, m."""
-    narrow: float
+    narrow_depth: float
     """Depth up to which the field of view can pass between the corners of voxels, voxels."""
 
 
 @njit(cache=True, nogil=True)
-def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
+def mark_depth_image(depth, pinhole, pose, size, max_depth, margin, narrow_depth, marks, flat, high):
     """Mark the voxels in which rays end as HIT, and the voxels that rays only cross as FREE.
 
     Args:
         depth: (H, W) float32, m; a value that is not positive and finite means no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation from camera axes to map axes, and the optical centre in the box, voxels.
-        size, far, margin, narrow: see :class:`DepthCamera`.
+        size, max_depth, margin, narrow_depth: see :class:`DepthCamera`.
         marks: (nx, ny, nz) uint8 zeros, whole blocks that contain the view frustum.
         flat: the same marks in C order, and a last element that takes the marks of pixels without an end point.
         high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, which is filled.
@@ -65,7 +66,7 @@ def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size, narrow)
+    camera = DepthCamera(fx, fy, cx, cy, max_depth, margin, origin, axes, size, narrow_depth)
     _mark_returns(depth, camera, marks.shape, flat, high[0])
     _build_pyramid(high)
     _mark_narrow(depth, camera, marks)
@@ -77,7 +78,7 @@ def _mark_returns(depth, camera, shape, flat, high):
     """Mark the voxel of each return as HIT, and fill ``high`` with the greatest depth of each tile (0: no return)."""
     height, width = depth.shape
     nowhere = np.int32(flat.size - 1)
-    far = np.float32(camera.far)
+    max_depth = np.float32(camera.max_depth)
     ny, nz = np.int32(shape[1]), np.int32(shape[2])
     origin, step = camera.origin.astype(np.float32), (camera.axes[0] / camera.fx).astype(np.float32)
     first = _first_of_rows(height, camera)
@@ -85,11 +86,11 @@ def _mark_returns(depth, camera, shape, flat, high):
     deepest = np.zeros(high.shape[1] * TILE, np.float32)
     for top in range(0, height, TILE):
         for v in range(top, min(top + TILE, height)):
-            _voxels_of_row(depth[v], far, first[v], step, origin, ny, nz, nowhere, index)
+            _voxels_of_row(depth[v], max_depth, first[v], step, origin, ny, nz, nowhere, index)
             for u in range(width):
                 flat[np.uint32(index[u])] = HIT
         _deepest_of_columns(depth, top, deepest)
-        _deepest_of_tiles(deepest, far, high[top // TILE])
+        _deepest_of_tiles(deepest, max_depth, high[top // TILE])
     flat[nowhere] = 0
 
 
@@ -106,7 +107,7 @@ def _first_of_rows(height, camera):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
+def _voxels_of_row(row, max_depth, first, step, origin, ny, nz, nowhere, index):
     """Fill ``index`` with the flat voxel index of each return in an image row, and ``nowhere`` for other pixels."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
@@ -114,7 +115,7 @@ def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
     b0, b1, b2 = step[0], step[1], step[2]
     for u in range(row.size):
         column = np.float32(np.int32(u))
-        ends = (row[u] > zero) & (row[u] <= far)
+        ends = (row[u] > zero) & (row[u] <= max_depth)
         d = row[u] if ends else zero
         i = np.int32(o0 + d * (a0 + b0 * column))
         j = np.int32(o1 + d * (a1 + b1 * column))
@@ -126,7 +127,7 @@ def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
 
 @njit(cache=True)
 def _deepest_of_columns(depth, top, deepest):
-    """Fill ``deepest`` with the greatest depth of each column of a row of tiles."""
+    """Fill ``deepest`` with the greatest depth, m, of each column of the row of tiles that begins at row ``top``."""
     height, width = depth.shape
     for u in range(width):
         # Every element is written unconditionally: without AVX-512, conditional stores are not vectorised.
@@ -138,15 +139,15 @@ def _deepest_of_columns(depth, top, deepest):
 
 
 @njit(cache=True)
-def _deepest_of_tiles(deepest, far, high):
-    """Fill ``high`` with the greatest depth, at most ``far``, of each tile in a row of tiles.
+def _deepest_of_tiles(deepest, max_depth, high):
+    """Fill ``high`` with the greatest depth, at most ``max_depth``, of each tile in a row of tiles.
 
     ``deepest``: greatest depth of each column of the row of tiles.
     """
     for t in range(high.size):
         c = deepest[t * TILE : (t + 1) * TILE]
         greatest = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])))
-        high[t] = min(greatest, far)
+        high[t] = min(greatest, max_depth)
 
 
 @njit(cache=True)
@@ -167,11 +168,14 @@ def _build_pyramid(high):
 
 @njit(cache=True)
 def _mark_narrow(depth, camera, marks):
-    """Trace a few rays where the view frustum is narrow: close to the camera, and along its four edges."""
+    """Trace a few rays where the view frustum is narrow: close to the camera, and along the frustum's four edges."""
     height, width = depth.shape
     x, y, z = camera.origin
     ax = camera.axes
-    rows, columns = _rays_across(height, camera.fy, camera.narrow), _rays_across(width, camera.fx, camera.narrow)
+    rows, columns = (
+        _rays_across(height, camera.fy, camera.narrow_depth),
+        _rays_across(width, camera.fx, camera.narrow_depth),
+    )
     for i in range(rows):
         v = i * (height - 1) // (rows - 1)
         b = (v + 0.5 - camera.cy) / camera.fy
@@ -181,9 +185,9 @@ def _mark_narrow(depth, camera, marks):
             d = depth[v, u]
             if not 0 < d < np.inf:
                 continue
-            reach = min(d, camera.far) - camera.margin
+            reach = min(d, camera.max_depth) - camera.margin
             if i % (rows - 1) != 0 or j % (columns - 1) != 0:
-                reach = min(reach, camera.narrow * camera.size)
+                reach = min(reach, camera.narrow_depth * camera.size)
             if reach > 0:
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
@@ -192,9 +196,9 @@ def _mark_narrow(depth, camera, marks):
 
 
 @njit(cache=True)
-def _rays_across(pixels, focal, narrow):
-    """Number of rays across an image axis that are at most a voxel apart up to a depth of ``narrow`` voxels."""
-    return max(min(int(np.ceil(narrow * pixels / focal)) + 1, pixels), 2)
+def _rays_across(pixels, focal, narrow_depth):
+    """Number of rays across an image axis that are at most a voxel apart up to a depth of ``narrow_depth`` voxels."""
+    return max(min(int(np.ceil(narrow_depth * pixels / focal)) + 1, pixels), 2)
 
 
 @njit(cache=True)
@@ -209,13 +213,13 @@ def _mark_free(depth, camera, marks, high):
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
-    sides = _sides(depth.shape, camera) @ metric
+    sides = _view_normals(depth.shape, camera) @ metric
     spread, room = np.abs(metric).sum(axis=1) * (0.5 * BLOCK), np.abs(sides).sum(axis=1) * (0.5 * BLOCK)
     middle = metric.sum(axis=1) * (0.5 * BLOCK)
     pixels = depth.reshape(-1)
-    pixel, deep = np.empty(CORNERS, np.int32), np.empty(CORNERS, np.float32)
-    reach = np.empty(CORNERS, np.float32)
-    seen = np.zeros(CORNERS + SIDE * SIDE, np.uint8)
+    pixel, deep = np.empty(CORNER_COUNT, np.int32), np.empty(CORNER_COUNT, np.float32)
+    reach = np.empty(CORNER_COUNT, np.float32)
+    seen = np.zeros(CORNER_COUNT + CORNERS_PER_SIDE * CORNERS_PER_SIDE, np.uint8)
     for i in range(0, marks.shape[0], BLOCK):
         for j in range(0, marks.shape[1], BLOCK):
             for k in range(0, marks.shape[2], BLOCK):
@@ -227,13 +231,13 @@ def _mark_free(depth, camera, marks, high):
                 w = metric[2, 0] * x + metric[2, 1] * y + metric[2, 2] * z
                 if _may_be_seen(r + middle[0], d + middle[1], w + middle[2], spread, depth.shape, camera, high):
                     _project_corners(r, d, w, offsets, depth.shape, camera, pixel, deep)
-                    if _see_corners(pixels, camera, pixel, deep, reach, seen):
+                    if _flag_corners(pixels, camera, pixel, deep, reach, seen):
                         _join_corners(seen)
                         _mark_block(seen, marks[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK])
 
 
 @njit(cache=True)
-def _sides(shape, camera):
+def _view_normals(shape, camera):
     """(5, 3) inward normals, in camera axes, of planes through the optical centre that bound the field of view."""
     left, top = camera.cx / camera.fx, camera.cy / camera.fy
     right, bottom = shape[1] / camera.fx - left, shape[0] / camera.fy - top
@@ -252,10 +256,14 @@ def _lies_outside(x, y, z, sides, room):
 @njit(cache=True)
 def _corner_offsets(metric):
     """(3, CORNERS) float32 vectors from a block's first corner to its voxels' corners, in camera axes, m."""
-    offsets = np.empty((3, CORNERS), np.float32)
-    for n in range(CORNERS):
-        corner = min(n, SIDE**3 - 1)
-        i, j, k = corner // (SIDE * SIDE), corner // SIDE % SIDE, corner % SIDE
+    offsets = np.empty((3, CORNER_COUNT), np.float32)
+    for n in range(CORNER_COUNT):
+        corner = min(n, CORNERS_PER_SIDE**3 - 1)
+        i, j, k = (
+            corner // (CORNERS_PER_SIDE * CORNERS_PER_SIDE),
+            corner // CORNERS_PER_SIDE % CORNERS_PER_SIDE,
+            corner % CORNERS_PER_SIDE,
+        )
         for axis in range(3):
             offsets[axis, n] = metric[axis, 0] * i + metric[axis, 1] * j + metric[axis, 2] * k
     return offsets
@@ -264,18 +272,21 @@ def _corner_offsets(metric):
 @njit(cache=True)
 def _may_be_seen(r, d, w, spread, shape, camera, high):
     """False if the cuboid (r, d, w) ± spread, m in camera axes, lies outside the image or behind all returns."""
-    near, deep = max(w - spread[2], TOO_NEAR), max(w + spread[2], TOO_NEAR)
-    if near + camera.margin >= camera.far:
+    near, deep = max(w - spread[2], MIN_DEPTH), max(w + spread[2], MIN_DEPTH)
+    if near + camera.margin >= camera.max_depth:
         return False
-    u0, u1 = _interval(r, spread[0], near, deep, camera.fx, camera.cx)
-    v0, v1 = _interval(d, spread[1], near, deep, camera.fy, camera.cy)
+    u0, u1 = _pixel_interval(r, spread[0], near, deep, camera.fx, camera.cx)
+    v0, v1 = _pixel_interval(d, spread[1], near, deep, camera.fy, camera.cy)
     if u0 >= shape[1] or v0 >= shape[0] or u1 < 0 or v1 < 0:
         return False
-    return _deepest(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1)) > near + camera.margin
+    return (
+        _depth_bound(high, max(u0, 0), min(u1, shape[1] - 1), max(v0, 0), min(v1, shape[0] - 1))
+        > near + camera.margin
+    )
 
 
 @njit(cache=True)
-def _interval(x, half, near, deep, focal, centre):
+def _pixel_interval(x, half, near, deep, focal, centre):
     """First and last pixel along an image axis whose rays can meet a cuboid x ± half between depths near and deep."""
     a, b = x - half, x + half
     first = a / near if a < 0 else a / deep
@@ -284,7 +295,7 @@ def _interval(x, half, near, deep, focal, centre):
 
 
 @njit(cache=True)
-def _deepest(high, u0, u1, v0, v1):
+def _depth_bound(high, u0, u1, v0, v1):
     """An upper bound on the depth of the pixels u0..u1 × v0..v1, m, from at most 3 × 3 tiles."""
     level, shift = 0, 3
     while (u1 >> shift) - (u0 >> shift) > 2 or (v1 >> shift) - (v0 >> shift) > 2:
@@ -304,7 +315,7 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
     zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
     right, bottom, row = np.float32(shape[1]), np.float32(shape[0]), np.int32(shape[1])
     rs, ds, ws = offsets[0], offsets[1], offsets[2]
-    for n in range(CORNERS):
+    for n in range(CORNER_COUNT):
         w = w0 + ws[n]
         scale = one / w
         u = (r0 + rs[n]) * scale * fx + cx
@@ -317,21 +328,21 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 
 @njit(cache=True)
-def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if a ray reaches the corner, HIDDEN if its return is missing or more than a voxel nearer.
+def _flag_corners(depth, camera, pixel, deep, reach, seen):
+    """Set ``seen`` to SEEN if a ray reaches the corner, to HIDDEN if its return is missing or over a voxel nearer.
 
     Returns whether any corner is SEEN.
     """
     # Fetching the depths in a separate loop lets the comparison be vectorised.
-    for n in range(CORNERS):
+    for n in range(CORNER_COUNT):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, margin, size = np.float32(camera.far), np.float32(camera.margin), np.float32(camera.size)
+    max_depth, margin, size = np.float32(camera.max_depth), np.float32(camera.margin), np.float32(camera.size)
     zero, infinity = np.float32(0), np.float32(np.inf)
     any_seen = np.uint8(0)
-    for n in range(CORNERS):
+    for n in range(CORNER_COUNT):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
-        d = d if d < far else far
+        d = d if d < max_depth else max_depth
         # Comparisons with NaN are false, so a corner outside the image is neither SEEN nor HIDDEN.
         is_seen = np.uint8(returns & (d - margin > deep[n]))
         is_hidden = np.uint8(((not returns) & (deep[n] > zero)) | (d + size < deep[n]))
@@ -343,11 +354,11 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
 @njit(cache=True)
 def _join_corners(seen):
     """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if the voxel is partly hidden."""
-    for n in range(CORNERS):
+    for n in range(CORNER_COUNT):
         foot, top = seen[n], seen[n + 1]
         seen[n] = ((foot | top) & SEEN) | (((foot & (top << 1)) | (top & (foot << 1))) & HIDDEN)
-    for stride in (SIDE, SIDE * SIDE):
-        for n in range(CORNERS):
+    for stride in (CORNERS_PER_SIDE, CORNERS_PER_SIDE * CORNERS_PER_SIDE):
+        for n in range(CORNER_COUNT):
             seen[n] |= seen[n + stride]
 
 
@@ -357,5 +368,5 @@ def _mark_block(seen, marks):
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):
-                is_free = seen[(i * SIDE + j) * SIDE + k] == SEEN
+                is_free = seen[(i * CORNERS_PER_SIDE + j) * CORNERS_PER_SIDE + k] == SEEN
                 marks[i, j, k] = FREE if is_free & (marks[i, j, k] == 0) else marks[i, j, k]

@@ -12,10 +12,10 @@ from pipeline.frame import Intrinsics
 from pipeline.geometry.ray_kernels import trace_rays
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.grid_kernels import box_around, mark_ends
-from pipeline.metric_map.projection_kernels import BLOCK, TILE, observe
+from pipeline.metric_map.projection_kernels import BLOCK, TILE, mark_depth_image
 from pipeline.transforms import transform_places
 
-NARROW = 6.0
+NARROW_DEPTH = 6.0
 """Depth up to which rays are traced, voxels, because the view is narrow enough to pass between corners there."""
 
 
@@ -34,7 +34,7 @@ class Scan:
     flat: NDArray[np.uint8]
 
 
-class Updater:
+class ScanBuilder:
     """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) begins at the origin.
 
     A scan is valid only until the next one, because all scans share a buffer to save allocations.
@@ -43,7 +43,7 @@ class Updater:
     def __init__(self, config: MetricMapConfig) -> None:
         self._config = config
         self._max_bytes = min(config.max_bytes, np.iinfo(np.int32).max)  # the kernels count marks in 32 bits
-        self._memory = np.zeros(0, np.uint8)
+        self._buffer = np.zeros(0, np.uint8)
 
     def project(self, depth: Depth, intrinsics: Intrinsics, T_grid_camera: Pose, ends: Points) -> Scan:
         """Project voxels into a depth image to find the voxels in which rays end and the voxels that rays cross.
@@ -66,8 +66,8 @@ class Updater:
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
-        limits = size, far, config.margin, NARROW
-        observe(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
+        limits = size, far, config.margin, NARROW_DEPTH
+        mark_depth_image(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
         return scan
 
     def trace(self, points: Places, origin: Place) -> Scan:
@@ -93,9 +93,9 @@ class Updater:
         if size > self._max_bytes:
             limit = f"the metric map's limit of {self._max_bytes} bytes"
             raise InputError(f"a scan of {size} voxels exceeds {limit}; increase metric_map.max_bytes or voxel_size")
-        if size > self._memory.size:
-            self._memory = np.empty(size, np.uint8)
-        flat = self._memory[:size]
+        if size > self._buffer.size:
+            self._buffer = np.empty(size, np.uint8)
+        flat = self._buffer[:size]
         flat.fill(0)
         return Scan(np.array((x, y, z)), flat[:-1].reshape(nx, ny, nz), flat)
 

@@ -359,7 +359,7 @@ class Navigator:
             return list(path)
         rest = self._in_map(self._rest)
         if path and rest.leads_to(path[0], self._config.follower.pivot_level):
-            return [rest.and_then(path[0]), *path[1:]]
+            return [rest.joined_with(path[0]), *path[1:]]
         return [rest, *path]
 
     def _shows(self, heading: float, wanted: float) -> bool:

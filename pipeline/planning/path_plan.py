@@ -14,13 +14,13 @@ from pipeline.errors import required
 from pipeline.planning.pose_paths import PosePaths, StraightenedPath
 from pipeline.planning.visiting_order import visiting_order
 
-UNREACHABLE = 1e5
+UNREACHABLE_COST = 1e5
 """Cost assumed between goals that no route connects, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathPlan:
-    """A path to a goal, which consists of straight drives and turns in place.
+    """A path to a goal that consists of straight drives and turns in place.
 
     Attributes:
         waypoints: (N, 3) ends of the drives, the goal last, m.
@@ -35,7 +35,7 @@ class PathPlan:
     length: float
 
 
-class PlaceOnGround(Protocol):
+class PlanningNode(Protocol):
     """A node of a planning graph, at a position on the ground."""
 
     @property
@@ -57,7 +57,7 @@ class PlanningGraph(Protocol):
     graph: nx.Graph
 
     @property
-    def nodes(self) -> Mapping[int, PlaceOnGround]:
+    def nodes(self) -> Mapping[int, PlanningNode]:
         """The nodes by id."""
         ...
 
@@ -113,14 +113,14 @@ def plan_path(
     nodes = _nodes_between(topology, traversability, start, goal) if len(way.places) > 1 else []
     ways = [way]
     if topology.kind == "mst" and nodes:
-        over = _paths_over([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
+        over = _paths_through([topology.nodes[n].position[:2] for n in nodes], paths, goal, heading)
         ways, nodes = (over, nodes) if over else (ways, [])
     places = np.vstack([w.places for w in ways])
     length = float(np.linalg.norm(np.diff(np.vstack([start, places]), axis=0), axis=1).sum())
     return PathPlan(traversability.on_ground(places), np.concatenate([w.backwards for w in ways]), nodes, length)
 
 
-def _paths_over(
+def _paths_through(
     places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None
 ) -> list[StraightenedPath]:
     """The paths to positions (2,), in turn, and to the goal; an empty list if any of them cannot be reached."""
@@ -182,7 +182,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     there = [paths, *(PosePaths(paths.traversability, places[k], caution=paths.caution) for k in wanted)]
     seconds = np.zeros((len(wanted) + 1, len(wanted) + 1))
     for row, ways in zip(seconds, there, strict=False):
-        row[1:] = [min(ways.cost_to(places[k]), UNREACHABLE) for k in wanted]
+        row[1:] = [min(ways.cost_to(places[k]), UNREACHABLE_COST) for k in wanted]
     return [wanted[k - 1] for k in visiting_order(np.maximum(seconds, seconds.T))]
 
 

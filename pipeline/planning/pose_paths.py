@@ -31,7 +31,7 @@ class StraightenedPath:
 
 
 class PosePaths:
-    """Cheapest paths over poses from one start, or from the nearest of several.
+    """Cheapest paths over poses from one start, or from whichever of several starts makes a path cheapest.
 
     The search extends only as far as needed, so its duration depends on the distance of the queried positions, not on
     the size of the map.
@@ -68,13 +68,13 @@ class PosePaths:
             snapped = [xy if self._grid.holds(self._grid.cell_of(xy)) else None for xy in wanted]
         places = [xy for xy in snapped if xy is not None]
         self.start = snapped[0]
-        self._search = self._begin(self._states(places))
+        self._search = self._new_search(self._start_states(places))
         # A robot with enough clearance reaches at least its start.
-        if not places or (self._search.escape > 0 and not self.reachable.any()):
+        if not places or (self._search.escape_distance > 0 and not self.reachable.any()):
             self.start = None
 
-    def _states(self, places: list[Place]) -> NDArray[np.int64]:
-        """(K, 3) cells and headings at which the search starts."""
+    def _start_states(self, places: list[Place]) -> NDArray[np.int64]:
+        """(K, 3) cells and headings at which the search starts, given the positions (2,), m, of the starts."""
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
         if self.heading is not None:
             return np.column_stack([cells, np.full(len(cells), nearest_heading(self.heading))])
@@ -83,7 +83,8 @@ class PosePaths:
         )
         return np.column_stack([cells[row], heading])
 
-    def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
+    def _new_search(self, starts: NDArray[np.int64]) -> kernels.Search:
+        """A search that has reached only its ``starts``, (K, 3) cells and headings."""
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
         # This ignores the smaller minimum clearance that applies where the robot has been.
@@ -139,7 +140,7 @@ class PosePaths:
     def min_seconds_to(self, cells: Cells) -> Values:
         """(N,) s, lower bounds on the costs of paths to cells (N, 2) from the start; there must be only one start."""
         # No move is cheaper per metre than a forward drive with plenty of room.
-        ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
+        ticks = (self._search.level_costs[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
     @cached_property
@@ -157,7 +158,7 @@ class PosePaths:
     def headings(self) -> NDArray[np.uint16]:
         """(nx, ny) bits of the 16 headings with which the robot can reach each cell and stand there."""
         seeds = np.zeros(self._grid.shape, np.uint16)
-        if self._search.escape > 0:
+        if self._search.escape_distance > 0:
             self._extend(np.inf)
             reached = self._search.cost.reshape(*self._grid.shape, HEADINGS) > 0
             seeds = np.packbits(reached, axis=2, bitorder="little").view(np.uint16)[..., 0]
@@ -165,7 +166,7 @@ class PosePaths:
             i, j, h = self._search.starts.T
             np.bitwise_or.at(seeds, (i, j), np.uint16(1) << h.astype(np.uint16))
         free = self.traversability.free
-        anyhow = free.view(np.uint16)[..., 0] == kernels.ALL
+        anyhow = free.view(np.uint16)[..., 0] == kernels.ALL_HEADINGS
         is_open = cv2.erode(anyhow.view(np.uint8), np.ones((5, 5))).view(np.bool_)
         return kernels.flood(seeds, free, is_open) & (free[..., 0].astype(np.uint16) * np.uint16(257))
 
@@ -176,11 +177,11 @@ class PosePaths:
 
     def cost_to(self, xy: ArrayLike) -> float:
         """Cost of reaching a point (2,), m, in s; inf if no path leads there."""
-        return float(self._settle(xy).min())
+        return float(self._settled_seconds(xy).min())
 
     def seconds_at(self, xy: ArrayLike, heading: int) -> float:
-        """Cost of reaching a point (2,), m, with the heading of a given index, s; inf if no path leads there."""
-        return float(self._settle(xy, heading)[heading])
+        """Cost, s, of reaching a point (2,), m, with the heading of index ``heading``; inf if no path leads there."""
+        return float(self._settled_seconds(xy, heading)[heading])
 
     def can_reach(self, states: Cells) -> Mask:
         """(N,) whether the robot can reach and stand at cells with headings (N, 3); False off the grid."""
@@ -188,15 +189,15 @@ class PosePaths:
         i, j, heading = np.where(inside[:, None], states, 0).T
         return np.asarray(inside & heading_mask(self.headings[i, j])[np.arange(len(states)), heading])
 
-    def nearest(self, places: Places) -> int | None:
-        """Index of the position, of (N, 2), m, that is cheapest to reach.
+    def cheapest(self, places: Places) -> int | None:
+        """Index of the position among ``places`` (N, 2), m, that is cheapest to reach.
 
-        None if no position is reachable or any is off the grid.
+        None if no position is reachable, or if any position is off the grid.
         """
-        cost = self._settle(places).min(axis=1)
+        cost = self._settled_seconds(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
-    def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
+    def _settled_seconds(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
         """(..., 16) s, costs of reaching points (..., 2), m, with each heading.
 
         Only the lowest of all costs or, if given, the lowest cost with the heading of index ``heading`` is final.
@@ -222,8 +223,8 @@ class PosePaths:
         return flat[np.where(np.isfinite(self.cost), best, -1)]
 
     def path_to(self, xy: ArrayLike) -> Places:
-        """(N, 2) centres of the cells on the cheapest path from the (nearest) start to a reachable point (2,), m."""
-        states = self._states_to(self._grid.cell_of(xy), int(self._settle(xy).argmin()))
+        """(N, 2) centres of the cells on the cheapest path from any start to a reachable point (2,), m."""
+        states = self._states_to(self._grid.cell_of(xy), int(self._settled_seconds(xy).argmin()))
         moved = np.append(True, (np.diff(states[:, :2], axis=0) != 0).any(axis=1))
         return self._grid.centre_of(states[moved, :2])
 
@@ -231,7 +232,7 @@ class PosePaths:
         """The cheapest path to a reachable point (2,), m, straightened by :func:`kernels.straighten`."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
         wanted = None if heading is None else nearest_heading(heading)
-        there = self._settle(xy, wanted)
+        there = self._settled_seconds(xy, wanted)
         last = wanted if wanted is not None and np.isfinite(there[wanted]) else int(there.argmin())
         states = self._states_to(cell, last)
         places = self._grid.centre_of(states[:, :2])
@@ -253,11 +254,14 @@ class PosePaths:
 
         ``heading``: index of a heading with which the robot can reach the point.
         """
-        self._settle(xy, heading)
+        self._settled_seconds(xy, heading)
         return self._states_to(self._grid.cell_of(xy), heading)
 
     def _states_to(self, cell: Cells, heading: int) -> NDArray[np.int64]:
-        """(N, 3) cells and headings on the path from the start to a reachable pose."""
+        """(N, 3) cells and headings on the path from the start to a cell (2,) with the heading of index ``heading``.
+
+        The pose must be reachable.
+        """
         came_by = self._search.came_by.reshape(*self._grid.shape, HEADINGS)
         states = kernels.trace(came_by, int(cell[0]), int(cell[1]), heading)
         return states[::-1]

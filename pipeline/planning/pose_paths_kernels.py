@@ -20,7 +20,7 @@ from pipeline.elevation_map.pose_kernels import (
     turn_seconds_per_radian,
 )
 
-ALL = np.iinfo(np.uint16).max
+ALL_HEADINGS = np.iinfo(np.uint16).max
 """Bits of all headings."""
 
 
@@ -33,12 +33,12 @@ class Move(IntEnum):
     RIGHT = auto()
 
 
-_UNDO = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
+_INVERSE_MOVES = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
 
 
 @njit(cache=True, inline="always")
 def move_from(i, j, h, move):
-    """The pose to which a move from (i, j, h) leads."""
+    """The cell and heading (i, j, h) to which a move from (i, j, h) leads."""
     if move == Move.FORWARD:
         return i + VECTORS[h, 0], j + VECTORS[h, 1], h
     if move == Move.BACKWARD:
@@ -75,21 +75,24 @@ def level_ticks(cell, costs):
 
 
 @njit(cache=True)
-def was_near(i, j, least):
+def was_near(i, j, required_clearance):
     """Whether the robot's centre has been in cell (i, j) or in a neighbour.
 
-    ``least``: (nx, ny) cm, negative in the cells where the robot's centre has been.
+    ``required_clearance``: (nx, ny) cm, negative in the cells where the robot's centre has been.
     """
-    for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
-        for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
-            if least[a, b] < 0:
+    for a in range(max(i - 1, 0), min(i + 2, required_clearance.shape[0])):
+        for b in range(max(j - 1, 0), min(j + 2, required_clearance.shape[1])):
+            if required_clearance[a, b] < 0:
                 return True
     return False
 
 
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
-    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a path from a start (2,); -1 if it is not allowed."""
+    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a path from a start cell (2,); -1 if it is not allowed.
+
+    ``level``: the costs of :func:`level_ticks`; ``escape``: :attr:`Search.escape_distance` in cells.
+    """
     before, entered = (terrain.clearance[i, j, h % ORIENTATIONS], terrain.clearance[a, b, k % ORIENTATIONS])
     if move <= Move.BACKWARD:
         room = min(before, entered)
@@ -120,10 +123,10 @@ class Search(NamedTuple):
         cost: (N,) int32, 1 + cost of each pose in ticks; 0 where no path has been found yet.
         came_by: (N,) uint8 move that led to each pose.
         source: (N,) int16 index of the start from which the path to each pose comes.
-        level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
-        escape: distance from the start within which the robot may drive through poses without enough room, m;
-            negative if all starts have enough room. The robot may do so only where it has been before, or where its
-            clearance does not decrease.
+        level_costs: (5, 16, R) int32 costs of moves on level ground in ticks, see :func:`level_ticks`.
+        escape_distance: distance from the start within which the robot may drive through poses without enough room,
+            m; negative if all starts have enough room. The robot may do so only where it has been before, or where
+            its clearance does not decrease.
         first: (B,) int32 first entry of each bucket; -1 for an empty bucket.
         state, after: (4 N + K,) int32 pose of each entry, and next entry in the same bucket.
         progress: (3,) int64: the value of ``cost`` up to which all poses are settled, the number of waiting entries,
@@ -134,8 +137,8 @@ class Search(NamedTuple):
     cost: NDArray[np.int32]
     came_by: NDArray[np.uint8]
     source: NDArray[np.int16]
-    level: NDArray[np.int32]
-    escape: float
+    level_costs: NDArray[np.int32]
+    escape_distance: float
     first: NDArray[np.int32]
     state: NDArray[np.int32]
     after: NDArray[np.int32]
@@ -150,8 +153,8 @@ def extend(search, terrain, costs, until):
     :class:`Search`.
     """
     nx, ny = terrain.required_clearance.shape
-    cost, source, level, first = search.cost, search.source, search.level, search.first
-    escape, (now, waiting, used) = int(search.escape / terrain.cell), search.progress
+    cost, source, level, first = search.cost, search.source, search.level_costs, search.first
+    escape, (now, waiting, used) = int(search.escape_distance / terrain.cell), search.progress
     while waiting > 0 and now <= until:
         entry = first[now % BUCKETS]
         if entry < 0:
@@ -205,7 +208,7 @@ def flood(seeds, free, is_open):
         # Opposite headings have the same footprint.
         stands, turns = 257 * np.int64(free[i, j, 0]), 257 * np.int64(free[i, j, 1])
         known = np.int64(reached[i, j])
-        here, before = np.int64(ALL) if is_open[i, j] else known | np.int64(new[i, j]), np.int64(0)
+        here, before = np.int64(ALL_HEADINGS) if is_open[i, j] else known | np.int64(new[i, j]), np.int64(0)
         new[i, j] = 0
         while here != before and not is_open[i, j]:
             before = here
@@ -238,7 +241,7 @@ def trace(came_by, i, j, h):
     """(N, 3) int64 poses from the pose (i, j, h) back to the start."""
     poses = [(i, j, h)]
     while came_by[i, j, h] > 0:
-        i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h] - 1])
+        i, j, h = move_from(i, j, h, _INVERSE_MOVES[came_by[i, j, h] - 1])
         poses.append((i, j, h))
     return np.array(poses)
 

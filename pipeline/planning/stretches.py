@@ -19,7 +19,7 @@ Fits = Callable[[Places], bool]
 """Function that returns whether the footprint has room at all poses (N, 3): x and y, m, and direction of travel,
 rad."""
 
-TANGENT, MAX_ROUNDS = float(np.radians(1)), 8
+TANGENT_ANGLE, MAX_ROUNDS = float(np.radians(1)), 8
 """Angle, rad, up to which a line between two arcs counts as a tangent of both, and number of rounds to find it."""
 
 
@@ -113,7 +113,7 @@ class Stretch:
         angle = wrap_angle(other.poses[0, 2] - self.poses[-1, 2])
         return self.backwards == other.backwards and bool(abs(angle) < max_angle)
 
-    def and_then(self, other: "Stretch") -> "Stretch":
+    def joined_with(self, other: "Stretch") -> "Stretch":
         """This stretch joined to the stretch ``other``, which follows it."""
         return Stretch(_joined([self.poses, other.poses]), self.backwards)
 
@@ -149,20 +149,20 @@ def stretches_of(
     for back, group in groupby(backwards.tolist()):
         places = waypoints[number : (number := number + len(list(group)))]
         end = None if heading is None or number < len(waypoints) else heading + np.pi * back
-        for poses in _Bends(fits, config).with_arcs(start + np.array([0, 0, np.pi * back]), places, end):
+        for poses in _ArcFitter(fits, config).with_arcs(start + np.array([0, 0, np.pi * back]), places, end):
             result.append(Stretch(poses, back))
         if result:
             start = np.append(places[-1], result[-1].last_heading)
     return result
 
 
-class _Bends:
+class _ArcFitter:
     """Joins straight lines by arcs where there is room."""
 
     def __init__(self, fits: Fits, config: ArcConfig):
         self._fits, self._config = fits, config
-        self._done: list[Places] = []
-        self._now: list[Places] = []
+        self._finished: list[Places] = []
+        self._current: list[Places] = []
 
     def with_arcs(self, start: Place, places: Places, end: float | None) -> list[Places]:
         """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2).
@@ -182,15 +182,15 @@ class _Bends:
         goals = [*places[:-1], places[-1] if last is None else last[0, :2]]
         here = start[:2]
         if first is not None:
-            self._now.append(first)
+            self._current.append(first)
             here = first[-1, :2]
         for number, (corner, after) in enumerate(pairwise(goals), start=2):
-            here = self._corner(here, corner, after, is_last=number == len(goals))
-        self._line(here, goals[-1])
+            here = self._add_corner(here, corner, after, is_last=number == len(goals))
+        self._add_line(here, goals[-1])
         if last is not None:
-            self._now.append(last)
-        self._stop()
-        return self._done
+            self._current.append(last)
+        self._end_stretch()
+        return self._finished
 
     def _arcs_of_line(self, start: Place, place: Place, end: float | None) -> tuple[Places | None, Places | None]:
         """Arcs from a pose (3,) to a line and from this line to a position (2,) in direction ``end``, rad.
@@ -204,12 +204,12 @@ class _Bends:
             first = self._arc_out(start, last[0, :2])
             if first is None:
                 return None, self._arc_in(start[:2], place, end)
-            if abs(wrap_angle(first[-1, 2] - last[0, 2])) < TANGENT:
+            if abs(wrap_angle(first[-1, 2] - last[0, 2])) < TANGENT_ANGLE:
                 return first, last
             last = self._arc_in(first[-1, :2], place, end)
         return self._arc_out(start, place), None
 
-    def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
+    def _add_corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
         """Add the line to a corner, rounded by an arc if one fits; return the start of the next line."""
         before, beyond = _direction(here, corner), _direction(corner, after)
         angle = float(wrap_angle(beyond - before))
@@ -220,12 +220,12 @@ class _Bends:
                 continue
             arc = self._arc(np.append(corner - tangent * _unit(before), before), angle, radius)
             if self._fits(arc):
-                self._line(here, arc[0, :2])
-                self._now.append(arc)
+                self._add_line(here, arc[0, :2])
+                self._current.append(arc)
                 return arc[-1, :2]
-        self._line(here, corner)
+        self._add_line(here, corner)
         if abs(angle) > self._config.min_angle:
-            self._stop()
+            self._end_stretch()
         return corner
 
     def _arc_out(self, start: Place, target: Place) -> Places | None:
@@ -265,14 +265,14 @@ class _Bends:
         number = max(2, int(np.ceil(np.linalg.norm(there - here) / self._config.spacing)) + 1)
         return np.column_stack([np.linspace(here, there, number), np.full(number, _direction(here, there))])
 
-    def _line(self, here: Place, there: Place) -> None:
+    def _add_line(self, here: Place, there: Place) -> None:
         if np.linalg.norm(there - here) > self._config.spacing / 2:
-            self._now.append(self._straight(here, there))
+            self._current.append(self._straight(here, there))
 
-    def _stop(self) -> None:
-        if self._now:
-            self._done.append(_joined(self._now))
-        self._now = []
+    def _end_stretch(self) -> None:
+        if self._current:
+            self._finished.append(_joined(self._current))
+        self._current = []
 
 
 def _joined(parts: list[Places]) -> Places:

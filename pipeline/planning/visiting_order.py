@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
+def visiting_order(cost: NDArray[np.float64], max_exact: int = 7) -> list[int]:
     """A cheap order in which to visit positions 1 … N - 1, starting at position 0 and ending at any of them.
 
     Args:
         cost: (N, N) finite cost of the path from each position to each other position, m or s.
-        exact: maximum number of positions to visit for which the order is optimal; for more positions, the order is
-            one that 2-opt cannot improve.
+        max_exact: maximum number of positions to visit for which the order is optimal; for more positions, the order
+            is one that 2-opt cannot improve.
     """
 
     def total(order: list[int]) -> float:
         return float(cost[[0, *order[:-1]], order].sum())
 
     # With few positions, choose the cheapest of all orders.
-    if len(cost) - 1 <= exact:
+    if len(cost) - 1 <= max_exact:
         ways = np.array([(0, *order) for order in permutations(range(1, len(cost)))])
         best: NDArray[np.int64] = ways[cost[ways[:, :-1], ways[:, 1:]].sum(axis=1).argmin(), 1:]
         return best.tolist()

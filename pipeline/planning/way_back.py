@@ -12,11 +12,11 @@ from pipeline.planning.path_plan import PathPlan
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import yaw_of
 
-NEAR = 2
+NEAR_CELLS = 2
 """Distance to drivable ground within which a keyframe is considered to be on it, cells."""
 MIN_DRIVE = 0.05
 """Distance between successive keyframes up to which the robot is considered to have only turned, m."""
-FARTHEST = 1.0
+MAX_DRIVE = 1.0
 """Distance between successive keyframes above which the robot is considered to have been carried, m."""
 
 
@@ -41,7 +41,7 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
     # Find the connected pieces of ground on which the other keyframes were taken.
     ground, places = paths.traversability, poses[:, :2, 3]
     pieces, _ = ndimage.label(ground.traversable & ~paths.reachable, np.ones((3, 3)))
-    piece = ndimage.maximum_filter(pieces, 2 * NEAR + 1)[tuple(ground.grid.cell_of(places).T)]
+    piece = ndimage.maximum_filter(pieces, 2 * NEAR_CELLS + 1)[tuple(ground.grid.cell_of(places).T)]
     piece[_are_reached(poses, paths)] = 0
     counts = np.bincount(piece)
     if not counts[1:].any():
@@ -51,7 +51,7 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
     drives = np.diff(places[first:][::-1], axis=0)
     lengths = np.linalg.norm(drives, axis=1)
     is_drive = lengths > MIN_DRIVE
-    if not is_drive.any() or lengths.max() > FARTHEST:
+    if not is_drive.any() or lengths.max() > MAX_DRIVE:
         return None
     ends = places[-1] + np.cumsum(drives, axis=0)[is_drive]
     backwards, heading = [], yaw_of(poses[-1])
@@ -62,6 +62,6 @@ def way_back(poses: Poses, paths: PosePaths) -> PathPlan | None:
 
 
 def _are_reached(poses: Poses, paths: PosePaths) -> Mask:
-    """(K,) whether a path leads to within ``NEAR`` cells of each keyframe."""
-    near = ndimage.binary_dilation(paths.reachable, np.ones((2 * NEAR + 1, 2 * NEAR + 1)))
+    """(K,) whether a path leads to within ``NEAR_CELLS`` cells of each keyframe."""
+    near = ndimage.binary_dilation(paths.reachable, np.ones((2 * NEAR_CELLS + 1, 2 * NEAR_CELLS + 1)))
     return np.asarray(near[tuple(paths.traversability.grid.cell_of(poses[:, :2, 3]).T)])

@@ -163,7 +163,7 @@ class Placement:
         # The search starts from the smaller groups, which makes the search front smaller.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
         targets = np.array([nodes[n].position for n in sorted(part)])
-        nearest = paths.nearest(targets)
+        nearest = paths.cheapest(targets)
         if nearest is None:
             return np.zeros((0, 2))
         way = paths.path_to(targets[nearest])

@@ -98,7 +98,7 @@ class Reobservation:
         body = cKDTree(track.points)
         some = np.flatnonzero(reward)
         cameras = places[some] + (0, 0, height)
-        reward[some] *= self._map.are_free_along(cameras, target, body, MARGIN, BESIDE_CAMERA)
+        reward[some] *= self._map.are_sightlines_free(cameras, target, body, MARGIN, BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
         return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track, distance)[:, None])
 

@@ -66,7 +66,7 @@ def write_geotiff(path: Path, image: Greys, pixel: float, corner: Place, unknown
 
 
 def save_world_png(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
-    """Write cells as PNG, and their size and position as a world file (.pgw); arguments: see :func:`save_geotiff`."""
+    """Write cells as PNG, and their size and position in a world file (.pgw), as :func:`save_geotiff` does."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with atomic_write(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())

@@ -10,9 +10,9 @@ from pipeline.arrays import Place
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
 
-LETHAL, STEEPEST = 100, 98
+LETHAL_COST, STEEPEST_COST = 100, 98
 """Costs for map_server of ground that the robot cannot drive on, and of the steepest slope that it can drive on."""
-SCALED = (0.005, 0.995)
+SCALE_THRESHOLDS = (0.005, 0.995)
 """Thresholds of darkness for free and occupied cells, between which each shade of grey is a different cost."""
 
 
@@ -37,9 +37,11 @@ def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) 
     cell = traversability.grid.cell
     files = write_map_server(path, trinary(cost), cell, origin)
     white = np.iinfo(np.uint8).max
-    shade = np.rint(white * (1 - np.maximum(cost, 0) / LETHAL))
+    shade = np.rint(white * (1 - np.maximum(cost, 0) / LETHAL_COST))
     scaled = np.stack([shade, white * (cost >= 0)], axis=-1).astype(np.uint8)
-    return files + write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
+    return files + write_map_server(
+        path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALE_THRESHOLDS
+    )
 
 
 def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], Place]:
@@ -51,15 +53,15 @@ def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDAr
 
 
 def trinary(cost: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """(nx, ny) grey values of map_saver for costs (nx, ny): free, occupied or unknown."""
-    return np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
+    """(nx, ny) uint8 grey values of map_saver for costs (nx, ny): free, occupied or unknown."""
+    return np.select([cost < 0, cost == LETHAL_COST], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
 
 
 def costs(traversability: Traversability, places: ArrayLike) -> NDArray[np.int64]:
-    """(nx, ny) costs: from 0 on level ground to :data:`STEEPEST` on slopes; :data:`LETHAL`; -1 where unknown."""
+    """(nx, ny) costs: 0 on level ground to :data:`STEEPEST_COST` on slopes; :data:`LETHAL_COST`; -1 if unknown."""
     t = traversability
     lethal, known = t.hazard, np.isfinite(t.elevation)
     parts, _ = ndimage.label(known & ~lethal)
     joined = np.isin(parts, np.setdiff1d(parts[t.grid.mask_of(places)], [0]))
     tilt = np.arctan(np.linalg.norm(t.gradient, axis=-1)) / t.robot.max_tilt
-    return np.select([lethal, joined], [LETHAL, np.rint(STEEPEST * tilt.clip(0, 1))], -1).astype(np.int64)
+    return np.select([lethal, joined], [LETHAL_COST, np.rint(STEEPEST_COST * tilt.clip(0, 1))], -1).astype(np.int64)

@@ -126,7 +126,7 @@ class Inspection(Strategy):
     def _is_line_free(self, camera: Place, point: Place) -> bool:
         """Whether the line of sight between a camera and a point on a wall is free."""
         free = self._walls.depth, self._walls.beside_camera
-        return bool(self._map.are_free_along(camera[None], point, cKDTree(point[None]), *free)[0])
+        return bool(self._map.are_sightlines_free(camera[None], point, cKDTree(point[None]), *free)[0])
 
     def _remaining(self, context: Context) -> WallPieces:
         """The pieces of walls that were neither shown well enough nor aimed at, thinned to one per grid cell."""

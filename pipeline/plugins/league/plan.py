@@ -15,7 +15,7 @@ from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid, check_memory
 from pipeline.lettering import IN_MIDDLE, width_of, write
 from pipeline.metric_map.io.plans import write_geotiff
-from pipeline.metric_map.io.ros_map import LETHAL, costs
+from pipeline.metric_map.io.ros_map import LETHAL_COST, costs
 from pipeline.metric_map.metric_map import LOG_ODDS_PER_UNIT, MetricMap
 from pipeline.plugins.league.pois import PointOfInterest
 from pipeline.plugins.league.rules import LENGTHS, MAP_COLOURS, pixels
@@ -46,7 +46,7 @@ def searched_ground(ground: Traversability, metric_map: MetricMap, places: Place
     points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
     confidence = np.zeros(grid.shape)
     confidence[i, j] = expit(LOG_ODDS_PER_UNIT * np.abs(metric_map.log_odds_at(metric_map.voxel_index(points))))
-    return SearchedGround(grid, cost == LETHAL, confidence)
+    return SearchedGround(grid, cost == LETHAL_COST, confidence)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pipeline.elevation_map.overhangs_kernels import Limits, _has_sill
 from pipeline.elevation_map.traversability import Traversability, assess_map
 from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import KeyframeObservation
-from pipeline.metric_map.io.ros_map import LETHAL, costs
+from pipeline.metric_map.io.ros_map import LETHAL_COST, costs
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw
@@ -118,7 +118,7 @@ def test_what_is_too_low_for_the_robot_bars_the_ground_below_it_and_stays_out_of
     poses = poses_around(boxes)
     metric_map, ground = mapped(boxes, poses)
     cost = costs(ground, poses[:, :3, 3])[cells_below(ground, boxes)]
-    assert not ((cost >= 0) & (cost < LETHAL)).any()
+    assert not ((cost >= 0) & (cost < LETHAL_COST)).any()
     below = cells_below(ground, boxes)
     reachable = ground.traversable[below] & (np.abs(ground.elevation[below]) < 0.05)
     assert not reachable.any()

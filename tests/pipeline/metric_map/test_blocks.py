@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import InputError
-from pipeline.metric_map.blocks import BlockArray, parts
+from pipeline.metric_map.blocks import BlockArray, block_parts
 
 SIDE = 64
 """Voxels along a side of a block."""
@@ -29,7 +29,7 @@ def test_what_is_written_is_read_and_nothing_else_is(lower, values):
 @given(places, st.tuples(*[st.integers(1, 200)] * 3))
 def test_parts_cover_a_box_once(lower, shape):
     covered = np.zeros(shape, int)
-    for key, in_box, in_block in parts(lower, shape):
+    for key, in_box, in_block in block_parts(lower, shape):
         covered[in_box] += 1
         for axis in range(3):
             first = lower[axis] + in_box[axis].start

@@ -14,7 +14,8 @@ T = np.eye(4)
 metric_map = MetricMap()
 metric_map.integrate(np.ones((8, 8), np.float32), Intrinsics(8, 8, 8.0, 8.0, 4.0, 4.0), T)
 metric_map.integrate_points([(1.0, 0, 0)], (0, 0, 0))
-kernels = (projection_kernels.observe, ray_kernels.trace_rays, grid_kernels.any_mark, grid_kernels.update_log_odds)
+in_grid = grid_kernels.has_marks, grid_kernels.update_log_odds
+kernels = (projection_kernels.mark_depth_image, ray_kernels.trace_rays, *in_grid)
 print(sum(sum(kernel.stats.cache_misses.values()) for kernel in kernels))
 print(sum(sum(kernel.stats.cache_hits.values()) for kernel in kernels))
 """

@@ -64,11 +64,11 @@ def test_a_line_of_sight_is_free_up_to_the_target_and_not_through_walls_or_unkno
     aside = np.array([1.0, 2, 0.5])
 
     def is_free(end: np.ndarray, **settings: float | bool) -> bool:
-        return bool(grid.are_free_along(eye[None], end, KDTree(end[None]), 0.15, **settings)[0])
+        return bool(grid.are_sightlines_free(eye[None], end, KDTree(end[None]), 0.15, **settings)[0])
 
     assert is_free(np.array([1.5, 0, 0.5]))
-    assert is_free(on_wall) and not grid.are_free_along(eye[None], in_wall, KDTree(behind[None]), 0.15).any()
-    from_both = grid.are_free_along(np.array([eye, aside, on_wall]), on_wall, KDTree(on_wall[None]), 0.15)
+    assert is_free(on_wall) and not grid.are_sightlines_free(eye[None], in_wall, KDTree(behind[None]), 0.15).any()
+    from_both = grid.are_sightlines_free(np.array([eye, aside, on_wall]), on_wall, KDTree(on_wall[None]), 0.15)
     assert from_both.tolist() == [True, False, True]
     assert not is_free(behind) and not is_free(behind, may_be_unknown=True)
     assert not is_free(aside) and is_free(aside, may_be_unknown=True)

@@ -67,7 +67,7 @@ def test_the_tighter_an_arc_the_slower_it_is():
 @pytest.mark.parametrize(("angle", "slowest"), [(-14, 0.18), (3, 0.5), (14, 0.18)])
 def test_a_bend_without_an_arc_slows_it_down_so_that_it_stays_near_its_line(angle, slowest):
     at = speed_limit(surface_of(ground_points(flat, (-4, 4), (-3, 3))))
-    bent = line(-1.5, length=1.5).and_then(line(0.0, direction=np.deg2rad(angle), length=2.0))
+    bent = line(-1.5, length=1.5).joined_with(line(0.0, direction=np.deg2rad(angle), length=2.0))
     assert at(bent).min() == pytest.approx(slowest, abs=0.02)
 
 
@@ -75,7 +75,7 @@ def test_an_arc_after_a_bend_slows_it_down_no_more_than_the_arc_alone():
     at = speed_limit(surface_of(ground_points(flat, (-3, 3), (-3, 3))))
     around = np.linspace(0, np.pi / 2, 24)
     arc = Stretch(np.column_stack([0.3 * np.sin(around), 0.3 - 0.3 * np.cos(around), around]), False)
-    bent = line(-1.5, length=1.5).moved(from_yaw(0, 0, 0, np.deg2rad(-10))).and_then(arc)
+    bent = line(-1.5, length=1.5).moved(from_yaw(0, 0, 0, np.deg2rad(-10))).joined_with(arc)
     assert at(bent).min() == pytest.approx(at(arc).min())
 
 

@@ -112,7 +112,7 @@ def test_one_stretch_goes_on_with_another():
     (first,), (second,), (third,) = way((1, 0)), way((2, 0), start=(1, 0, 0)), way((1, 1), start=(1, 0, np.pi / 2))
     assert first.leads_to(second, 0.1)
     assert not first.leads_to(third, 0.1)
-    both = first.and_then(second)
+    both = first.joined_with(second)
     assert both.length == pytest.approx(2)
     assert all(a < b for a, b in pairwise(both.distances_along))
     assert isinstance(both, Stretch)

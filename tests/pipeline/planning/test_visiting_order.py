@@ -54,6 +54,6 @@ def test_two_opt_comes_near_the_best():
     for _ in range(20):
         cost = costs(rng.uniform(0, 10, (8, 2)))
         exact = total(cost, visiting_order(cost))
-        ratios.append(total(cost, visiting_order(cost, exact=0)) / exact)
+        ratios.append(total(cost, visiting_order(cost, max_exact=0)) / exact)
     assert min(ratios) >= 1 - 1e-9
     assert np.mean(ratios) < 1.1

@@ -41,10 +41,10 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
         if not is_there:
             raise InputError(f"--{flag or kind} {name}: no module {top!r} on PYTHONPATH or in the working directory")
     elif name not in METHODS[kind]:
-        own_method(kind, name, flag=flag)
+        find_entry_points(kind, name, flag=flag)
 
 
-def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> EntryPoints:
+def find_entry_points(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> EntryPoints:
     """The entry points with a given name; if there is none, InputError with a list of the existing names."""
     group = f"sarsim.{kind.replace('-', '_')}"
     if not (found := entry_points(group=group, name=name)):
@@ -62,7 +62,7 @@ def load_own(kind: str, name: str, form: str) -> Any:
     module, colon, attribute = name.partition(":")
     with working_folder():
         if not colon:
-            return next(iter(own_method(kind, name, form))).load()
+            return next(iter(find_entry_points(kind, name, form))).load()
         try:
             return getattr(import_module(module), attribute)
         except ModuleNotFoundError as error:

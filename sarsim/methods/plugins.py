@@ -15,12 +15,12 @@ from sarsim.settings import EXPLORE, is_shipped
 if TYPE_CHECKING:  # commands look for plug-ins before slow imports, which take seconds
     from pipeline.plugin import Plugin
 
-FLAGGED = ("sarsim.reader", "sarsim.sensor", "sarsim.sink")
+FLAG_GROUPS = ("sarsim.reader", "sarsim.sensor", "sarsim.sink")
 """Entry point groups of the plug-ins that a flag ``--NAME`` can request."""
-MISSION = "sarsim.mission"
+MISSION_GROUP = "sarsim.mission"
 
 
-def installed(groups: Iterable[str] = FLAGGED) -> dict[str, EntryPoint]:
+def installed(groups: Iterable[str] = FLAG_GROUPS) -> dict[str, EntryPoint]:
     """The entry points of plug-ins by name; nothing is imported."""
     return {entry.name: entry for group in groups for entry in entry_points(group=group)}
 
@@ -28,11 +28,11 @@ def installed(groups: Iterable[str] = FLAGGED) -> dict[str, EntryPoint]:
 def summary() -> str:
     """The installed plug-ins, for ``--help``."""
     names = ", ".join(f"--{name}" for name in sorted(installed()))
-    missions = ", ".join(sorted(filter(str.isidentifier, installed([MISSION]))))
+    missions = ", ".join(sorted(filter(str.isidentifier, installed([MISSION_GROUP]))))
     return f"Plug-ins: {names}; their flags begin with their name. Missions: {missions}."
 
 
-def find(name: str, groups: Iterable[str] = FLAGGED) -> EntryPoint:
+def find(name: str, groups: Iterable[str] = FLAG_GROUPS) -> EntryPoint:
     """The entry point of a plug-in; InputError if it is not installed."""
     if entry := installed(groups).get(name):
         return entry
@@ -45,7 +45,7 @@ def find_mission(name: str) -> tuple[str, EntryPoint]:
     Raises:
         InputError: there is no such mission.
     """
-    entries = installed([MISSION])
+    entries = installed([MISSION_GROUP])
     entry = entries.get(name) or entries.get(Path(name).suffix)
     if entry is None:
         known = ", ".join([EXPLORE, *sorted(filter(str.isidentifier, entries))])
@@ -121,13 +121,13 @@ def is_portable(settings: Any) -> bool:
 
 def may_be_in_file(name: str) -> bool:
     """Whether a file may request a plug-in: it is one of sarsim's own and writes nowhere but in the run's folder."""
-    entry = find(name, (*FLAGGED, MISSION))
+    entry = find(name, (*FLAG_GROUPS, MISSION_GROUP))
     return is_shipped(name, entry.group) and is_portable(load(entry).Settings)
 
 
 def shipped_plugin(name: str, where: str) -> "type[Plugin]":
     """The plug-in that a file requests; InputError, which begins with ``where``, if only a flag may request it."""
-    entry = find(name, (*FLAGGED, MISSION))
+    entry = find(name, (*FLAG_GROUPS, MISSION_GROUP))
     if not is_shipped(name, entry.group):
         raise InputError(f"{where}: a file must not choose code to run; give --{name} as a flag")
     if not is_portable(load(entry).Settings):
@@ -160,7 +160,7 @@ def make_plugins(command: Any, hooks: Sequence[str] = ()) -> "list[Plugin]":
             made[name].name = name
 
     for name in settings:
-        if name not in installed([MISSION]):
+        if name not in installed([MISSION_GROUP]):
             make(name, find(name))
     mission = getattr(command, "mission", EXPLORE)
     if mission != EXPLORE:

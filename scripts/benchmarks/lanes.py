@@ -151,7 +151,7 @@ class LaneDrive(Sink):
 
     def _drive_to(self, towards: int) -> str:
         """Drive to the middle of an end zone, even through unseen ground, and return how the drive ended."""
-        goals = Goals([np.array([towards * self._lane.goal, 0.0])])
+        goals = Goals([np.array([towards * self._lane.goal_distance, 0.0])])
         self._explorer.mission.goals = goals
         explore(self._explorer)
         is_reached = any(visit.failure_reason is None for visit in goals.visits)

@@ -21,8 +21,8 @@ from sarsim.arenas.things.codes import TAG_DICTIONARY, TAG_SIDE
 
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
-MATCHED_TAG = 1.0
-"""Maximum distance, m, of a tag located by its corners alone, which then give the distance to a few millimetres.
+MAX_PNP_DISTANCE = 1.0
+"""Maximum distance, m, of a tag that is located by its corners alone, which is accurate to a few millimetres there.
 
 The depth camera's range begins at 0.8 m.
 """
@@ -40,11 +40,11 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
     corners, ids, _ = cv2.aruco.ArucoDetector(TAG_DICTIONARY, parameters).detectMarkers(grey)
     if ids is None:
         return []
-    middles = [_middle(found[0], frame) for found in corners]
+    middles = [_tag_centre(found[0], frame) for found in corners]
     return [(int(tag), middle) for tag, middle in zip(ids.ravel(), middles, strict=True) if middle is not None]
 
 
-def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
+def _tag_centre(corners: NDArray[np.float32], frame: Frame) -> Place | None:
     """(3,) m in ``camera_optical``, the point where a tag's diagonals cross; None if its distance is unknown.
 
     ``corners``: (4, 2) columns and rows, in which integers are pixel centres.
@@ -60,7 +60,7 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
     _, _, t = cv2.solvePnP(
         TAG_CORNERS, corners.astype(np.float64), camera.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
     )
-    return float(t[2, 0]) * ray if t[2, 0] < MATCHED_TAG else None
+    return float(t[2, 0]) * ray if t[2, 0] < MAX_PNP_DISTANCE else None
 
 
 class FiducialScore(Sink):

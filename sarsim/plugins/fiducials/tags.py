@@ -18,7 +18,7 @@ from sarsim.arenas.things.codes import RESERVED_TAGS, TAG_MODULES, TAG_SIDE, tag
 from sarsim.arenas.things.thing import data_of
 from sarsim.arenas.walls import Walls, wall_axes
 
-THICK = 0.001  # m, thickness of a tag, which a depth camera cannot resolve
+TAG_THICKNESS = 0.001  # m, thickness of a tag, which a depth camera cannot resolve
 TAG_SPACING = 0.5  # m, minimum distance between tags
 
 
@@ -36,7 +36,7 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     if not 0 <= number <= RESERVED_TAGS:
         raise InputError(f"--fiducials {number}: must be from 0 to {RESERVED_TAGS}")
     with arena.prefixing_errors():
-        poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
+        poses = list(_tag_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
         raise InputError(f"--fiducials {number}: the arena's walls have room for only {len(poses)}")
     for tag, T in enumerate(poses):
@@ -53,17 +53,17 @@ def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
     mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
     body = root.worldbody.add("body", name=name, pos=T[:3, 3], quat=quat)
     body.add(
-        "geom", name=name, type="box", size=(half, half, THICK / 2), pos=(0, 0, -THICK / 2),
+        "geom", name=name, type="box", size=(half, half, TAG_THICKNESS / 2), pos=(0, 0, -TAG_THICKNESS / 2),
         material=material, rgba=(1, 1, 1, 1), user=(float(Label.WALL),), contype=0, conaffinity=0,
     )  # fmt: skip
     root.custom.add("text", name=name, data=data_of("april_tag", str(tag)))
 
 
-def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
+def _tag_poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
     """At most ``number`` 4×4 tag poses: a random first pose, and poses as far as possible from all earlier ones."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / TAG_MODULES * (TAG_MODULES / 2 + 2)
     places = walls.spread_places(rng, TAG_SPACING, lambda point, normal: walls.has_room(point, normal, half))
     for point, normal in islice(places, number):
-        yield from_rotation(wall_axes(normal), point + normal * THICK)
+        yield from_rotation(wall_axes(normal), point + normal * TAG_THICKNESS)

@@ -32,7 +32,7 @@ class FindScore(Sink):
         self._visibility = Visibility(model, self._things)
         # An unmatched find near a tag on a wall is not a false alarm.
         tags = [body.id for body in map(model.body, range(model.nbody)) if body.name.startswith("fiducial_")]
-        self._others = data.xpos[tags]
+        self._tag_positions = data.xpos[tags]
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Mark the objects that are visible in the noise-free image of the newest keyframe."""
@@ -51,7 +51,7 @@ class FindScore(Sink):
         visible = np.array(
             [v for t, v in zip(self._things, self._visibility.visible, strict=True) if t in things], bool
         )
-        pairs = matched(things, finds)
+        pairs = matched_pairs(things, finds)
         errors = _distances(things, finds, pairs)
         found = np.isin(np.arange(len(things)), [i for i, _ in pairs])
         unmatched = (find for k, find in enumerate(finds) if k not in {k for _, k in pairs})
@@ -61,7 +61,7 @@ class FindScore(Sink):
             "found": len(pairs),
             "visible_found": int((visible & found).sum()),
             "read": sum(things[i].text == finds[k].text for i, k in pairs),
-            "false_alarms": sum(not self._is_other(find) for find in unmatched),
+            "false_alarms": sum(not self._is_tag(find) for find in unmatched),
             "position_error_m": float(np.median(errors)) if errors else None,
         }
 
@@ -71,18 +71,18 @@ class FindScore(Sink):
         result, finds = {}, self._mapper.finds.reported
         for kind in FIND_KINDS:
             things, reported = things_of_kind(self._things, kind), [find for find in finds if find.kind == kind]
-            result[kind] = _distances(things, reported, matched(things, reported))
+            result[kind] = _distances(things, reported, matched_pairs(things, reported))
         return result
 
-    def _is_other(self, find: Find) -> bool:
-        return bool((np.linalg.norm(self._others - find.position, axis=1) <= NEAR).any())
+    def _is_tag(self, find: Find) -> bool:
+        return bool((np.linalg.norm(self._tag_positions - find.position, axis=1) <= NEAR).any())
 
 
 def _distances(things: Sequence[Thing], finds: Sequence[Find], pairs: Sequence[tuple[int, int]]) -> list[float]:
     return [float(np.linalg.norm(things[i].centre - finds[k].position)) for i, k in pairs]
 
 
-def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, int]]:
+def matched_pairs(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, int]]:
     """Index pairs of matched objects and finds: as many as possible, preferably with the same text."""
     true = np.array([thing.centre for thing in things]).reshape(-1, 3)
     reported = np.array([find.position for find in finds]).reshape(-1, 3)

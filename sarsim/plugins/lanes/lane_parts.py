@@ -42,15 +42,15 @@ class Deck:
         mujoco.mju_mat2Quat(quat, (self.R @ R).ravel())
         return {"pos": self.point(*middle), "quat": quat}
 
-    def box(
+    def add_box(
         self, label: str, middle: Triple, size: Triple, yaw: float = 0.0, colour: Sequence[float] | None = None
     ) -> None:
         """Add a box of full size ``size``, m, with its centre at ``middle``, m, turned left by ``yaw`` rad."""
         self.builder.add_geom(
-            label, {**self.pose(middle, turned(yaw)), "type": "box", "size": np.array(size) / 2}, colour
+            label, {**self.pose(middle, rotation(yaw)), "type": "box", "size": np.array(size) / 2}, colour
         )
 
-    def hull(
+    def add_hull(
         self, label: str, at: Triple, vertices: NDArray[np.float64], colour: Sequence[float] | None = None
     ) -> None:
         """Add the convex hull of vertices (N, 3), m, given relative to the position ``at``, m."""
@@ -61,20 +61,20 @@ class Deck:
         """Add a railing with its centre at ``x``, ``y``, m, that runs in direction ``yaw``, rad."""
         thick, high = D.lumber
         for top in D.bars:
-            self.box("wall", (x, y, top - high / 2), (D.railing, thick, high), yaw, TIMBER)
+            self.add_box("wall", (x, y, top - high / 2), (D.railing, thick, high), yaw, TIMBER)
         for end in (-1, 1):
             away = end * (D.railing - high) / 2
             place = x + away * cos(yaw), y + away * sin(yaw), D.bars[-1] / 2
-            self.box("wall", place, (high, thick, D.bars[-1]), yaw, TIMBER)
+            self.add_box("wall", place, (high, thick, D.bars[-1]), yaw, TIMBER)
 
-    def start(self, x: float, y: float, yaw: float) -> None:
+    def set_start(self, x: float, y: float, yaw: float) -> None:
         """Let the robot start at ``x``, ``y``, m, with heading ``yaw``, rad."""
         self.builder.set_start(self.point(x, y), 0.0)
         site = required(self.builder.root.find("worldbody/site[@name='start']"))
-        site.set("quat", " ".join(f"{n:.9g}" for n in self.pose((x, y, 0.0), turned(yaw))["quat"]))
+        site.set("quat", " ".join(f"{n:.9g}" for n in self.pose((x, y, 0.0), rotation(yaw))["quat"]))
 
 
-def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
+def rotation(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
     """(3, 3) rotation by a yaw to the left, a pitch that raises the front and a roll that raises the left, rad."""
     (a, b), (c, d), (e, f) = ((cos(t), sin(t)) for t in (yaw, pitch, roll))
     Rz = np.array([(a, -b, 0), (b, a, 0), (0, 0, 1.0)])
@@ -83,21 +83,21 @@ def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
     return Rz @ Ry @ Rx
 
 
-def framed(deck: Deck, length: float = D.floor, width: float = D.width) -> None:
-    """Add a floor of ``length`` × ``width`` m, a board with its frame, to a deck."""
+def add_floor(deck: Deck, length: float = D.floor, width: float = D.width) -> None:
+    """Add a floor, a board on a frame of ``length`` × ``width`` m, with its surface at the deck's z = 0."""
     deep = D.framing + D.board
     label = "terrain" if deck.R[2, 2] == 1 else "inclined_ramp"
-    deck.box(label, (0.0, 0.0, -deep / 2), (length, width, deep))
+    deck.add_box(label, (0.0, 0.0, -deep / 2), (length, width, deep))
 
 
-def hall(builder: ArenaBuilder, low: Sequence[float], high: Sequence[float], below: float) -> None:
-    """Add the floor around a lane, ``below`` m under z = 0 between two corners (2,), m, and lights and cameras."""
+def add_hall(builder: ArenaBuilder, low: Sequence[float], high: Sequence[float], below: float) -> None:
+    """Add the hall around a lane: a floor between two corners (2,) m, ``below`` m under z = 0, lights and cameras."""
     middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
     builder.add_geom("terrain", {"pos": (*middle, -below), "size": (*half, 0.1)})
     builder.add_surroundings(low, high)
 
 
-def four_floors(builder: ArenaBuilder, ridge: bool = False) -> list[Deck]:
+def add_four_floors(builder: ArenaBuilder, ridge: bool = False) -> list[Deck]:
     """Add four floors with railings around them; the middle two are level or rise to a ridge.
 
     Two of a lane's 14 railings are gates, which are closed here. It is assumed that the slopes meet in a ridge.
@@ -106,44 +106,44 @@ def four_floors(builder: ArenaBuilder, ridge: bool = False) -> list[Deck]:
     run, rise = D.floor * cos(tilt), D.floor * sin(tilt)
     decks = [
         Deck(builder, np.array([-run - D.floor / 2, D.offset, 0.0])),
-        Deck(builder, np.array([-run / 2, 0.0, rise / 2]), turned(0.0, tilt)),
-        Deck(builder, np.array([run / 2, 0.0, rise / 2]), turned(0.0, -tilt)),
+        Deck(builder, np.array([-run / 2, 0.0, rise / 2]), rotation(0.0, tilt)),
+        Deck(builder, np.array([run / 2, 0.0, rise / 2]), rotation(0.0, -tilt)),
         Deck(builder, np.array([run + D.floor / 2, -D.offset, 0.0])),
     ]
     for deck in decks:
-        framed(deck)
-        sides(deck)
-    ends(decks)
-    hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
+        add_floor(deck)
+        add_side_railings(deck)
+    add_end_railings(decks)
+    add_hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
     return decks
 
 
-def sides(deck: Deck) -> None:
+def add_side_railings(deck: Deck) -> None:
     """Add the railings on both sides of a floor."""
     for side in (-1, 1):
         deck.railing(0.0, side * (D.width + D.lumber[0]) / 2, 0.0)
 
 
-def ends(decks: Sequence[Deck]) -> None:
+def add_end_railings(decks: Sequence[Deck]) -> None:
     """Add the railings at both ends of a row of floors."""
     for deck, end in ((decks[0], -1), (decks[-1], 1)):
         for side in (-1, 1):
             deck.railing(end * (D.floor + D.lumber[0]) / 2, side * D.railing / 2, radians(90))
 
 
-def body(builder: ArenaBuilder, name: str, pos: Sequence[float], joint: Attributes, geom: Attributes) -> Element:
+def add_body(builder: ArenaBuilder, name: str, pos: Sequence[float], joint: Attributes, geom: Attributes) -> Element:
     """Add a movable body at ``pos`` (3,) m with one joint and one geom of class wall, given as MJCF attributes."""
-    added = SubElement(required(builder.root.find("worldbody")), "body", name=name, pos=numbers(pos))
-    SubElement(added, "joint", {"name": f"{name}_joint"} | texts(joint))
-    SubElement(added, "geom", {"name": name, "class": "wall"} | texts(geom))
+    added = SubElement(required(builder.root.find("worldbody")), "body", name=name, pos=mjcf_numbers(pos))
+    SubElement(added, "joint", {"name": f"{name}_joint"} | mjcf_texts(joint))
+    SubElement(added, "geom", {"name": name, "class": "wall"} | mjcf_texts(geom))
     return added
 
 
-def texts(attributes: Attributes) -> dict[str, str]:
+def mjcf_texts(attributes: Attributes) -> dict[str, str]:
     """Attributes as MJCF text."""
-    return {name: value if isinstance(value, str) else numbers(value) for name, value in attributes.items()}
+    return {name: value if isinstance(value, str) else mjcf_numbers(value) for name, value in attributes.items()}
 
 
-def numbers(values: object) -> str:
+def mjcf_numbers(values: object) -> str:
     """Numbers as MJCF text."""
     return " ".join(f"{v:.6g}" for v in np.ravel(np.asarray(values, np.float64)))

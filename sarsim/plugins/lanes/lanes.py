@@ -40,13 +40,13 @@ class LaneConfig:
         door: height of the door's leaf; assumed, like the height of the wall.
         wall: height of the wall with the door, and of the walls around the avoid-holes lane; assumed.
         leaf_mass: mass of the door's leaf, kg.
-        leaf_opens: opening angle of the leaf, degrees.
+        leaf_angle: angle to which the leaf opens, degrees.
         leaf_spring: stiffness of the spring that shuts the door, Nm/rad; assumed.
         lever: height of the door's lever; assumed, as in buildings.
         hole_pallet: length, width and height of the pallets between the holes.
         post: height of the gates' posts.
         post_mass: mass of a post, kg; spruce of 450 kg/m³.
-        aside: distance from the pallets to the walls around them; assumed.
+        wall_distance: distance from the pallets to the walls around them; assumed.
     """
 
     floor: float = 1.2
@@ -73,17 +73,19 @@ class LaneConfig:
     door: float = 2.0
     wall: float = 1.2
     leaf_mass: float = 12.0
-    leaf_opens: float = 100.0
+    leaf_angle: float = 100.0
     leaf_spring: float = 2.0
     lever: float = 1.0
     hole_pallet: tuple[float, float, float] = (1.2, 1.0, 0.14)
     post: float = 0.45
     post_mass: float = 0.7
-    aside: float = 0.3
+    wall_distance: float = 0.3
 
 
 DIMENSIONS = LaneConfig()
-END_ZONE = DIMENSIONS.floor  # m, from the centre of a lane to the start of each end zone, which has the same length
+END_DISTANCE = (
+    DIMENSIONS.floor
+)  # m, from the centre of a lane to the start of each end zone, which has the same length
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class Lane:
         passage: width of the narrowest passage, m; infinite if there is none.
         corner: width of the narrowest doorway in a corner, into which the robot must turn, m; infinite if none.
         lever: height of a lever that must be used to open a door, m; 0 if there is none.
-        end: distance from the centre of the lane to the start of each end zone, m.
+        end_distance: distance from the centre of the lane to the start of each end zone, m.
     """
 
     step: float = 0.0
@@ -106,7 +108,7 @@ class Lane:
     passage: float = math.inf
     corner: float = math.inf
     lever: float = 0.0
-    end: float = END_ZONE
+    end_distance: float = END_DISTANCE
 
     def unsuitability(self, robot: "RobotModel") -> str | None:
         """Reason why the robot's body is unsuited to the lane, with the deciding numbers; None if it is suited."""
@@ -124,16 +126,17 @@ class Lane:
         return None
 
     @property
-    def goal(self) -> float:
+    def goal_distance(self) -> float:
         """Distance from the centre of the lane to the centre of each end zone, m."""
-        return self.end + DIMENSIONS.floor / 2
+        return self.end_distance + DIMENSIONS.floor / 2
 
 
-HOLES_END = 3.5  # m, the ``end`` of the lane with holes: 2.5 pallets of 1.2 m, and half the width, 1.0 m, of another
+HOLES_END_DISTANCE = 3.5
+"""m, the same for the lane with holes: 2.5 pallets of 1.2 m, and half the width, 1.0 m, of another."""
 
 LANES = {
     "alleys": Lane(passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
-    "avoid_holes": Lane(passage=DIMENSIONS.gate, end=HOLES_END),
+    "avoid_holes": Lane(passage=DIMENSIONS.gate, end_distance=HOLES_END_DISTANCE),
     "centre": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
     "crossing_ramps": Lane(slope=DIMENSIONS.slope),
     "door": Lane(passage=DIMENSIONS.gate),

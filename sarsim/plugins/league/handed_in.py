@@ -24,15 +24,14 @@ from sarsim.arenas.things.thing import things_of, things_of_kind
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey, clearance_of
 from sarsim.plugins.league.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
-from sarsim.plugins.league.leagues import LeagueRun, SmallRun, VirtualRun, league, small, virtual
+from sarsim.plugins.league.leagues import LeagueRun, SmallRun, VirtualRun, league_score, small_score, virtual_score
 from sarsim.plugins.league.portals import portals
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.victims import NEAR, min_cost_pairs
 
-COVERAGE_RADIUS = (
-    0.1  # m, a voxel of a coarse map; the 3D map also covers cells within this distance of the cells that it shows
-)
+COVERAGE_RADIUS = 0.1
+"""m, a voxel of a coarse map; the 3D map also covers cells within this distance of the cells that it shows."""
 MAX_CORRESPONDENCE_DISTANCE = 0.5  # m; the registration ignores points farther than this from every true surface
 MAX_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1%
 MAX_ICP_ITERATIONS = 30  # Maximum iterations of the registration, which converges in fewer
@@ -115,7 +114,7 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
         return float("inf")
     moved = np.asarray(points, np.float64)[:: max(1, len(points) // MAX_POINTS)]
     for _ in range(MAX_ICP_ITERATIONS):
-        step = _step(moved, *_nearest(moved, scene))
+        step = _icp_step(moved, *_nearest(moved, scene))
         moved = Rotation.from_rotvec(step[:3]).apply(moved) + step[3:]
         if np.abs(step).max() < 1e-6:
             break
@@ -129,7 +128,7 @@ def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float6
     return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
 
 
-def _step(
+def _icp_step(
     points: NDArray[np.float64], nearest: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(6,) rotation vector, rad, and translation, m, that move points (N, 3) towards their tangent planes."""
@@ -141,14 +140,14 @@ def _step(
     return np.asarray(step)
 
 
-def covered(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLayer:
+def covered_cells(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLayer:
     """(nx, ny) bool, the cells of the true ground that points (N, 3), m in ``world``, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
     return np.asarray(surface.grid.distance_to(seen) <= COVERAGE_RADIUS)
 
 
-def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> Values:
+def matched_distances(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> Values:
     """Distances, m, from places (N, 3) to things (M, 3) of the same name, matched one to one ``within`` m."""
     distance = np.linalg.norm(places[:, None] - things[None], axis=2)
     return np.array([distance[i, k] for i, k in min_cost_pairs(np.where(distance <= within, distance, np.inf))])
@@ -172,7 +171,7 @@ def score_handed_in(
         folder: the folder of the files, or of an episode, which contains ``handed_in/``.
         arena: the arena that the robot was in.
         brief: the mission's brief, which defines rewards and penalties.
-        parked: the robot's final position in the world; None if unknown.
+        parked: (2,) m, the robot's final position in the world; None if unknown.
         resets: number of times that the robot was touched.
         contacts: number of contacts with living victims.
 
@@ -192,17 +191,17 @@ def score_handed_in(
         )
     points = transform_points(arena.T_world_league, cloud.rows())
     moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
-    shown = covered(points, arena.surface)
+    shown = covered_cells(points, arena.surface)
     run = league_run(cloud, points, shown, pois, moved, arena, resets)
     by_rules = virtual_run(shown, pois, moved, arena, parked, contacts, brief.rewards.beside)
     scores = {
-        "league": league(run, brief.rewards, brief.penalties),
-        "virtual": virtual(by_rules, brief.rewards, brief.penalties),
+        "league": league_score(run, brief.rewards, brief.penalties),
+        "virtual": virtual_score(by_rules, brief.rewards, brief.penalties),
     }
     if len(arena.tubes.feet):
         named = files[".csv"][0].parent.glob(f"*{CODES_ENDING}")
         codes = [code for path in sorted(named)[:1] for code in read_codes(path)]
-        scores["small"] = small(small_run(codes, points, arena, brief.rewards.near_fiducials), brief.rewards)
+        scores["small"] = small_score(small_run(codes, points, arena, brief.rewards.near_fiducials), brief.rewards)
     return scores
 
 
@@ -246,7 +245,7 @@ def league_run(
     """
     names = {(find.type, find.name) for find in arena.finds}
     errors = [
-        matched(
+        matched_distances(
             places[[(poi.type, poi.name) == name for poi in pois]],
             _places([find for find in arena.finds if (find.type, find.name) == name]),
             NEAR,
@@ -279,8 +278,9 @@ def virtual_run(
 ) -> VirtualRun:
     """Measure the quantities that the Virtual Robot competition scores.
 
-    A mark, or the parked robot, is near a victim if it is within ``reach``, m; ``places``: (M, 3) m in ``world``, of
-    the finds. Assumed: a find named victim or a heat source marks a victim; a heat source marks a living victim.
+    A mark, or the robot ``parked`` at (2,) m, is near a victim within ``reach`` m of it; ``places``: (M, 3) m in
+    ``world``, of the finds. Assumed: a find named victim or a heat source marks a victim; a heat source marks a
+    living victim.
     A living victim scores if it is marked as living and the robot is parked near it.
     """
     victims = [find for find in arena.finds if find.is_victim]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pipeline.plugins.league.brief import Penalties, Rewards
 
 Rule = dict[str, float]
+"""The figures from which one rule of a score is computed, and the rule's ``points``."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class SmallRun:
     is_autonomous: bool = True
 
 
-def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
+def league_score(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
 
     - map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 plus ``extra`` per extra.
@@ -109,7 +110,7 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
     return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}
 
 
-def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
+def virtual_score(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Virtual Robot competition 2022, the sum of its rules.
 
     ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. S is the fraction
@@ -143,7 +144,7 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
     return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}
 
 
-def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
+def small_score(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
     """The score of a run in the labyrinth of the small league (2026).
 
     Points are given for codes that were read, and for codes at the right distances from the fiducials. The sum is

@@ -8,9 +8,9 @@ from pipeline.arrays import MaskLayer, Places
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.plugins.league.portals_kernels import edge_cells
 
-DOORWAY = 0.9  # m, width of the leagues' doors
-CORRIDOR = 1.2  # m, minimum width of the leagues' corridors
-EIGHT = np.ones((3, 3), np.bool_)
+DOOR_WIDTH = 0.9  # m, width of the leagues' doors
+MIN_CORRIDOR_WIDTH = 1.2  # m, minimum width of the leagues' corridors
+EIGHT_NEIGHBOURS = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, as a ring
 
 
@@ -22,7 +22,7 @@ def portals(surface: GroundTruthSurface, clearance: float) -> Places:
         clearance: minimum distance of the robot's centre from walls, m.
     """
     free = _between_walls(surface, clearance)
-    cells = [*_doorways(free, (DOORWAY + CORRIDOR) / 4 - clearance), *_junctions(free)]
+    cells = [*_doorways(free, (DOOR_WIDTH + MIN_CORRIDOR_WIDTH) / 4 - clearance), *_junctions(free)]
     return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
 
 
@@ -30,7 +30,7 @@ def _between_walls(surface: GroundTruthSurface, clearance: float) -> MaskLayer:
     """The cells farther than ``clearance`` m from walls and connected to drivable cells, even across obstacles."""
     near = surface.grid.distance_to(surface.walls) <= clearance
     free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
-    pieces, _ = ndimage.label(free, EIGHT)
+    pieces, _ = ndimage.label(free, EIGHT_NEIGHBOURS)
     return np.asarray(free & np.isin(pieces, np.unique(pieces[surface.drivable])))
 
 
@@ -43,11 +43,11 @@ def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]
     inside = np.pad(free, 1)
     wide = ndimage.distance_transform_edt(inside)[1:-1, 1:-1] * CELL > narrow
     opened = free & (ndimage.distance_transform_edt(~wide) * CELL <= narrow) if wide.any() else wide
-    passages, count = ndimage.label(free & ~opened, EIGHT)
+    passages, count = ndimage.label(free & ~opened, EIGHT_NEIGHBOURS)
     doors = []
     for number in range(1, count + 1):
         passage = passages == number
-        _, ends = ndimage.label(ndimage.binary_dilation(passage, EIGHT) & opened, EIGHT)
+        _, ends = ndimage.label(ndimage.binary_dilation(passage, EIGHT_NEIGHBOURS) & opened, EIGHT_NEIGHBOURS)
         if ends >= 2:
             doors.append(_middle(passage))
     return doors
@@ -74,8 +74,8 @@ def _branch_count(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float
     low = np.maximum(cell - int(reach) - 3, 0)
     thin, cell = thin[tuple(map(slice, low, cell + int(reach) + 4))], cell - low
     distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
-    pieces, _ = ndimage.label(thin & (distance <= reach + 2), EIGHT)
-    return int(ndimage.label((pieces == pieces[tuple(cell)]) & (distance > reach), EIGHT)[1])
+    pieces, _ = ndimage.label(thin & (distance <= reach + 2), EIGHT_NEIGHBOURS)
+    return int(ndimage.label((pieces == pieces[tuple(cell)]) & (distance > reach), EIGHT_NEIGHBOURS)[1])
 
 
 def _middle(mask: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from sarsim.flags import Given
 
 MAX_BEAMS = 2**20
 """Maximum number of beams in a scan; the densest sensor on the market has a quarter of this number."""
-MIN_APART = 1e-3
+MIN_ROW_SPACING = 1e-3
 """Minimum difference between the elevations of two rows, degrees; the finest sensors on the market have 0.01°."""
 
 
@@ -52,7 +52,7 @@ class LidarModel:
             raise InputError(f"--lidar {rows}x{columns}: a scan may have at most {MAX_BEAMS} beams")
         if not all(abs(angle) < 90 for angle in self.elevations):
             raise InputError(f"--lidar-vertical {_words(self.elevations)}: elevations must be between -90° and 90°")
-        if np.diff(np.sort(np.array(self.elevations, np.float64))).min(initial=np.inf) < MIN_APART:
+        if np.diff(np.sort(np.array(self.elevations, np.float64))).min(initial=np.inf) < MIN_ROW_SPACING:
             text = f"--lidar-vertical {_words(self.elevations)}: rows overlap; give every row an angle of its own"
             raise InputError(text)
         if not 0 < view <= 360:
@@ -90,14 +90,14 @@ class LidarModel:
         return step / (2 * math.pi * self.rate)
 
 
-def spread(rows: int, lowest: float, highest: float) -> tuple[float, ...]:
+def spaced_elevations(rows: int, lowest: float, highest: float) -> tuple[float, ...]:
     """(rows,) evenly spaced elevations, degrees; a single row lies in the middle."""
     return tuple(np.linspace(lowest, highest, rows).tolist()) if rows != 1 else ((lowest + highest) / 2,)
 
 
 PRESETS = {
-    "vlp-16": LidarModel(spread(16, -15, 15), 1800, 360, (0.4, 100), 10, (0.03, 0.03), 100),
-    "os1-64": LidarModel(spread(64, -16.6, 16.6), 1024, 360, (0.8, 120), 10, (0.015, 0.1), 40),
+    "vlp-16": LidarModel(spaced_elevations(16, -15, 15), 1800, 360, (0.4, 100), 10, (0.03, 0.03), 100),
+    "os1-64": LidarModel(spaced_elevations(64, -16.6, 16.6), 1024, 360, (0.8, 120), 10, (0.015, 0.1), 40),
     "utm-30lx": LidarModel((0.0,), 1081, 270, (0.1, 30), 40, (0.01, 0.03), 30),
 }
 """Sensors by name, from their data sheets.
@@ -110,7 +110,7 @@ PRESETS = {
 - Hokuyo UTM-30LX: one row of 1081 beams over 270°, 25 ms a scan, 0.1 to 30 m; repeatability 1 cm up to
   10 m and 3 cm up to 30 m.
 """
-ANY = PRESETS["vlp-16"]
+BASE_PRESET = PRESETS["vlp-16"]
 """Preset that supplies the other properties of a lidar that is given as ROWSxCOLUMNS."""
 
 
@@ -152,8 +152,12 @@ class LidarConfig:
         model = PRESETS.get(self.sensor)
         if model is None:
             rows, columns = self._size()
-            elevations = spread(rows, ANY.elevations[0], ANY.elevations[-1]) if rows <= MAX_BEAMS else (0.0,) * rows
-            model = replace(ANY, elevations=elevations, columns=columns)
+            elevations = (
+                spaced_elevations(rows, BASE_PRESET.elevations[0], BASE_PRESET.elevations[-1])
+                if rows <= MAX_BEAMS
+                else (0.0,) * rows
+            )
+            model = replace(BASE_PRESET, elevations=elevations, columns=columns)
         near, far = model.sigma
         noise = self.sigma
         if self.range is not None and noise is None:  # another range does not change the noise at a distance
@@ -187,7 +191,7 @@ class LidarConfig:
                 f"--lidar-vertical {_words(angles)}: give two angles, the lowest and the highest, or one for each of"
                 f" the {rows} rows"
             )
-        return spread(rows, *angles)
+        return spaced_elevations(rows, *angles)
 
 
 def _words(values: tuple[float, ...]) -> str:

@@ -22,11 +22,11 @@ from pipeline.sink import Result, Sink, Step
 from sarsim.dataset.settings import DatasetConfig
 from sarsim.plugins.lidar.config import LidarConfig
 from sarsim.plugins.lidar.scanner import Scan, Scanner
-from sarsim.plugins.lidar.semantic_kitti import SequenceWriter, sequence_folder, write_labels
+from sarsim.plugins.lidar.semantic_kitti import SequenceWriter, sequence_folder, write_label_table
 from sarsim.settings import SimulatorConfig, TeleopConfig
 
 STREAM = 0x11DA2  # part of the lidar's seed, so that its random numbers differ from others of the same seed
-UNSENT = 64
+MAX_UNSENT = 64
 """Maximum number of scans that wait to be sent; without a limit, they would accumulate if nothing fetches them."""
 ENTITY = "world/robot/lidar"
 
@@ -80,7 +80,7 @@ class Lidar(Plugin):
 
     def dataset(self, folder: Path, splits: Mapping[int, str]) -> None:
         """Write the label table of all sequences."""
-        write_labels(folder, splits)
+        write_label_table(folder, splits)
 
 
 class ScanningRobot:
@@ -97,7 +97,7 @@ class ScanningRobot:
         self.model, self.control_period = robot.model, robot.control_period
         self._robot, self.scanner = robot, scanner
         self.listeners: list[Callable[[Scan], object]] = []
-        self.unsent: deque[Scan] = deque(maxlen=UNSENT)
+        self.unsent: deque[Scan] = deque(maxlen=MAX_UNSENT)
 
     def sense(self) -> Frame:
         """Take a frame of the camera at the robot's current pose."""
@@ -147,7 +147,7 @@ class ScanFiles(Sink):
         """Complete the sequence; InputError if it cannot be written."""
         super().finish(result)
         self._writer.save()
-        write_labels(self._folder, {0: "train"})
+        write_label_table(self._folder, {0: "train"})
 
 
 def log_scan(stream: rr.RecordingStream, scan: Scan, T_base_lidar: Pose) -> None:

@@ -22,7 +22,7 @@ ABOVE_CAMERA = 0.06
 MIN_COSINE = np.cos(np.radians(80))
 """Cosine of the incidence angle beyond which noise grows no further; Soudarissanane et al. measured up to 80°."""
 NOTHING = -1  # geom id of a beam that hits nothing
-TINY = 1e-9  # s, tolerance for rounding errors of times that are sums of control periods
+TIME_TOLERANCE = 1e-9  # s, tolerance for rounding errors of times that are sums of control periods
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Scanner:
         self._T_base_lidar = self._mount(root)
         up, around = np.meshgrid(np.radians(model.elevations), model.azimuths, indexing="ij")
         self._rays = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
-        self._begin, self._turn, self._fired = 0.0, 0, 0
+        self._start_time, self._turn, self._fired = 0.0, 0, 0
         self._before: tuple[float, Pose] | None = None
         self._parts: list[Scan] = []
 
@@ -134,7 +134,7 @@ class Scanner:
     def scan(self, time: float) -> Scan:
         """A scan whose beams are all measured at the current pose; ``time``, s, is recorded as its start."""
         with hidden(self._world, self._is_robot):
-            return self._measured(time, self.pose, self._rays, np.arange(self.model.columns), None)
+            return self._measure(time, self.pose, self._rays, np.arange(self.model.columns), None)
 
     def advance(self, time: float) -> list[Scan]:
         """Advance to ``time``, s, and return the scans completed since the last call; to be called after each motion.
@@ -145,35 +145,39 @@ class Scanner:
         pose = self.pose
         before, self._before = self._before, (time, pose)
         if before is None:
-            self._begin = time
+            self._start_time = time
             return [] if self.rolls else [self._next_scan(time)]
         if self.rolls:
             with hidden(self._world, self._is_robot):
                 return list(self._roll(*before, time, pose))
-        return [self._next_scan(time)] if time >= self._begin + self._turn / self.model.rate - TINY else []
+        return (
+            [self._next_scan(time)]
+            if time >= self._start_time + self._turn / self.model.rate - TIME_TOLERANCE
+            else []
+        )
 
     def _next_scan(self, time: float) -> Scan:
-        self._turn = int((time - self._begin) * self.model.rate + TINY) + 1
+        self._turn = int((time - self._start_time) * self.model.rate + TIME_TOLERANCE) + 1
         return self.scan(time)
 
     def _roll(self, t0: float, T0: Pose, t1: float, T1: Pose) -> Iterator[Scan]:
         """Fire the columns between two times, s, as the robot moves between two poses, and yield complete scans."""
         step, columns = self.model.column_time, self.model.columns
         while True:
-            start = self._begin + self._turn / self.model.rate
-            due = int(np.clip(np.ceil((t1 - start - TINY) / step), self._fired, columns))
+            start = self._start_time + self._turn / self.model.rate
+            due = int(np.clip(np.ceil((t1 - start - TIME_TOLERANCE) / step), self._fired, columns))
             if due > self._fired:
                 fired = np.arange(self._fired, due)
-                poses = _between(t0, T0, t1, T1, start + fired * step)
+                poses = _interpolated_poses(t0, T0, t1, T1, start + fired * step)
                 T_start = self._parts[0].T_world_lidar if self._parts else poses[0]
-                self._parts.append(self._measured(start, T_start, self._rays[:, fired], fired, poses))
+                self._parts.append(self._measure(start, T_start, self._rays[:, fired], fired, poses))
                 self._fired = due
             if self._fired < columns:
                 return
             yield _joined(self._parts)
             self._turn, self._fired, self._parts = self._turn + 1, 0, []
 
-    def _measured(
+    def _measure(
         self, start: float, T_start: Pose, rays: NDArray[np.float64], columns: NDArray[np.int64], poses: Poses | None
     ) -> Scan:
         """The returns of (R, C, 3) rays of (C,) columns, cast from ``T_start``, or from one pose for each column."""
@@ -186,7 +190,7 @@ class Scanner:
             times = (columns * self.model.column_time).astype(np.float32)
         rays = rays.reshape(-1, 3)
         cosine = np.abs(np.einsum("ij,ij->i", rays, normal))
-        measured, returns = self._errors(distance, cosine)
+        measured, returns = self._add_errors(distance, cosine)
         nearest, farthest = self.model.range
         chosen = np.flatnonzero((geom != NOTHING) & returns & (measured >= nearest) & (measured <= farthest))
         row, column = np.divmod(chosen, count)
@@ -218,7 +222,10 @@ class Scanner:
     def _cast(
         self, T_world_lidar: Pose, rays: Directions
     ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """Geom id, distance in m and unit normal in ``lidar`` of the surfaces that (N, 3) rays in ``lidar`` hit."""
+        """Geom id, distance in m and unit normal in ``lidar`` of the surfaces that (N, 3) rays in ``lidar`` hit.
+
+        The id is ``NOTHING`` if a ray hits no surface.
+        """
         count, R = len(rays), T_world_lidar[:3, :3]
         geom, distance, normal = np.empty(count, np.int32), np.empty(count), np.empty((count, 3))
         mujoco.mj_multiRay(
@@ -237,8 +244,10 @@ class Scanner:
         )
         return geom, distance, normal @ R
 
-    def _errors(self, distance: Values, cosine: Values) -> tuple[Values, Mask]:
-        """(N,) measured distances, m, and (N,) returns, from true distances and cosines of the incidence angles.
+    def _add_errors(self, distance: Values, cosine: Values) -> tuple[Values, Mask]:
+        """(N,) measured distances, m, and whether each of the (N,) beams returns.
+
+        They are drawn from the true distances, m, and the cosines of the incidence angles, both (N,).
 
         The standard deviation grows linearly with the distance, between the values of the data sheet. It also grows
         with the inverse cosine of the incidence angle, because the signal gets weaker (Soudarissanane et al.,
@@ -267,12 +276,12 @@ def _robot_site(world: mujoco.MjModel, root: int) -> int | None:
     return None
 
 
-def _between(t0: float, T0: Pose, t1: float, T1: Pose, times: NDArray[np.floating]) -> Poses:
+def _interpolated_poses(t0: float, T0: Pose, t1: float, T1: Pose, times: NDArray[np.floating]) -> Poses:
     """(K, 4, 4) poses at ``times``, (K,) s, interpolated between two poses and constant before and after them."""
-    share = np.clip((times - t0) / (t1 - t0), 0, 1)
+    fraction = np.clip((times - t0) / (t1 - t0), 0, 1)
     poses = np.tile(np.eye(4), (len(times), 1, 1))
-    poses[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix([T0[:3, :3], T1[:3, :3]]))(share).as_matrix()
-    poses[:, :3, 3] = T0[:3, 3] + share[:, None] * (T1 - T0)[:3, 3]
+    poses[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix([T0[:3, :3], T1[:3, :3]]))(fraction).as_matrix()
+    poses[:, :3, 3] = T0[:3, 3] + fraction[:, None] * (T1 - T0)[:3, 3]
     return poses
 
 

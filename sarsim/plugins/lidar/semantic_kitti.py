@@ -91,7 +91,7 @@ def _row(T: Pose) -> str:
     return " ".join(f"{value:.{DIGITS}g}" for value in T[:3].ravel())
 
 
-def write_labels(folder: Path, splits: Mapping[int, str]) -> None:
+def write_label_table(folder: Path, splits: Mapping[int, str]) -> None:
     """Write the label table into a run's or a dataset's folder; ``splits``: train, val or test by sequence.
 
     Raises:

@@ -34,7 +34,7 @@ from sarsim.plugins.ros.settings import RosExplorationConfig
 from sarsim.robots.model import paced_model, robot_sensor
 
 _log = logging.getLogger(__name__)
-STARTING_TIME = 120.0
+START_TIMEOUT = 120.0
 """s, additional time to wait for a robot that has not started yet, because a simulated robot compiles first."""
 
 
@@ -60,7 +60,7 @@ class _Topics(Sink):
         config: RosConfig,
         plugins: Sequence[Plugin],
     ):
-        self._maps, self._frontiers = MapTopics(send, config=config), 0
+        self._maps, self._frontier_count = MapTopics(send, config=config), 0
         self._send, self._plugins = send, plugins
         self._explorer, self._estimate = explorer, estimate
 
@@ -71,7 +71,7 @@ class _Topics(Sink):
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Publish the maps and the plan."""
-        self._frontiers = len(step.frontiers)
+        self._frontier_count = len(step.frontiers)
         self._maps.send_maps(mapper, step.keyframe, step.plan)
         for plugin in self._plugins:
             for topic, message in plugin.messages(mapper, step):
@@ -88,7 +88,7 @@ class _Topics(Sink):
                 "stuck": outcomes.count(Outcome.STUCK),
                 "recovered": navigator.recovered,
             },
-            "exploration": {"frontiers_left": self._frontiers},
+            "exploration": {"frontiers_left": self._frontier_count},
             "localisation": {"keyframes": len(localisation.poses), "loops": len(localisation.loops)},
         }
         if result.is_reported:
@@ -96,7 +96,7 @@ class _Topics(Sink):
 
 
 class RosDrive(ExplorerRun):
-    """A run of a robot on a ROS 2 network that publishes its maps and its plan.
+    """A run of a robot on a ROS 2 network; it publishes the maps and the plan.
 
     Attributes:
         robot: the robot on the network.
@@ -111,7 +111,7 @@ class RosDrive(ExplorerRun):
         if own is not None and live.depth_range is None:
             live = replace(live, depth_range=(own.nearest, own.farthest))
         self.robot = (Nav2Robot if config.nav2 else RosRobot)(
-            node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion, config=live
+            node, model, config.topics, camera, config.patience, START_TIMEOUT, self._log_motion, config=live
         )
         plugins = make_plugins(config)
         sensor = self.robot.sensor or XTION

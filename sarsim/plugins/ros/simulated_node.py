@@ -28,12 +28,12 @@ from sarsim.scoring.navigation import NavigationScore
 from sarsim.scoring.trajectory import write_true_tum
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
-COMMANDS, KEYFRAMES = "/cmd_vel", "/keyframe"
-WAIT = 0.1
+COMMAND_TOPIC, KEYFRAME_TOPIC = "/cmd_vel", "/keyframe"
+MAX_COMMAND_WAIT = 0.1
 """s of wall-clock time, the maximum wait for the next command after each control period."""
-WATCHDOG = 0.5
+WATCHDOG_TIMEOUT = 0.5
 """s of simulated time without a command after which the robot stops."""
-KEPT = 30
+MAX_TRUE_FRAMES = 30
 """Number of the newest true frames that are kept until an explorer reports which of them are keyframes."""
 
 
@@ -72,17 +72,19 @@ class SimulatedNode:
             refused.pop_all()
         self.commands = 0
         self._topics = RobotTopics(node.publish)
-        self._command, self._commanded = Velocity(), -np.inf
-        self._begin, self._wall = self.robot.time, node.now()
+        self._command, self._command_time = Velocity(), -np.inf
+        self._start_time, self._start_wall_time = self.robot.time, node.now()
         self._next_frame, self._has_camera = self.robot.time, False
-        self._true_frames: deque[tuple[float, TrueFrame]] = deque(maxlen=KEPT)
+        self._true_frames: deque[tuple[float, TrueFrame]] = deque(maxlen=MAX_TRUE_FRAMES)
         self._keyframes: list[float] = []
-        self._name = "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
-        node.subscribe(COMMANDS, self._obey, self._name)
-        node.subscribe(KEYFRAMES, lambda data: self._keyframes.append(time_of(data)), "geometry_msgs/msg/PoseStamped")
+        self._command_type = "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
+        node.subscribe(COMMAND_TOPIC, self._obey, self._command_type)
+        node.subscribe(
+            KEYFRAME_TOPIC, lambda data: self._keyframes.append(time_of(data)), "geometry_msgs/msg/PoseStamped"
+        )
 
     def _obey(self, data: bytes) -> None:
-        self._command, self._commanded = command_of(decode(data, self._name)), self.robot.time
+        self._command, self._command_time = command_of(decode(data, self._command_type)), self.robot.time
         self.commands += 1
 
     def run(self, interrupted: Callable[[], bool], on_period: Callable[[float], object] = lambda time: None) -> None:
@@ -94,11 +96,11 @@ class SimulatedNode:
             while not interrupted():
                 start, commands = self._node.now(), self.commands
                 self.run_period()
-                on_period(self.robot.time - self._begin)
+                on_period(self.robot.time - self._start_time)
                 if self.config.pace == "real-time":
                     self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
                 elif self.config.pace == "commands":
-                    self._node.wait(partial(self._is_commanded_since, commands), WAIT)
+                    self._node.wait(partial(self._is_commanded_since, commands), MAX_COMMAND_WAIT)
         finally:
             if self.config.out:
                 write_report(self.report(), self.config.out)
@@ -111,7 +113,7 @@ class SimulatedNode:
     def run_period(self) -> None:
         """Follow the newest command for a control period, and publish the sensors' measurements, odometry last."""
         with self._node.received:
-            is_commanded = self.robot.time - self._commanded < WATCHDOG
+            is_commanded = self.robot.time - self._command_time < WATCHDOG_TIMEOUT
             command = self._command if is_commanded else Velocity()
             keyframes, self._keyframes = self._keyframes, []
         motion, topics = self._driven.drive(command), self._topics
@@ -139,7 +141,7 @@ class SimulatedNode:
 
     def report(self) -> dict[str, Any]:
         """The true figures of the drive, named as in an episode's report.json."""
-        sim_time, wall_time = self.robot.time - self._begin, self._node.now() - self._wall
+        sim_time, wall_time = self.robot.time - self._start_time, self._node.now() - self._start_wall_time
         return {
             "arena": self.config.arena,
             "seed": self.config.seed,

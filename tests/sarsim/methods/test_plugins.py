@@ -67,7 +67,7 @@ def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
         name: EntryPoint(name, f"{kind.__module__}:{kind.__name__}", "sarsim.sink") for name, kind in classes.items()
     }
     monkeypatch.setattr(
-        plugins, "installed", lambda groups=plugins.FLAGGED: entries if "sarsim.sink" in groups else {}
+        plugins, "installed", lambda groups=plugins.FLAG_GROUPS: entries if "sarsim.sink" in groups else {}
     )
     monkeypatch.setattr(plugins, "is_shipped", lambda name, group: name != "theirs")
 

@@ -91,7 +91,7 @@ def test_the_other_end_is_a_start_too(lane):
     top, geom = b[:3, 3] + [0, 0, 0.3], np.zeros(1, np.int32)
     below = mujoco.mj_ray(model, data, top, np.array([0, 0, -1.0]), None, 1, -1, geom, None)
     assert below == pytest.approx(0.3, abs=1e-3)
-    assert a[0, 3] < -LANES[lane].end and b[0, 3] > LANES[lane].end
+    assert a[0, 3] < -LANES[lane].end_distance and b[0, 3] > LANES[lane].end_distance
     if lane not in ("alleys", "centre"):  # whose ways begin sideways
         assert b[:3, 0] == pytest.approx([-1, 0, 0], abs=1e-6) and a[:3, 0] == pytest.approx([1, 0, 0], abs=1e-6)
 

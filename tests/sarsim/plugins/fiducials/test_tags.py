@@ -12,7 +12,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.arenas.things.codes import RESERVED_TAGS, TAG_DICTIONARY, TAG_SIDE, tag_picture
 from sarsim.arenas.walls import VIEWING_DISTANCE
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.plugins.fiducials.tags import TAG_SPACING, THICK, hang_fiducials
+from sarsim.plugins.fiducials.tags import TAG_SPACING, TAG_THICKNESS, hang_fiducials
 from sarsim.sensors.camera import geom_labels
 
 HALL = """<mujoco><size nuser_geom="1"/><worldbody>
@@ -55,13 +55,17 @@ def test_tags_hang_on_bare_walls_before_drivable_ground(name):
     for tag, T in enumerate(poses):
         assert_allclose(T[:3, :3].T @ T[:3, :3], np.eye(3), atol=1e-9)
         assert_allclose(T[:3, 1], [0, 0, 1])
-        eye, geom, normal = T[:3, 3] + (VIEWING_DISTANCE - THICK) * T[:3, 2], np.zeros(1, np.int32), np.zeros(3)
+        eye, geom, normal = (
+            T[:3, 3] + (VIEWING_DISTANCE - TAG_THICKNESS) * T[:3, 2],
+            np.zeros(1, np.int32),
+            np.zeros(3),
+        )
         assert before.grid.at(before.drivable, eye)
         for right, up in TAG_SIDE / 2 * np.array([(0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]):
             start = eye + right * T[:3, 0] + up * T[:3, 1]
             distance = mujoco.mj_ray(model, data, start, -T[:3, 2], None, 1, -1, geom, normal)
             assert model.geom(geom[0]).name == f"fiducial_{tag}"
-            assert distance == pytest.approx(VIEWING_DISTANCE - THICK, abs=1e-6)
+            assert distance == pytest.approx(VIEWING_DISTANCE - TAG_THICKNESS, abs=1e-6)
     places = poses[:, :3, 3]
     apart = np.linalg.norm(places[:, None] - places, axis=2)[np.triu_indices(8, 1)]
     assert apart.min() > TAG_SPACING
@@ -89,7 +93,7 @@ def test_a_tag_faces_the_side_that_it_hangs_on():
     for T in poses:
         side = np.sign(T[0, 3] - 2.0)
         assert_allclose(T[:3, :3], [(0, 0, side), (side, 0, 0), (0, 1, 0)], atol=1e-9)
-        assert_allclose(T[0, 3], 2.0 + side * (0.01 + THICK))
+        assert_allclose(T[0, 3], 2.0 + side * (0.01 + TAG_THICKNESS))
         assert T[2, 3] == pytest.approx(0.5)
 
 

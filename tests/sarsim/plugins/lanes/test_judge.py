@@ -35,15 +35,15 @@ def test_the_whole_robot_must_be_in_the_end_zone(yaw, reach, end):
 
 
 def test_the_first_moment_in_the_zone_counts():
-    judge = LaneJudge(LANE, PIONEER, towards=1, begin=10.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, start_time=10.0, time_limit=60.0)
     for time, x in ((10.0, -1.8), (20.0, 1.4), (30.0, 1.5), (40.0, 1.0), (50.0, 1.8)):
         assert judge.see(time, from_yaw(x, 0, 0, 0))
-    assert judge.crossed == 30.0
+    assert judge.crossing_time == 30.0
     assert judge.seconds == 20.0
 
 
 def test_too_late_is_no_traverse():
-    judge = LaneJudge(LANE, PIONEER, towards=-1, begin=10.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=-1, start_time=10.0, time_limit=60.0)
     assert judge.see(70.0, from_yaw(-1.4, 0, 0, 0))
     assert not judge.see(70.1, from_yaw(-1.8, 0, 0, 0))
     assert judge.seconds is None
@@ -51,7 +51,7 @@ def test_too_late_is_no_traverse():
 
 
 def test_a_robot_that_fell_over_does_not_get_across():
-    judge = LaneJudge(LANE, PIONEER, towards=1, begin=0.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, start_time=0.0, time_limit=60.0)
     assert judge.see(1.0, from_yaw(0, 0, 0, 0))
     assert not judge.see(2.0, rolled(46))
     assert not judge.see(3.0, rolled(0))
@@ -59,7 +59,7 @@ def test_a_robot_that_fell_over_does_not_get_across():
 
 
 def test_who_falls_in_the_end_zone_has_got_across_before():
-    judge = LaneJudge(LANE, PIONEER, towards=1, begin=0.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, start_time=0.0, time_limit=60.0)
     assert judge.see(1.0, rolled(44))
     assert not judge.see(2.0, rolled(-46))
     assert judge.has_tipped and judge.seconds == 1.0

@@ -71,7 +71,8 @@ def test_codes_and_signs_hang_on_the_inner_faces(world):
 
 def test_codes_and_signs_alternate_until_there_are_enough():
     assert (
-        build_maze(MazeConfig(things=3)).next_thing_number == build_maze(MazeConfig(things=0)).next_thing_number + 3
+        build_maze(MazeConfig(thing_count=3)).next_thing_number
+        == build_maze(MazeConfig(thing_count=0)).next_thing_number + 3
     )
 
 

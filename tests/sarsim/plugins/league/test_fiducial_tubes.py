@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.plugins.league.brief import Rewards
 from sarsim.plugins.league.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
-from sarsim.plugins.league.leagues import SmallRun, small
+from sarsim.plugins.league.leagues import SmallRun, small_score
 
 FEET = np.array([(0.0, 0, 0), (3.0, 0, 0), (0.0, 4, 0)])
 TUBES = Tubes(FEET, np.array([1.0, 2.0, 1.0]), np.full(3, 0.15), [("A", np.array([1.0, 1.0, 0.5]))])
@@ -66,7 +66,7 @@ def test_a_reading_is_of_the_nearest_code_with_its_text():
 
 @pytest.mark.parametrize(("alone", "points"), [(True, 4 * (5 + 4 * 3)), (False, 5 + 4 * 3)])
 def test_points_of_the_small_league(alone, points):
-    score = small(SmallRun(10, 5, 3, 10, 8, alone), Rewards())
+    score = small_score(SmallRun(10, 5, 3, 10, 8, alone), Rewards())
     assert score["total"]["points"] == points == sum(r["points"] for n, r in score.items() if n != "total")
 
 

@@ -9,7 +9,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.plugins.league.codes import ReadCode, write_codes
 from sarsim.ground_truth.meshes import true_scene
-from sarsim.plugins.league.handed_in import matched, registered_error, score_handed_in, true_arena
+from sarsim.plugins.league.handed_in import matched_distances, registered_error, score_handed_in, true_arena
 from sarsim.robots.model import robot_model
 from tests.pipeline.plugins.league.handed_in_room import BRIEF, hand_in_room, room_points
 
@@ -101,8 +101,8 @@ def test_a_map_of_half_the_room_covers_half(arena, tmp_path):
 
 def test_one_find_for_one_thing():
     places = np.array([(0.0, 0, 0), (0.1, 0, 0), (3, 0, 0)])
-    np.testing.assert_allclose(matched(places, np.array([(0.1, 0, 0), (3.4, 0, 0)]), 0.5), [0, 0.4])
-    assert len(matched(places, np.zeros((0, 3)), 0.5)) == 0
+    np.testing.assert_allclose(matched_distances(places, np.array([(0.1, 0, 0), (3.4, 0, 0)]), 0.5), [0, 0.4])
+    assert len(matched_distances(places, np.zeros((0, 3)), 0.5)) == 0
 
 
 def test_files_that_cannot_be_scored_are_refused(folder, arena, tmp_path):

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
 from sarsim.plugins.lidar.config import LidarConfig
 from sarsim.plugins.lidar.scanner import Scan
-from sarsim.plugins.lidar.semantic_kitti import SequenceWriter, sequence_folder, write_labels
+from sarsim.plugins.lidar.semantic_kitti import SequenceWriter, sequence_folder, write_label_table
 from tests.sarsim.plugins.lidar.hall import Hall
 
 
@@ -24,7 +24,7 @@ def written(folder: Path, seed: int = 0) -> list[Scan]:
         scans.append(scanner.scan(0.1 * k))
         writer.add(scans[-1])
     writer.save()
-    write_labels(folder, {3: "val", 4: "train"})
+    write_label_table(folder, {3: "val", 4: "train"})
     return scans
 
 

@@ -16,7 +16,7 @@ from pipeline.robot import Velocity
 from pipeline.transforms import yaw_of
 from sarsim.plugins.ros.ros_drive import RosDrive
 from sarsim.plugins.ros.settings import RosExplorationConfig, RosRobotConfig
-from sarsim.plugins.ros.simulated_node import WATCHDOG, SimulatedNode
+from sarsim.plugins.ros.simulated_node import WATCHDOG_TIMEOUT, SimulatedNode
 from tests.pipeline.plugins.ros.live.loopback import End, Wire
 from tests.pipeline.plugins.ros.live.nav2_stack import Nav2Stack
 from tests.sarsim.rooms import HOUSE
@@ -96,7 +96,7 @@ def test_a_command_holds_for_half_a_second(driven: Pair) -> None:
     for command in (Velocity(-0.3), Velocity(np.nan, 0.2)):
         before = robot.trajectory[-1].T_world_base
         wire.carry("/cmd_vel", messages.velocity(command))
-        for _ in range(round((WATCHDOG + 1.0) / robot.control_period)):
+        for _ in range(round((WATCHDOG_TIMEOUT + 1.0) / robot.control_period)):
             driven.work()
         way = np.linalg.norm(robot.trajectory[-1].T_world_base[:2, 3] - before[:2, 3])
         at_rest = np.linalg.norm(robot.trajectory[-1].T_world_base[:2, 3] - robot.trajectory[-5].T_world_base[:2, 3])

@@ -88,11 +88,11 @@ class Explorer:
             viewpoint, context, back = self.decide(keyframe)
             self._ways_back = self._ways_back + 1 if back else 0
             if back is not None:
-                self.mission.set_out_to_see_nothing()
+                self.mission.set_out_without_strategy()
                 viewpoint = Viewpoint(back.waypoints[-1, :2], 0.0, turn=False, gain=0.0, stands=True)
             frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.explores
-            left = self.mission.left(context) if has_ended and not self.is_held else []
+            left = self.mission.leftovers(context) if has_ended and not self.is_held else []
             end_reason = self._end_reason(context, left) if has_ended else None
         # Connect the ground that can be reached to the topological map (3.3).
         mapper.update_topological_map(keyframe, context.paths)

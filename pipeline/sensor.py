@@ -38,7 +38,7 @@ class SensorModel:
 
     Attributes:
         nearest, farthest: depths between which surfaces give a return, m along the optical axis.
-        grazing: smallest angle between ray and surface at which a return is certain, rad.
+        min_grazing_angle: smallest angle between ray and surface at which a return is certain, rad.
         margin: width of the bands at both ends of the range in which returns are unreliable, m.
         same_surface: maximum difference in depth between neighbouring returns on a surface, as a fraction of depth.
         noise: how the noise grows with depth.
@@ -46,7 +46,7 @@ class SensorModel:
 
     nearest: float
     farthest: float
-    grazing: float
+    min_grazing_angle: float
     margin: float
     same_surface: float = 0.05
     noise: DepthNoise = STRUCTURED_LIGHT
@@ -74,6 +74,6 @@ class SensorModel:
         return np.where((depth >= self.nearest) & (depth <= self.farthest), depth, np.float32(0))
 
 
-XTION = SensorModel(nearest=0.8, farthest=3.5, grazing=GRAZING, margin=0.1)
+XTION = SensorModel(nearest=0.8, farthest=3.5, min_grazing_angle=GRAZING, margin=0.1)
 """The simulated ASUS Xtion PRO LIVE, with the range from its data sheet. The margin is five standard deviations at
 the far end, rounded."""

@@ -107,9 +107,8 @@ class SimulatedRobot:
         sensor = replace(SENSORS[config.sensor], min_range=nearest, max_range=farthest)
         # Without noise, the sensor still gets no return at grazing angles, so no robot could see such ground.
         self._noise_free = replace(SENSORS["ideal"], min_range=nearest, max_range=farthest, grazing=sensor.grazing)
-        self.noise_free_sensor = replace(
-            self.sensor, grazing=np.radians(90 - MAX_INCIDENCE) if sensor.grazing else 0.0
-        )
+        min_grazing_angle = np.radians(90 - MAX_INCIDENCE) if sensor.grazing else 0.0
+        self.noise_free_sensor = replace(self.sensor, min_grazing_angle=min_grazing_angle)
         self._conditions = Conditions(sensor, lighting, Air(config.dust))
         warn_of_symptoms(config.robot)
         self._environment = RescueEnvironment(arena, config.robot)

@@ -198,7 +198,7 @@ class ElevationMap:
         cells = np.concatenate([shown, dropped])
         if camera is not None:
             marks = layers["dropout_direction"], layers["dropout_extent"]
-            seen_from = camera, float(height), XTION.grazing
+            seen_from = camera, float(height), XTION.min_grazing_angle
             kernels.renew_dropout(*marks, missing, returns, cells, *seen_from, *cell, *judged[1:])
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))

@@ -177,7 +177,7 @@ def find_depth_dropouts(
     """
     dropouts = np.zeros_like(depth)
     limits = FEWEST_OF_GAP, WIDEST_GAP
-    dropout_depth(depth, intrinsics.fy, sensor.grazing, np.float32(sensor.same_surface), *limits, dropouts)
+    dropout_depth(depth, intrinsics.fy, sensor.min_grazing_angle, np.float32(sensor.same_surface), *limits, dropouts)
     gaps, _ = ndimage.label(dropouts[::ROW_STEP] > 0, np.ones((3, 3)))
     is_panel = [False, *(rows.stop - rows.start >= FEWEST_OF_GAP for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])

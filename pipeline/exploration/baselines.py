@@ -19,9 +19,9 @@ class NearestFrontier(NextBestView):
 
     takes_rewards = False
 
-    def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) m², gains at the nearest position that is worth the drive, 0 elsewhere; see the base class."""
-        good = gains >= self.needed(seconds)
+        good = gains >= self.required_gain(seconds)
         large = good & (gains >= self._robot.length * self._robot.width)
         good = large if large.any() else good
         distance = seconds.min(axis=1)
@@ -35,16 +35,16 @@ class RandomWalk(Strategy):
     def __init__(self, robot: RobotModel, seed: int = 0, stride: float = 2.0, steps: int = 300):
         """``stride``: maximum length of the path to the next position, m; ``steps``: number of keyframes to take."""
         self._rng, self._draw = np.random.default_rng(seed), np.zeros(2)
-        self._most_seconds, self._steps_left = stride / robot.speed, steps
+        self._max_seconds, self._steps_left = stride / robot.speed, steps
 
     def observe(self, context: Context) -> None:
-        """Draw the random numbers that determine the next viewpoint."""
+        """Count a step, and draw the random numbers that determine the next viewpoint."""
         self._steps_left -= 1
         self._draw = self._rng.random(2)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that was drawn; None after the last step, or if the robot cannot drive anywhere."""
-        cells = np.argwhere(context.traversability.turnable & (context.paths.cost <= self._most_seconds))
+        cells = np.argwhere(context.traversability.turnable & (context.paths.cost <= self._max_seconds))
         if not len(cells) or self._steps_left < 0:
             return None
         place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])

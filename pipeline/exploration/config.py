@@ -26,8 +26,8 @@ class VisibilityConfig:
         min_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
             walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
-        new_view: minimum distance from the keyframe that last missed a cell at which the cell is expected to be seen,
-            m.
+        min_new_view_distance: minimum distance between a viewpoint that is expected to show a cell and the keyframe
+            that last missed the cell, m.
     """
 
     rays: int = 180
@@ -38,7 +38,7 @@ class VisibilityConfig:
     max_blocked_probability: float = 0.4
     min_unknown: float = 1.0
     level_run: float = 1.0
-    new_view: float = 0.3
+    min_new_view_distance: float = 0.3
 
     def __post_init__(self) -> None:
         require_positive("exploration.visibility", self, "level_run")
@@ -57,7 +57,7 @@ class UnseenWaysConfig:
         farthest: maximum distance from the robot to a goal, m. Goals farther away are reached over seen ground only,
             because the time and memory of the search grow with the area.
         view_length: length of the path through unseen ground that a view should show, m.
-        second_look: cost of a second view if the first shows none of this ground, s.
+        second_look_cost: cost of a second view if the first shows none of this ground, s.
         detour: maximum detour for a view, s; longer detours are considered only if no view is within this limit.
         min_fraction: minimum fraction of this ground that a view must show.
         alternatives: maximum number of paths through different unseen ground that are compared.
@@ -69,7 +69,7 @@ class UnseenWaysConfig:
     margin: float = 3.0
     farthest: float = 60.0
     view_length: float = 1.5
-    second_look: float = 5.0
+    second_look_cost: float = 5.0
     detour: float = 20.0
     min_fraction: float = 0.2
     alternatives: int = 3
@@ -83,7 +83,7 @@ class UnseenWaysConfig:
 
 @dataclass(frozen=True)
 class ExplorationConfig:
-    """Conditions under which a viewpoint is worth a drive, and a drive has ended.
+    """When a viewpoint is worth a drive, when a drive has reached its end, and when exploration ends.
 
     Exploration ends when increasing the run's time by the factor ``more_time`` would increase the seen ground by less
     than the factor ``more_ground``. With equal factors, this would be the marginal value theorem of foraging (Charnov
@@ -96,15 +96,15 @@ class ExplorationConfig:
         max_given_up_fraction: maximum fraction of the seen ground that may be given up as not worth the drive.
         min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
-        arrived: distance within which a viewpoint or goal is considered reached, m.
+        goal_tolerance: distance within which a viewpoint or goal is considered reached, m.
         max_drives_without_progress: number of drives without progress towards a goal after which the goal is given
             up.
         max_unseen_gap: maximum width of unseen ground that is looked at because it may block a path, m.
         looks: number of looks after which a cell that may block the path to seen ground is treated as blocked.
         drives_to_look: number of drives to look at such a cell, wherever they ended, after which the cell is treated
             as blocked.
-        progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost of
-            a bend.
+        min_progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost
+            of a bend.
         min_shown_fraction: minimum fraction of the expected ground that must be seen, even if only during the drive,
             for a viewpoint to be done. Also, minimum gain of a view of cells that may block a path, as a fraction of
             the gain of the best such view.
@@ -118,12 +118,12 @@ class ExplorationConfig:
     max_given_up_fraction: float = 0.01
     min_piece_area: float = 0.25
     horizon: float = 1.5
-    arrived: float = 0.15
+    goal_tolerance: float = 0.15
     max_drives_without_progress: int = 5
     max_unseen_gap: float = 0.5
     looks: int = 3
     drives_to_look: int = 8
-    progress: float = 1.5
+    min_progress: float = 1.5
     min_shown_fraction: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
     unseen_ways: UnseenWaysConfig = UnseenWaysConfig()

@@ -50,7 +50,7 @@ class Deadline:
         begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
         retreat: position where the robot must be at ``end``; None if it may be anywhere.
-        has_called: whether the last viewpoint was refused because the robot has to turn back.
+        has_refused: whether the last viewpoint was refused because the robot has to turn back.
     """
 
     def __init__(
@@ -75,14 +75,16 @@ class Deadline:
         """
         self.end = end
         self.retreat: Retreat | None = None
-        self.has_called = False
+        self.has_refused = False
         self.begin, self._finds, self._wants_home = begin, finds, home
-        # The robot may stop ``arrived`` m short of a position, because the position is then considered reached.
-        self._near = None if max_victim_distance is None else max_victim_distance - config.arrived
-        self._arrived = config.arrived
+        # The robot may stop ``goal_tolerance`` m short of a position, because the position then counts as reached.
+        self._goal_tolerance = config.goal_tolerance
+        self._max_victim_distance = (
+            None if max_victim_distance is None else max_victim_distance - self._goal_tolerance
+        )
         self._home: Place | None = None
         # Planned and actual time of all drives, and the longest delay so far, s.
-        self._planned, self._taken, self._late = 0.0, 0.0, 0.0
+        self._planned, self._taken, self._max_delay = 0.0, 0.0, 0.0
         # Start and planned time of the last drive, s; None if it has no planned time.
         self._last: tuple[float, float] | None = (begin, 0.0)
 
@@ -93,13 +95,13 @@ class Deadline:
         if self._last is not None:
             begin, seconds = self._last
             taken = context.frame.time - begin
-            self._late = max(self._late, taken - seconds)
+            self._max_delay = max(self._max_delay, taken - seconds)
             self._taken += taken if seconds else 0.0  # turns in place do not show how fast the robot drives
         self._last = context.frame.time, 0.0
         place = None
-        if self._near is not None:
+        if self._max_victim_distance is not None:
             victims = [find.position[:2] for find in self._finds() if find.kind == "heat"]
-            place = parking_place(np.array(victims).reshape(-1, 2), context.paths, self._near)
+            place = parking_place(np.array(victims).reshape(-1, 2), context.paths, self._max_victim_distance)
         if place is not None:
             self.retreat = Retreat("park", place)
         elif self._wants_home:
@@ -116,18 +118,18 @@ class Deadline:
         if self.retreat is None:
             return True
         under_way = now - self.begin
-        there = _finite(context.paths.without_risk.cost_to(position), 0.0)
+        there = _finite_or(context.paths.without_risk.cost_to(position), 0.0)
         ways = PosePaths(context.traversability, self.retreat.position, caution=0.0)
-        back = under_way + there if ways.start is None else _finite(ways.cost_to(position), under_way + there)
+        back = under_way + there if ways.start is None else _finite_or(ways.cost_to(position), under_way + there)
         slowness = max(1.0, self._taken / self._planned) if self._planned else 1.0
-        can_do = now + slowness * (there + back) + self._late <= self.end
-        self.has_called = not can_do
+        can_do = now + slowness * (there + back) + self._max_delay <= self.end
+        self.has_refused = not can_do
         return can_do
 
     def set_out(self, position: Place, context: Context) -> None:
         """Remember the planned time of a drive to a position (2,)."""
-        is_drive = np.linalg.norm(position - context.T_map_base[:2, 3]) > self._arrived
-        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
+        is_drive = np.linalg.norm(position - context.T_map_base[:2, 3]) > self._goal_tolerance
+        seconds = _finite_or(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
         self._planned += seconds
         self._last = context.frame.time, seconds
 
@@ -136,7 +138,7 @@ class Deadline:
         self._last = None
 
 
-def _finite(seconds: float, otherwise: float) -> float:
+def _finite_or(seconds: float, otherwise: float) -> float:
     return seconds if np.isfinite(seconds) else otherwise
 
 

@@ -8,7 +8,7 @@ from pipeline.arrays import MaskLayer, Places
 from pipeline.exploration.viewpoint import Context
 
 
-def unseen(context: Context) -> MaskLayer:
+def unseen_cells(context: Context) -> MaskLayer:
     """The cells that were not seen and may be traversable.
 
     Unknown ground closer to a hazard than half the robot's width is included only if paths need no margin, because
@@ -32,7 +32,7 @@ def cells_touching(context: Context, cells: MaskLayer, beyond: float = 0.0) -> M
 
 def find_frontiers(context: Context) -> Places:
     """(N, 3) m, a point near the centre of each connected piece of reachable ground that borders on unseen ground."""
-    traversability, target = context.traversability, unseen(context)
+    traversability, target = context.traversability, unseen_cells(context)
     pieces, _ = ndimage.label(cells_touching(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
     centres = []
     for piece, box in enumerate(ndimage.find_objects(pieces), start=1):

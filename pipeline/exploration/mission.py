@@ -52,7 +52,7 @@ class Mission:
         self.may_explore = True
         self.deadline: Deadline | None = None
         self.inspection: Strategy | None = None
-        self._sender: Strategy | None = exploration
+        self._active_strategy: Strategy | None = exploration
         self._is_on_retreat = False
         self._visited: dict[str, Goals] = {}
         self._reported: dict[str, int] = {}
@@ -89,7 +89,7 @@ class Mission:
     @property
     def is_out_of_time(self) -> bool:
         """Whether the last viewpoint was refused because the robot has to turn back."""
-        return self.deadline is not None and self.deadline.has_called
+        return self.deadline is not None and self.deadline.has_refused
 
     @property
     def is_tight(self) -> bool:
@@ -113,20 +113,20 @@ class Mission:
                 if not self._has_time(viewpoint, context):
                     return None
                 strategy.commit(viewpoint, context)
-                self._sender = strategy
+                self._active_strategy = strategy
                 return viewpoint
         return None
 
-    def set_out_to_see_nothing(self) -> None:
+    def set_out_without_strategy(self) -> None:
         """Begin a drive that no strategy has chosen; no strategy may end it early, and the clock ignores it."""
-        self._sender = None
+        self._active_strategy = None
         if self.deadline is not None:
             self.deadline.set_out_unplanned()
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the drive to the last viewpoint has already shown the ground that the robot set out to see."""
-        has_answer = hasattr(self._sender, "is_shown")  # A user's own strategy may lack this method
-        return has_answer and required(self._sender).is_shown(elevation_map)
+        has_answer = hasattr(self._active_strategy, "is_shown")  # A user's own strategy may lack this method
+        return has_answer and required(self._active_strategy).is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
         """Whether the clock allows the drive; if so, the start of the drive is recorded.
@@ -140,8 +140,8 @@ class Mission:
         self.deadline.set_out(viewpoint.position, context)
         return True
 
-    def left(self, context: Context) -> list[Viewpoint]:
-        """The ground that exploration has given up, see :meth:`Strategy.leftovers`."""
+    def leftovers(self, context: Context) -> list[Viewpoint]:
+        """Viewpoints for the ground that exploration has given up, see :meth:`Strategy.leftovers`."""
         has_answer = hasattr(self.exploration, "leftovers")  # A user's own strategy may lack this method
         return self.exploration.leftovers(context) if has_answer else []
 
@@ -172,7 +172,7 @@ class Mission:
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
         if self.deadline is not None:
-            self.deadline.has_called = False  # it may have ended the previous task
+            self.deadline.has_refused = False  # it may have ended the previous task
         yield name
         if self.is_out_of_time:
             goals.refuse("too little time was left before the drive back")
@@ -193,7 +193,7 @@ class Mission:
                 "given": len(goals.visits) + len(goals.remaining),
                 "reached": sum(visit.failure_reason is None for visit in goals.visits),
                 "refused": [visit.failure_reason for visit in goals.visits if visit.failure_reason],
-                "each": [{"way_m": visit.way, "time_s": visit.end - visit.begin} for visit in goals.visits],
+                "each": [{"way_m": visit.distance, "time_s": visit.end - visit.begin} for visit in goals.visits],
             }
             for name, goals in self._visited.items()
         }
@@ -211,14 +211,14 @@ class Visit:
     Attributes:
         goal: (2,) m, position of the goal in ``map``.
         failure_reason: why the robot did not reach it, as a line for the log; None if it did.
-        way: distance driven by odometry towards this goal, m.
+        distance: distance driven by odometry towards this goal, m.
         begin: the robot's time at the end of the previous visit or, without one, at the start of the task, s.
         end: the robot's time at the end of this visit, s.
     """
 
     goal: Place
     failure_reason: str | None
-    way: float
+    distance: float
     begin: float
     end: float
 
@@ -261,20 +261,22 @@ class Goals(Strategy):
         """Count goals that the robot has reached, and give up a goal if drives bring the robot no nearer to it."""
         self._context, self._since = context, self._since or context
         for goal in list(self.remaining):
-            place = self._place(goal, context.paths)
-            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.arrived:
-                self._end(goal, None)
+            place = self._drive_target(goal, context.paths)
+            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.goal_tolerance:
+                self._record_visit(goal, None)
             elif goal is self._goal and self._is_hopeless(goal, context.paths.cost_to(place)):
                 drives = self._config.max_drives_without_progress
-                self._end(goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer")
+                self._record_visit(
+                    goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer"
+                )
         self._goal = self._view = None
-        if any(unreachable_reason(context.paths, self._place(goal, context.paths)) for goal in self.remaining):
+        if any(unreachable_reason(context.paths, self._drive_target(goal, context.paths)) for goal in self.remaining):
             self._unseen = self._unseen or UnseenGroundSearch(context.traversability.robot, self._config)
             self._unseen.observe(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The next goal, or a view of unseen ground on the path to it; None if no path to any goal is left."""
-        places = [self._place(goal, context.paths) for goal in self.remaining]
+        places = [self._drive_target(goal, context.paths) for goal in self.remaining]
         are_known = all(unreachable_reason(context.paths, place) is None for place in places)
         order = order_goals(context.paths, places) if are_known else self._order_through_unseen(places, context)
         for place in (places[k] for k in order):
@@ -301,11 +303,14 @@ class Goals(Strategy):
 
     @property
     def may_open(self) -> bool:
-        """Whether exploration may open a path to a remaining goal, because hazards alone do not block all paths."""
+        """Whether exploration may open a path to a remaining goal, because hazards alone do not block all paths.
+
+        False while paths to the goals are still planned with a margin.
+        """
         unseen, context = self._unseen, self._context
         if unseen is None or context is None or not self.is_tight:
             return False
-        return any(unseen.may_open(self._place(goal, context.paths), context) for goal in self.remaining)
+        return any(unseen.may_open(self._drive_target(goal, context.paths), context) for goal in self.remaining)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map now shows the ground that the robot set out to see."""
@@ -317,27 +322,29 @@ class Goals(Strategy):
             self._view = viewpoint
             self._unseen.commit(viewpoint, context)
             return
-        self._goal = next(g for g in self.remaining if (self._place(g, context.paths) == viewpoint.position).all())
+        self._goal = next(
+            g for g in self.remaining if (self._drive_target(g, context.paths) == viewpoint.position).all()
+        )
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
         """Give up the remaining goals; ``why``: the reason, by default why no path led to them in the last step."""
         for goal in list(self.remaining):
             reason = self._unreachable_reason(goal) if why is None else None
-            self._end(goal, reason or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
+            self._record_visit(goal, reason or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _unreachable_reason(self, goal: Place) -> str | None:
         """The reason, as a line for the log, why no path leads to a goal; None if a path may lead there."""
         context, unseen = self._context, self._unseen
         if context is None or unseen is None:
             return None
-        place = self._place(goal, context.paths)
+        place = self._drive_target(goal, context.paths)
         known = unreachable_reason(context.paths, place)
         if known is None or unseen.view_towards(place, context) is not None:
             return None
         return unseen.unreachable_reason(place, context) or known
 
-    def _place(self, goal: Place, paths: PosePaths) -> Place:
+    def _drive_target(self, goal: Place, paths: PosePaths) -> Place:
         """The position to which the robot drives for a goal: the nearest reachable one close to it, or the goal."""
         if not np.isfinite(goal).all():
             return goal
@@ -348,11 +355,11 @@ class Goals(Strategy):
     def _is_hopeless(self, goal: Place, seconds_left: float) -> bool:
         """Whether the ``max_drives_without_progress`` latest drives to a goal brought the robot no nearer to it."""
         shortest, drives = self._tries[id(goal)]
-        is_nearer = seconds_left < shortest - self._config.progress
+        is_nearer = seconds_left < shortest - self._config.min_progress
         self._tries[id(goal)] = (seconds_left, 0) if is_nearer else (shortest, drives + 1)
         return self._tries[id(goal)][1] >= self._config.max_drives_without_progress
 
-    def _end(self, goal: Place, failure_reason: str | None) -> None:
+    def _record_visit(self, goal: Place, failure_reason: str | None) -> None:
         self.remaining = [other for other in self.remaining if other is not goal]
         begin, end = self._since, self._context
         if begin is None or end is None:

@@ -36,13 +36,13 @@ class RemainingGround:
     Attributes:
         terrain: the ground, the targets and their probabilities.
         camera: the camera's view of the ground.
-        seen: area of the ground seen so far, m².
+        seen_area: area of the ground seen so far, m².
         seconds: duration of the run so far, plus the time to look around once, s.
     """
 
     terrain: SearchedTerrain
     camera: CameraView
-    seen: float
+    seen_area: float
     seconds: float
 
     def in_view(self, viewpoint: Viewpoint) -> tuple[MaskLayer, MaskLayer]:
@@ -95,7 +95,7 @@ class NextBestView(Strategy):
     def observe(self, context: Context) -> None:
         """Record looks at blocking cells, the cells that new keyframes showed and missed, and the unseen ground."""
         if self._look is not None and self._is_at(self._look, context.T_map_base):
-            self._looks.update(_keys(self._promised[0]))
+            self._looks.update(_position_keys(self._promised[0]))
         self._look = None
         camera = visibility.camera_view(context.frame, self.config.visibility)
         terrain = self.sightings.observe(context, camera)
@@ -110,12 +110,12 @@ class NextBestView(Strategy):
         While the ground that would be given up exceeds the fraction ``max_given_up_fraction`` of the seen ground,
         every drive is worth its time.
         """
-        if viewpoint := self._next(self.remaining, context):
+        if viewpoint := self._worthwhile_view(self.remaining, context):
             return viewpoint
         first, area = None, 0.0
-        for view in self._in_turn(self._best, self.remaining, context):
+        for view in self._successive_views(self._best, self.remaining, context):
             first, area = first or view, area + view.gain
-            if area > self.config.max_given_up_fraction * self.remaining.seen:
+            if area > self.config.max_given_up_fraction * self.remaining.seen_area:
                 return first
         return None
 
@@ -124,14 +124,17 @@ class NextBestView(Strategy):
 
         The viewpoints come first, whatever they cost, each for the ground that the earlier ones do not show.
         """
-        return [*self._in_turn(self._best, self.remaining, context), *self._unreachable(context)]
+        return [*self._successive_views(self._best, self.remaining, context), *self._unreachable(context)]
 
-    def offers(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
+    def worthwhile_viewpoints(self, context: Context, first: Viewpoint, limit: int) -> list[Viewpoint]:
         """At most ``limit`` viewpoints: ``first``, and others that are worth a drive.
 
         Each viewpoint is for ground that no earlier one shows.
         """
-        return [first, *islice(self._in_turn(self._next, self.remaining.after(first), context), limit - 1)]
+        return [
+            first,
+            *islice(self._successive_views(self._worthwhile_view, self.remaining.after(first), context), limit - 1),
+        ]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember the ground that a keyframe at this viewpoint is expected to show."""
@@ -146,7 +149,7 @@ class NextBestView(Strategy):
         self._is_for_ground = not viewpoint.opens
         if viewpoint.opens:
             self._look = viewpoint
-            self._drives.update(_keys(self._promised[0]))
+            self._drives.update(_position_keys(self._promised[0]))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             # Only a keyframe at the viewpoint earns the rewards, however early the drive has shown the ground.
@@ -157,7 +160,7 @@ class NextBestView(Strategy):
         """Whether the robot has arrived at a viewpoint, with its heading."""
         distance = np.linalg.norm(T_map_base[:2, 3] - viewpoint.position)
         turned = abs(wrap_angle(yaw_of(T_map_base) - viewpoint.heading))
-        return bool(distance <= self.config.arrived and turned <= np.pi / len(HEADING_ANGLES))
+        return bool(distance <= self.config.goal_tolerance and turned <= np.pi / len(HEADING_ANGLES))
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the robot set out to see."""
@@ -166,7 +169,7 @@ class NextBestView(Strategy):
         seen = np.isfinite(elevation_map.grid.at(elevation_map.measured, places, outside=np.nan)).sum() * cell**2
         return self._is_for_ground and bool(seen >= self.config.min_shown_fraction * area)
 
-    def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) scores of viewpoints, the highest of which is chosen; at most 0 for those that show nothing.
 
         Args:
@@ -175,16 +178,16 @@ class NextBestView(Strategy):
         """
         return gains / seconds
 
-    def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def required_gain(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """(N, 16) m², area that viewpoints must show to be worth the time until their keyframes.
 
         ``seconds``: (N, 16) time until the keyframe at each viewpoint, s. If it is a scalar, the result is a scalar,
         too.
         """
         growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
-        return np.asarray(self.remaining.seen * np.expm1(growth * np.log1p(seconds / self.remaining.seconds)))
+        return np.asarray(self.remaining.seen_area * np.expm1(growth * np.log1p(seconds / self.remaining.seconds)))
 
-    def _next(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
+    def _worthwhile_view(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best viewpoint that is worth the drive, or else one that may open a path.
 
         If no viewpoint is worth the drive, decks are then assumed to be certain, because from below a crest, a deck
@@ -192,11 +195,11 @@ class NextBestView(Strategy):
         """
         for deck_probability in (DECK_PROBABILITY, 1.0):
             best = self._best(remaining, context, deck_probability)
-            if best and best.gain >= self.needed(best.seconds):
+            if best and best.gain >= self.required_gain(best.seconds):
                 return best
-        return self._opening(remaining, context)
+        return self._opening_view(remaining, context)
 
-    def _opening(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
+    def _opening_view(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
         The largest unreachable pieces come first. Only unseen cells between reachable ground and the piece are
@@ -205,7 +208,7 @@ class NextBestView(Strategy):
         terrain = remaining.terrain
         traversability = context.traversability
         # Pieces of seen ground to which no path leads, and the cells that may block the paths to them.
-        pieces, areas = _pieces(context)
+        pieces, areas = _unreachable_pieces(context)
         half = self.config.max_unseen_gap / 2
         bars = terrain.target & cells_touching(context, context.paths.reachable, half)
         # After too many looks or drives, cells are treated as blocked.
@@ -215,18 +218,20 @@ class NextBestView(Strategy):
         # The largest piece for which looking at the cells that may block the path is worth the time.
         context = replace(context, rewards=None)
         for piece in np.argsort(-areas):
-            if areas[piece] < self.needed(self.config.keyframe_time):
+            if areas[piece] < self.required_gain(self.config.keyframe_time):
                 return None
             barred = bars & cells_touching(context, pieces == piece, half)
-            viewpoint = self._look_at(barred, remaining, context)
+            viewpoint = self._view_of_bars(barred, remaining, context)
             if viewpoint is None:
                 continue
             opened = terrain.probability[barred].max() * areas[piece]
-            if viewpoint.gain + opened >= self.needed(viewpoint.seconds) and self._may_open(pieces == piece, context):
+            if viewpoint.gain + opened >= self.required_gain(viewpoint.seconds) and self._may_open(
+                pieces == piece, context
+            ):
                 return replace(viewpoint, opens=True, stands=True)
         return None
 
-    def _look_at(self, bars: MaskLayer, remaining: RemainingGround, context: Context) -> Viewpoint | None:
+    def _view_of_bars(self, bars: MaskLayer, remaining: RemainingGround, context: Context) -> Viewpoint | None:
         """The best view of the cells that may block a path; None if no view shows any of them.
 
         A cell that stays unseen still blocks the path, so only views that show almost as many cells as the best one
@@ -259,15 +264,15 @@ class NextBestView(Strategy):
     def _unreachable(self, context: Context) -> Iterator[Viewpoint]:
         """The pieces of seen ground to which no path leads, the largest first, as viewpoints that are given up."""
         traversability = context.traversability
-        pieces, areas = _pieces(context)
+        pieces, areas = _unreachable_pieces(context)
         half = self.config.max_unseen_gap / 2
         near = cells_touching(context, context.paths.reachable, half)
         is_known = np.isfinite(traversability.elevation)
         steep = np.linalg.norm(traversability.gradient, axis=-1) > np.tan(traversability.robot.max_tilt)
         target = self.remaining.terrain.target
-        with_unseen = _joined(context, is_known & ~traversability.hazard | target)
-        with_slopes = _joined(context, is_known & (steep | ~traversability.hazard))
-        without = _joined(context, is_known & ~traversability.hazard)
+        with_unseen = _connected_to_reachable(context, is_known & ~traversability.hazard | target)
+        with_slopes = _connected_to_reachable(context, is_known & (steep | ~traversability.hazard))
+        without = _connected_to_reachable(context, is_known & ~traversability.hazard)
         for piece in np.argsort(-areas):
             if areas[piece] < self.config.min_piece_area:
                 return
@@ -284,7 +289,7 @@ class NextBestView(Strategy):
             middle = places[np.linalg.norm(places - places.mean(axis=0), axis=1).argmin()]
             yield Viewpoint(middle, 0.0, turn=False, gain=float(areas[piece]), seconds=np.inf, why=why)
 
-    def _in_turn(
+    def _successive_views(
         self,
         best: Callable[[RemainingGround, Context], Viewpoint | None],
         remaining: RemainingGround,
@@ -351,9 +356,9 @@ class NextBestView(Strategy):
             found = paths.seconds_to(cells, horizon)
             beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
             seconds = np.where(np.isfinite(found), found, beyond)
-            worth = self.worth(gains, self.config.keyframe_time + seconds)
-            n, m = np.unravel_index(worth.argmax(), worth.shape)
-            if worth[n, m] <= 0 or (paths.is_complete and np.isinf(found[n, m])):
+            scores = self.scores(gains, self.config.keyframe_time + seconds)
+            n, m = np.unravel_index(scores.argmax(), scores.shape)
+            if scores[n, m] <= 0 or (paths.is_complete and np.isinf(found[n, m])):
                 return None
             if np.isfinite(found[n, m]):
                 break
@@ -375,7 +380,7 @@ class NextBestView(Strategy):
         """
         camera = remaining.camera
         terrain = remaining.terrain._replace(falls=falls)
-        gains = self._gains[falls, camera == self.remaining.camera].of(spread, camera, terrain)
+        gains = self._gains[falls, camera == self.remaining.camera].at(spread, camera, terrain)
         return np.vstack([visibility.gains(here[None], camera, terrain), gains])
 
     def _candidates(self, remaining: RemainingGround, context: Context) -> Cells:
@@ -394,7 +399,7 @@ class NextBestView(Strategy):
         return np.argwhere(is_one)
 
 
-def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
+def _unreachable_pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
     """(nx, ny) numbers of the pieces of seen ground to which no path leads, and the areas of the pieces, m².
 
     The number is 0 in cells that belong to no piece.
@@ -406,12 +411,12 @@ def _pieces(context: Context) -> tuple[NDArray[np.int32], Values]:
     return pieces, areas
 
 
-def _joined(context: Context, ground: MaskLayer) -> MaskLayer:
+def _connected_to_reachable(context: Context, ground: MaskLayer) -> MaskLayer:
     """The pieces of a mask ``ground`` that contain reachable cells."""
     pieces, _ = ndimage.label(ground, np.ones((3, 3)))
     return np.isin(pieces, np.unique(pieces[context.paths.reachable])) & (pieces > 0)
 
 
-def _keys(places: NDArray[np.float64]) -> list[tuple[float, float]]:
+def _position_keys(places: NDArray[np.float64]) -> list[tuple[float, float]]:
     """The positions of cells (N, 2), m, as keys."""
     return [(float(x), float(y)) for x, y in places.round(2)]

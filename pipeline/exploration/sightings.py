@@ -7,7 +7,7 @@ from scipy import ndimage
 from pipeline.arrays import Cells, Poses, Values
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
-from pipeline.exploration.frontiers import unseen
+from pipeline.exploration.frontiers import unseen_cells
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, Layer
@@ -18,9 +18,9 @@ from pipeline.transforms import wrap_angle, yaw_of
 
 MAX_MISSES = np.iinfo(np.uint8).max
 """Number of misses of a cell after which further misses are not counted."""
-MOST_TURNED = np.deg2rad(5)
+MAX_TURNED = np.deg2rad(5)
 """Maximum angle, rad, by which a robot that could not set out has turned."""
-NOWHERE = AnchoredPlaces.joined([])
+NO_PLACES = AnchoredPlaces.joined([])
 LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
 
 
@@ -28,7 +28,8 @@ class Sightings:
     """Counts how often ground that was expected in view was shown, and how often it was missed.
 
     Attributes:
-        chances: (256,) probability that ground in view is shown, by the number of keyframes that missed it.
+        visibility_probabilities: (256,) probability that ground in view is shown, by the number of keyframes that
+            missed it.
     """
 
     _layers: GridMap
@@ -36,15 +37,15 @@ class Sightings:
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
         self._robot = robot
         self._config = config
-        self.chances = np.ones(MAX_MISSES + 1)
+        self.visibility_probabilities = np.ones(MAX_MISSES + 1)
         # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
         self._shown = np.zeros(MAX_MISSES + 1, np.int64)
         self._missed = np.zeros(MAX_MISSES + 1, np.int64)
         # The cells that the next keyframe is expected to show, and the ends of the drive.
-        self._expected = NOWHERE
-        self._drive = NOWHERE
+        self._expected = NO_PLACES
+        self._drive = NO_PLACES
         # Cells that viewpoints were expected to show but did not, except those counted as misses of their keyframes.
-        self._disappointing: list[AnchoredPlaces] = []
+        self._unshown: list[AnchoredPlaces] = []
         # Poses of the keyframes when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
 
@@ -62,7 +63,7 @@ class Sightings:
         guesses = self._config.visibility
         layers.match(ground.grid)
         first = self._count_shown(context, camera)
-        layers.write("target", unseen(context))
+        layers.write("target", unseen_cells(context))
         seen = ~np.isnan(context.measured)
         terrain = SearchedTerrain(
             origin=layers.grid.origin,
@@ -75,15 +76,15 @@ class Sightings:
             falls=True,
             ramp_slope=float(np.tan(RAMP_TILT)),
             nist_slope=guesses.nist_slope,
-            max_unknown=visibility.expected_sight_length(ground.tall, seen, layers.grid.cell, guesses),
+            max_unknown_length=visibility.expected_sight_length(ground.tall, seen, layers.grid.cell, guesses),
             level_run=guesses.level_run,
-            new_view=guesses.new_view,
+            min_new_view_distance=guesses.min_new_view_distance,
         )
         self._count_misses(context.poses, first, camera, terrain)
         # Adjacent cells are shown or missed together, so a strip as wide as the robot counts as one try.
         tries = self._robot.width / layers.grid.cell
-        self.chances = chances(self._shown / tries, self._missed / tries)
-        rounded = visibility.rounded(self.chances).astype(np.float32)
+        self.visibility_probabilities = visibility_probabilities(self._shown / tries, self._missed / tries)
+        rounded = visibility.rounded(self.visibility_probabilities).astype(np.float32)
         return terrain._replace(probability=rounded[layers["misses"]], missed_from=layers["missed_from"])
 
     def expect(self, cells: Cells, drive: NDArray[np.float64], poses: Poses) -> None:
@@ -118,8 +119,8 @@ class Sightings:
         misses = self._layers["misses"].copy()
         missed_from = terrain.missed_from
         visibility.count_misses(poses[first:], camera, terrain, misses, self._missed)
-        self._note_disappointment(missed_from, poses, camera)
-        for cells in self._disappointing:
+        self._note_unshown(missed_from, poses, camera)
+        for cells in self._unshown:
             if cells.keyframe[0] >= first:
                 again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
                 misses[again] += misses[again] < MAX_MISSES
@@ -127,7 +128,7 @@ class Sightings:
         self._layers.write("misses", misses)
         self._layers.write("missed_from", missed_from)
 
-    def _note_disappointment(self, missed_from: NDArray[np.float32], poses: Poses, camera: CameraView) -> None:
+    def _note_unshown(self, missed_from: NDArray[np.float32], poses: Poses, camera: CameraView) -> None:
         """If the last drive ended at its viewpoint or where it began, note the cells that should have been shown.
 
         Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
@@ -139,18 +140,18 @@ class Sightings:
         expected = self._layers.grid.mask_of(self._expected.at(poses)) & self._layers["target"]
         expected &= (missed_from != here.astype(np.float32)).any(axis=2)
         centres = self._layers.grid.centre_of(np.argwhere(expected))
-        if (drive < self._config.arrived).any():
+        if (drive < self._config.goal_tolerance).any():
             yaw = yaw_of(poses[-1])
             turned = wrap_angle(yaw - yaw_of(poses[self._drive.keyframe[0]]))
-            if drive[0] >= self._config.arrived or abs(turned) > MOST_TURNED:
+            if drive[0] >= self._config.goal_tolerance or abs(turned) > MAX_TURNED:
                 bearings = np.arctan2(*(centres - here).T[::-1])
                 centres = centres[np.abs(wrap_angle(bearings - yaw)) <= camera.field_of_view / 2]
             if len(centres):
-                self._disappointing.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
-        self._expected = self._drive = NOWHERE
+                self._unshown.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
+        self._expected = self._drive = NO_PLACES
 
 
-def chances(shown: Values, missed: Values) -> Values:
+def visibility_probabilities(shown: Values, missed: Values) -> Values:
     """Probability that ground in view is shown after 0, 1, … misses: the means of Beta distributions.
 
     The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries. The

@@ -25,7 +25,7 @@ from pipeline.planning.pose_paths import PosePaths, heading_mask, nearest_headin
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 
-NONE = np.zeros((0, 2))
+NO_PLACES = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +33,10 @@ class PathView(Viewpoint):
     """A view of unseen ground on a path to a goal.
 
     Attributes:
-        shows: (N, 2) m, centres of the cells that the view is expected to show.
+        shown_places: (N, 2) m, centres of the cells that the view is expected to show.
     """
 
-    shows: NDArray[np.float64] = field(default_factory=lambda: NONE)
+    shown_places: NDArray[np.float64] = field(default_factory=lambda: NO_PLACES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,14 @@ class GoalSearch:
         return np.roll(seconds, ORIENTATIONS, axis=1)
 
     def seconds_from_pose(self, xy: Place, heading: int) -> float:
-        """Cost of the path from a pose to the goal, s; inf if no path leads there."""
+        """Cost, s, of the path from a position (2,) and the index of a heading to the goal; inf if there is none."""
         return self._paths.seconds_at(xy, (heading + ORIENTATIONS) % HEADINGS)
 
     def states_from(self, xy: Place, heading: int) -> Cells:
-        """(N, 3) cells of ``ground`` and headings on the path from a pose to the goal; the path must exist."""
+        """(N, 3) cells of ``ground`` and indices of headings on the path to the goal, which must exist.
+
+        ``xy`` (2,), m, and the index ``heading`` are the pose at which the path starts.
+        """
         states = self._paths.states_to(xy, (heading + ORIENTATIONS) % HEADINGS)[::-1]
         return np.column_stack([states[:, :2], (states[:, 2] + ORIENTATIONS) % HEADINGS])
 
@@ -78,12 +81,12 @@ class Gap(NamedTuple):
 
     Attributes:
         hidden: the unseen cells that keep the robot from following the path.
-        before: (N, 3) cells of the map and headings on the path before the gap.
+        path_before: (N, 3) cells of the map and indices of headings on the path before the gap.
         seconds: time of the entire path to the goal, s.
     """
 
     hidden: MaskLayer
-    before: Cells
+    path_before: Cells
     seconds: float
 
 
@@ -99,7 +102,7 @@ class UnseenGroundSearch:
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
-        self._promised = NONE  # centres of the cells expected in the last view, m
+        self._promised = NO_PLACES  # centres of the cells expected in the last view, m
         self._aimed: list[AnchoredPlaces] = []  # the same for each view so far, anchored
 
     def observe(self, context: Context) -> None:
@@ -113,7 +116,7 @@ class UnseenGroundSearch:
         Goals on unseen ground must not be far, see :meth:`is_far`. ``doubts``: whether ground that views failed to
         show, or where a thin panel may stand, is not free.
         """
-        shut = self._shut(context) if doubts else NONE
+        shut = self._blocked_places(context) if doubts else NO_PLACES
         return context.traversability.with_unseen_free(goals, self._numbers.margin, shut, doubts)
 
     def is_far(self, goal: Place, context: Context) -> bool:
@@ -152,13 +155,13 @@ class UnseenGroundSearch:
         # Ground that keyframes missed is weighted by the probability that it is shown; if this yields no view, by 1.
         anyhow = np.ones_like(self._terrain.probability)
         for terrain in (self._terrain, self._terrain._replace(probability=anyhow)):
-            if (view := self._view_on(terrain, goal, context)) is not None:
+            if (view := self._best_over_paths(terrain, goal, context)) is not None:
                 return view
         return None
 
-    def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> PathView | None:
+    def _best_over_paths(self, terrain: SearchedTerrain, goal: Place, context: Context) -> PathView | None:
         """The best of the views for a few paths through different unseen ground."""
-        shut = self._shut(context)
+        shut = self._blocked_places(context)
         views = list[tuple[float, PathView]]()
         while len(views) < self._numbers.alternatives:
             # The cheapest path if unseen ground is free, and the unseen ground that it meets first.
@@ -180,17 +183,17 @@ class UnseenGroundSearch:
 
     def commit(self, view: PathView, context: Context) -> None:
         """Remember the ground that a view returned by :meth:`view_towards` is expected to show."""
-        self._promised = view.shows
-        self._aimed.append(AnchoredPlaces.anchored(view.shows, context.poses, len(context.poses) - 1))
+        self._promised = view.shown_places
+        self._aimed.append(AnchoredPlaces.anchored(view.shown_places, context.poses, len(context.poses) - 1))
         ends = np.stack([context.T_map_base[:2, 3], view.position])
-        self._sightings.expect(context.traversability.grid.cell_of(view.shows), ends, context.poses)
+        self._sightings.expect(context.traversability.grid.cell_of(view.shown_places), ends, context.poses)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the last view is expected to show."""
         seen = np.isfinite(elevation_map.grid.at(elevation_map.elevation, self._promised, outside=np.nan))
         return bool(seen.sum() >= self._config.min_shown_fraction * len(seen))
 
-    def _shut(self, context: Context) -> NDArray[np.float64]:
+    def _blocked_places(self, context: Context) -> NDArray[np.float64]:
         """(N, 2) m, centres of the cells that are still unknown after ``tries`` keyframes or ``drives`` drives."""
         ground = context.traversability
         aims = sum((ground.grid.mask_of(p.at(context.poses)) for p in self._aimed), np.zeros(ground.grid.shape, int))
@@ -199,13 +202,13 @@ class UnseenGroundSearch:
 
     def _first_gap(self, search: GoalSearch, context: Context) -> Gap | None:
         """The first gap on the path from the robot's position; None if there is no path, or no gap."""
-        start = self._start(search, context)
+        start = self._start_pose(search, context)
         if start is None:
             return None
         t = context.traversability
         states = search.states_from(*start)
         states[:, :2] += search.ground.grid.low - t.grid.low
-        first = self._known_until(states, search, context)
+        first = self._known_count(states, search, context)
         if first == len(states):
             return None
         metres = t.grid.cell * np.linalg.norm(np.diff(states[first:, :2], axis=0), axis=1).cumsum()
@@ -213,7 +216,7 @@ class UnseenGroundSearch:
         hidden = _unknown_around(states[max(first - 1, 0) : last], t)
         return Gap(hidden, states[:first], search.seconds_from_pose(*start)) if hidden.any() else None
 
-    def _known_until(self, states: Cells, search: GoalSearch, context: Context) -> int:
+    def _known_count(self, states: Cells, search: GoalSearch, context: Context) -> int:
         """The number of poses on a path before the first gap; ``states``: (N, 3) cells of the map and headings.
 
         Unseen ground is not a gap if a detour around it takes less time than a look at it.
@@ -228,12 +231,12 @@ class UnseenGroundSearch:
         heading = states[can_reach, 2]
         places = context.traversability.grid.centre_of(cells)
         left = search.seconds_from(places)[rows, heading]
-        until = paths.seconds_at(places[0], int(heading[0])) + float(np.ptp(left)) + self._numbers.second_look
+        until = paths.seconds_at(places[0], int(heading[0])) + float(np.ptp(left)) + self._numbers.second_look_cost
         detour = paths.seconds_to(cells, until)[rows, heading] + left - left[0]
-        near = known[detour <= detour[0] + self._numbers.second_look]
+        near = known[detour <= detour[0] + self._numbers.second_look_cost]
         return int(near.max()) + 1
 
-    def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
+    def _start_pose(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
         """The start of the path: the robot's pose or, if it lacks room there, a reachable pose; None if neither."""
         paths = context.paths
         grid = context.traversability.grid
@@ -283,7 +286,7 @@ class UnseenGroundSearch:
         if not np.isfinite(left).any():
             return None
         there = paths.seconds_to(cells, float(gap.seconds + within - left.min()))
-        cost = there + left + self._numbers.second_look * (1 - shares)
+        cost = there + left + self._numbers.second_look_cost * (1 - shares)
         cost[shares < self._numbers.min_fraction] = np.inf
         n, m = np.unravel_index(cost.argmin(), cost.shape)
         if np.isinf(cost[n, m]):
@@ -294,15 +297,15 @@ class UnseenGroundSearch:
         quickest = paths.without_risk.seconds_to(cells[n][None], float(there[n, m]))[0, m]
         seconds = self._config.keyframe_time + float(min(quickest, there[n, m]))
         gain = float(shown.sum()) * t.grid.cell**2
-        shows = t.grid.centre_of(np.argwhere(shown))
-        view = PathView(places[n], heading, True, gain, seconds, stands=True, shows=shows)
+        shown_places = t.grid.centre_of(np.argwhere(shown))
+        view = PathView(places[n], heading, True, gain, seconds, stands=True, shown_places=shown_places)
         return float(cost[n, m]), view
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
         """(N, 2) cells from which a gap may be in view: a sample of those around it, and all on the path to it."""
         t = context.traversability
         cells = best_of_blocks(np.bitwise_count(context.paths.headings), self._config.visibility.stride)
-        cells = np.unique(np.vstack([cells, gap.before[:, :2]]), axis=0)
+        cells = np.unique(np.vstack([cells, gap.path_before[:, :2]]), axis=0)
         hidden = t.grid.centre_of(np.argwhere(gap.hidden))
         low = hidden.min(axis=0) - self._camera.reach
         high = hidden.max(axis=0) + self._camera.reach

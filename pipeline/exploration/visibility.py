@@ -36,7 +36,7 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
     angles = pitch - down + step / 2, pitch + up - step / 2, left + right - 2 * step
     rounded = [round(float(metres), 3) for metres in lengths]
     edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
-    return kernels.CameraView(*[*rounded, *edges, sensor.grazing, config.rays])
+    return kernels.CameraView(*[*rounded, *edges, sensor.min_grazing_angle, config.rays])
 
 
 def without_nearest(camera: kernels.CameraView, metres: float) -> kernels.CameraView:
@@ -81,12 +81,14 @@ def rounded(values: ArrayLike) -> NDArray[np.float64]:
 def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
     """(N, 16) m², area that viewpoints at N positions are expected to show with each heading."""
     shape = len(places), camera.rays
-    return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
+    return _sums_by_heading(
+        kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera
+    )
 
 
-def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
+def _sums_by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
     """(N, 16) sums of the values of (N, R) rays over the field of view at each heading."""
-    half, first = _rays_in_view(camera) // 2, _nearest_rays(HEADING_ANGLES, camera)
+    half, first = _ray_count_in_view(camera) // 2, _nearest_rays(HEADING_ANGLES, camera)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
@@ -120,7 +122,7 @@ def count_misses(
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:
     """(R,) bearings (rad) of rays across the field of view at a heading (rad)."""
-    half, middle = _rays_in_view(camera) // 2, int(_nearest_rays(np.array(heading), camera))
+    half, middle = _ray_count_in_view(camera) // 2, int(_nearest_rays(np.array(heading), camera))
     # The result includes exactly the rays from which the gain was computed, because the slightest change may let a
     # ray slip between two cells that meet at a corner. More rays are added for the cells between these rays.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
@@ -145,13 +147,13 @@ class ViewpointGains:
         self._camera: kernels.CameraView | None = None
         self._terrain: kernels.SearchedTerrain | None = None
 
-    def of(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
+    def at(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
         """(N, 16) m², area that viewpoints in ``cells`` (N, 2) of the terrain are expected to show, by heading."""
         if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
             # The cached rays are not valid.
             self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)
             self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(HEADING_ANGLES)))
-        changed = _changed(self._terrain, terrain)
+        changed = _changed_cells(self._terrain, terrain)
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = rows[tuple(cells.T)]
@@ -159,20 +161,20 @@ class ViewpointGains:
             return self._gains[row]
         # New cells, whose row is -1, first get the rays of another cell, which are then replaced.
         rays, sums = (earlier.take(row, axis=0, mode="clip") for earlier in (self._rays, self._gains))
-        renewed = self._towards(changed, cells, camera, terrain.cell)
+        renewed = self._may_meet(changed, cells, camera, terrain.cell)
         renewed[row < 0] = True
         rays[renewed] = 0.0
         some = renewed.any(axis=1)
-        wanted = renewed[some] & self._towards(terrain.target, cells[some], camera, terrain.cell)
+        wanted = renewed[some] & self._may_meet(terrain.target, cells[some], camera, terrain.cell)
         places = terrain.origin + (cells[some] + 0.5) * terrain.cell
         rays[some] = kernels.ray_gains(places, camera, terrain, wanted, rays[some])
-        sums[some] = _by_heading(rays[some], camera)
+        sums[some] = _sums_by_heading(rays[some], camera)
         self._terrain, self._cells = terrain, cells
         if len(cells):
             self._rays, self._gains = rays, sums
         return sums
 
-    def _towards(self, mask: MaskLayer, cells: Cells, camera: kernels.CameraView, cell: float) -> NDArray[np.bool_]:
+    def _may_meet(self, mask: MaskLayer, cells: Cells, camera: kernels.CameraView, cell: float) -> NDArray[np.bool_]:
         """(N, R) whether each ray from N cells may meet a cell of a mask."""
         stride, wanted = self._stride, np.zeros((len(cells), camera.rays), np.bool_)
         parts, side = np.asarray(blocks(mask, stride).any(axis=0)), stride * cell
@@ -182,7 +184,7 @@ class ViewpointGains:
         # From outside, a ray enters a piece of the mask through its boundary.
         rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
         rays = _rays_by_offset(camera.reach, cell, stride, camera.rays)
-        wanted[near] = kernels.rays_towards(cells[near], rim, rays, stride, camera.rays)
+        wanted[near] = kernels.are_towards(cells[near], rim, rays, stride, camera.rays)
         wanted[parts[here]] = True
         return wanted
 
@@ -193,7 +195,7 @@ def _is_alike(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain)
     return bool(same) and all(a == b for a, b in zip(before, terrain, strict=True) if not isinstance(a, np.ndarray))
 
 
-def _changed(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> MaskLayer:
+def _changed_cells(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> MaskLayer:
     """The cells in which any layer differs between two terrains with the same grid."""
     changed = np.zeros(terrain.target.shape, np.bool_)
     layers = "elevation", "gradient", "target", "probability", "missed_from"
@@ -224,5 +226,6 @@ def _rays_by_offset(reach: float, cell: float, stride: int, count: int) -> NDArr
     return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 
-def _rays_in_view(camera: kernels.CameraView) -> int:
+def _ray_count_in_view(camera: kernels.CameraView) -> int:
+    """Number of rays across the camera's field of view."""
     return round(camera.field_of_view / (2 * np.pi) * camera.rays)

@@ -18,7 +18,7 @@ class CameraView(NamedTuple):
         near, far: minimum and maximum distance from the camera at which it sees the ground, m.
         lower_edge, upper_edge: angles of the image's edges above the horizon, rad.
         field_of_view: horizontal field of view, rad.
-        grazing: minimum angle between a ray and the ground for a return, rad.
+        min_grazing_angle: minimum angle between a ray and the ground for a return, rad.
         rays: number of directions, all around the robot, in which rays are cast.
     """
 
@@ -29,7 +29,7 @@ class CameraView(NamedTuple):
     lower_edge: float
     upper_edge: float
     field_of_view: float
-    grazing: float
+    min_grazing_angle: float
     rays: int
 
     @property
@@ -55,9 +55,9 @@ class SearchedTerrain(NamedTuple):
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
-        max_unknown: length of unknown ground that a ray is expected to see through, m.
+        max_unknown_length: length of unknown ground that a ray is expected to see through, m.
         ramp_slope: slope above which ground is a ramp.
-        nist_slope, level_run, new_view: see ``VisibilityConfig``.
+        nist_slope, level_run, min_new_view_distance: see ``VisibilityConfig``.
     """
 
     origin: Place
@@ -70,9 +70,9 @@ class SearchedTerrain(NamedTuple):
     falls: bool
     ramp_slope: float
     nist_slope: float
-    max_unknown: float
+    max_unknown_length: float
     level_run: float
-    new_view: float
+    min_new_view_distance: float
 
 
 @njit(cache=True)
@@ -96,12 +96,12 @@ def cast_ray(x, y, level, bearing, tilt, view, terrain, seen):
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
     dx, dy = np.cos(bearing), np.sin(bearing)
-    camera, ahead, horizon, ceiling = camera_on(level, tilt, view)
+    camera, ahead, horizon, ceiling = tilted_camera(level, tilt, view)
     unknown, fall = 0.0, fall_after(np.tan(tilt), terrain.falls, terrain.ramp_slope)
     levelling = terrain.nist_slope * cell / terrain.level_run
     total, count, probability = 0.0, 0, 1.0
     d = 0.5 * cell
-    while d < view.far and unknown < terrain.max_unknown:
+    while d < view.far and unknown < terrain.max_unknown_length:
         d += cell
         i, j = cell_at(x + (d + ahead) * dx, y + (d + ahead) * dy, origin, cell)
         if not (0 <= i < nx and 0 <= j < ny):
@@ -126,7 +126,9 @@ def cast_ray(x, y, level, bearing, tilt, view, terrain, seen):
         if is_unknown:
             unknown += cell
         from_miss = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
-        if terrain.target[i, j] and is_shown(from_miss, d, slope, rise, view, terrain.new_view, terrain.nist_slope):
+        if terrain.target[i, j] and is_shown(
+            from_miss, d, slope, rise, view, terrain.min_new_view_distance, terrain.nist_slope
+        ):
             total += d * min(probability, terrain.probability[i, j])
             seen[count] = i * ny + j
             count += 1
@@ -134,7 +136,7 @@ def cast_ray(x, y, level, bearing, tilt, view, terrain, seen):
 
 
 @njit(cache=True)
-def stand_on(x, y, bearing, terrain):
+def height_and_tilt(x, y, bearing, terrain):
     """Height, m, of a robot that stands on the ground at (x, y), and its pitch along ``bearing``, rad."""
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     tilt = np.arctan(rise_along(i, j, np.cos(bearing), np.sin(bearing), terrain.gradient))
@@ -142,7 +144,7 @@ def stand_on(x, y, bearing, terrain):
 
 
 @njit(cache=True)
-def camera_on(level, tilt, view):
+def tilted_camera(level, tilt, view):
     """Height of the camera and its distance ahead of the robot, m, and the slopes of its lowest and highest rays.
 
     The robot is at the height ``level``, m, on a slope that pitches the camera up by ``tilt``, rad.
@@ -166,20 +168,20 @@ def fall_after(rise, falls, ramp_slope):
 
 
 @njit(cache=True)
-def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
+def is_shown(from_miss, d, slope, rise, view, min_new_view_distance, nist_slope):
     """Whether a ray shows the ground that it meets at a horizontal distance of ``d`` m.
 
     ``slope`` is the slope of the ray, and ``rise`` is the slope of the ground along the ray. ``from_miss`` (2,) is
     the offset, m, of the robot from the last keyframe that missed this ground; infinite if no keyframe missed it.
     """
     ex, ey = from_miss
-    if ex * ex + ey * ey < new_view * new_view:
+    if ex * ex + ey * ey < min_new_view_distance * min_new_view_distance:
         return False
     if np.isfinite(ex):
         # The ground may fall as steeply as a NIST ramp.
         rise = min(rise, -nist_slope)
-    grazing = np.arctan(rise) - np.arctan(slope)
-    return grazing >= view.grazing and d * np.sqrt(1 + slope * slope) >= view.near
+    min_grazing_angle = np.arctan(rise) - np.arctan(slope)
+    return min_grazing_angle >= view.min_grazing_angle and d * np.sqrt(1 + slope * slope) >= view.near
 
 
 @njit(cache=True)
@@ -192,14 +194,14 @@ def ray_gains(places, view, terrain, wanted, earlier):
         for m in range(view.rays):
             if wanted[n, m]:
                 x, y = places[n]
-                level, tilt = stand_on(x, y, m * step, terrain)
+                level, tilt = height_and_tilt(x, y, m * step, terrain)
                 total, _ = cast_ray(x, y, level, m * step, tilt, view, terrain, seen)
                 result[n, m] = total * terrain.cell * step
     return result
 
 
 @njit(cache=True)
-def rays_towards(cells, mask, rays, side, count):
+def are_towards(cells, mask, rays, side, count):
     """(N, R) bool, whether each of ``count`` rays from cells (N, 2) passes through any block of a mask (I, J).
 
     Blocks have ``side`` × ``side`` cells, where ``side`` is odd. ``rays`` (S, S, 2) is the half-open range of rays by
@@ -224,7 +226,7 @@ def cells_in_view(x, y, bearings, view, terrain):
     result = np.zeros(terrain.target.size, np.bool_)
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
     for bearing in bearings:
-        level, tilt = stand_on(x, y, bearing, terrain)
+        level, tilt = height_and_tilt(x, y, bearing, terrain)
         _, count = cast_ray(x, y, level, bearing, tilt, view, terrain, seen)
         for n in range(count):
             result[seen[n]] = True

@@ -80,4 +80,4 @@ class Sight:
         is_same = (self._grid.cell_of(points) == self.cells[cells]).all(axis=1)
         is_ground = np.abs(points[:, 2] - self._middles[cells, 2]) < SEEN_HEIGHT
         incidence = np.abs((normal * along).sum(axis=1)) / np.linalg.norm(along, axis=1)
-        return is_same & is_ground & (incidence >= np.sin(self._frame.sensor.grazing))
+        return is_same & is_ground & (incidence >= np.sin(self._frame.sensor.min_grazing_angle))

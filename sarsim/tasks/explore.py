@@ -271,7 +271,9 @@ class Explore(gymnasium.Env[Any, Any]):
         if step.viewpoint is None and explorer.apply_corrections():
             step = explorer.step()
         self._seen: Step = step
-        offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
+        offered = (
+            self._strategy.worthwhile_viewpoints(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
+        )
         self._offered = sorted(offered, key=lambda viewpoint: viewpoint.seconds)
         self._ended = step.end_reason or ""
         self._maps = local_maps(explorer.mapper, step.keyframe.T_map_base)

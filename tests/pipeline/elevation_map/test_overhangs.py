@@ -69,7 +69,7 @@ def depth_of(boxes: list, T_map_camera: np.ndarray, rng: np.random.Generator) ->
         nearer = np.flatnonzero((first < leave) & (first > 0) & (first < depth))
         depth[nearer], across[nearer] = first[nearer], enter[:, nearer].argmax(axis=0)
     incidence = np.abs(rays[across, np.arange(rays.shape[1])]) / np.linalg.norm(rays, axis=0)
-    returns = (depth > XTION.nearest) & (depth < XTION.farthest) & (incidence > np.sin(XTION.grazing))
+    returns = (depth > XTION.nearest) & (depth < XTION.farthest) & (incidence > np.sin(XTION.min_grazing_angle))
     noise = XTION.sigma(np.where(returns, depth, 1)) * rng.normal(size=len(depth))
     noisy = np.where(returns, depth + noise, 0)
     return noisy.reshape(CAMERA.height, CAMERA.width).astype(np.float32)

@@ -25,7 +25,7 @@ CAMERA = CameraView(
     lower_edge=np.deg2rad(-34),
     upper_edge=np.deg2rad(9),
     field_of_view=np.deg2rad(54),
-    grazing=np.deg2rad(8.5),
+    min_grazing_angle=np.deg2rad(8.5),
     rays=180,
 )
 """An Xtion on the mast of a Pioneer, 12° down."""
@@ -33,9 +33,9 @@ GUESSES: dict[str, Any] = {
     "falls": True,
     "ramp_slope": 0.14,
     "nist_slope": 0.28,
-    "max_unknown": 1.0,
+    "max_unknown_length": 1.0,
     "level_run": 1.0,
-    "new_view": 0.3,
+    "min_new_view_distance": 0.3,
 }
 """How unknown ground may go on, for a searched terrain."""
 

@@ -47,19 +47,19 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes(monkeypatch):
     gains = np.array([[0.1, 0.2], [0.0, 0.9], [0.3, 0.8]])
     seconds = np.array([[0.0, 3.0], [2.0, 2.5], [4.0, 1.0]])
     exploration = NearestFrontier(PIONEER)
-    monkeypatch.setattr(exploration, "needed", lambda seconds: 0.03)
-    worth = exploration.worth(gains, seconds)
-    np.testing.assert_equal(worth, [[0, 0], [0, 0], [0.3, 0.8]])
-    worth = exploration.worth(0.25 * gains, seconds)
-    np.testing.assert_equal(worth, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
-    assert not exploration.worth(0.01 * gains, seconds).any()
+    monkeypatch.setattr(exploration, "required_gain", lambda seconds: 0.03)
+    scores = exploration.scores(gains, seconds)
+    np.testing.assert_equal(scores, [[0, 0], [0, 0], [0.3, 0.8]])
+    scores = exploration.scores(0.25 * gains, seconds)
+    np.testing.assert_equal(scores, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
+    assert not exploration.scores(0.01 * gains, seconds).any()
 
 
 def test_a_large_frontier_that_is_not_worth_its_drive_does_not_keep_smaller_ones_from_being_visited(monkeypatch):
     gains, seconds = np.array([[0.3], [0.2]]), np.array([[120.0], [4.0]])
     exploration = NearestFrontier(PIONEER)
-    monkeypatch.setattr(exploration, "needed", lambda seconds: 0.005 * seconds)
-    np.testing.assert_equal(exploration.worth(gains, seconds), [[0], [0.2]])
+    monkeypatch.setattr(exploration, "required_gain", lambda seconds: 0.005 * seconds)
+    np.testing.assert_equal(exploration.scores(gains, seconds), [[0], [0.2]])
 
 
 def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():

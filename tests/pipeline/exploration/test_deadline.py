@@ -49,7 +49,7 @@ def test_a_robot_that_need_not_return_uses_all_its_time(world: Traversability) -
     assert deadline.end == 160
     assert deadline.retreat is None
     assert deadline.allows(FAR, context_at(world, START, 159.0))
-    assert not deadline.has_called
+    assert not deadline.has_refused
 
 
 def test_it_drives_on_only_if_the_way_back_fits_in_what_is_left(world: Traversability) -> None:
@@ -58,9 +58,9 @@ def test_it_drives_on_only_if_the_way_back_fits_in_what_is_left(world: Traversab
     both = there + PosePaths(world, START, caution=0.0).cost_to(FAR)
     assert there < both < 120
     assert deadline.allows(FAR, context_at(world, START, deadline.end - both - 0.1))
-    assert not deadline.has_called
+    assert not deadline.has_refused
     assert not deadline.allows(FAR, context_at(world, START, deadline.end - both + 0.1))
-    assert deadline.has_called
+    assert deadline.has_refused
 
 
 @pytest.mark.parametrize("share", [1.0, 3.0])

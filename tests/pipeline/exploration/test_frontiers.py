@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.elevation_map.traversability import assess_map
-from pipeline.exploration.frontiers import unseen
+from pipeline.exploration.frontiers import unseen_cells
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
@@ -17,7 +17,7 @@ def test_ground_beside_walls_is_worth_a_look_where_ways_may_be_tight():
     known = surface_of(ground[~is_hole], wall_points((-1, 1), (1, 1)))
     world, T = assess_map(known), from_yaw(0, 0, 0, 0)
     normal, tight = (
-        unseen(Context(StillRobot().sense(), T, known.measured, PosePaths(w, (0, 0)), T[None]))
+        unseen_cells(Context(StillRobot().sense(), T, known.measured, PosePaths(w, (0, 0)), T[None]))
         for w in (world, world.without_margin)
     )
     beside = world.grid.cell_of(np.array([0.475, 0.925]))

@@ -121,7 +121,7 @@ def test_each_goal_has_its_own_way_and_time(world):
     for second, (place, driven) in enumerate([(START, 1.0), ((-1.0, -1.4), 3.0), ((1.5, -1.5), 10.0)]):
         here = replace(context_at(world, place), driven=driven)
         goals.observe(replace(here, frame=replace(here.frame, time=10.0 * second)))
-    assert [visit.way for visit in goals.visits] == [2.0, 7.0]
+    assert [visit.distance for visit in goals.visits] == [2.0, 7.0]
     assert [(visit.begin, visit.end) for visit in goals.visits] == [(0.0, 10.0), (10.0, 20.0)]
 
 
@@ -152,7 +152,7 @@ def test_a_drive_that_no_strategy_chose_is_not_late(world):
     mission, here = Mission(Shown()), context_at(world, START)
     mission.deadline = Deadline(0.0, 60.0, list, home=True)
     mission.observe(here)
-    mission.set_out_to_see_nothing()
+    mission.set_out_without_strategy()
     later = replace(here, frame=replace(here.frame, time=45.0))
     mission.observe(later)
     assert mission.choose(later) is not None and not mission.is_out_of_time
@@ -195,5 +195,5 @@ def test_only_a_drive_that_a_strategy_chose_may_end_because_what_it_should_show_
     for _ in range(2):
         assert plan.choose(context_at(world, START)) is not None
         assert plan.is_shown(ElevationMap(PIONEER))
-        plan.set_out_to_see_nothing()
+        plan.set_out_without_strategy()
         assert not plan.is_shown(ElevationMap(PIONEER))

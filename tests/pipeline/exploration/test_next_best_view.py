@@ -301,10 +301,10 @@ def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
     exploration, here = NextBestView(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
     exploration.observe(here)
     best = exploration.next_viewpoint(here)
-    offered = exploration.offers(here, best, 32)
-    assert offered[0] is best and exploration.offers(here, best, 2)[1].gain == offered[1].gain
+    offered = exploration.worthwhile_viewpoints(here, best, 32)
+    assert offered[0] is best and exploration.worthwhile_viewpoints(here, best, 2)[1].gain == offered[1].gain
     assert {np.sign(np.cos(viewpoint.heading)) for viewpoint in offered} == {-1, 1}  # both ends
-    assert all(viewpoint.gain >= exploration.needed(viewpoint.seconds) for viewpoint in offered)
+    assert all(viewpoint.gain >= exploration.required_gain(viewpoint.seconds) for viewpoint in offered)
     assert exploration.next_viewpoint(here).gain == best.gain  # nothing was changed
 
 
@@ -313,7 +313,7 @@ def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, world, from_yaw(-3, 0, 0, 0))
     there = from_yaw(*np.mean([first.position, (-3, 0)], axis=0), 0, first.heading)
-    assert np.linalg.norm(first.position - (-3, 0)) > 4 * exploration.config.arrived
+    assert np.linalg.norm(first.position - (-3, 0)) > 4 * exploration.config.goal_tolerance
     anew = next_viewpoint(NextBestView(PIONEER), world, there)
     assert next_viewpoint(exploration, world, there).gain == anew.gain
 
@@ -323,7 +323,7 @@ def test_what_a_robot_that_arrived_with_another_heading_did_not_look_at_is_not_m
     exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, world, from_yaw(-1, 0, 0, np.pi / 2))
     there = from_yaw(*first.position, 0, first.heading + np.pi)
-    assert np.linalg.norm(first.position - (-1, 0)) > 4 * exploration.config.arrived
+    assert np.linalg.norm(first.position - (-1, 0)) > 4 * exploration.config.goal_tolerance
     again = next_viewpoint(exploration, world, there)
     anew = next_viewpoint(NextBestView(PIONEER), world, there)
     assert (again.gain, again.heading) == (anew.gain, anew.heading)
@@ -346,7 +346,7 @@ def test_a_robot_that_finds_nothing_beyond_rims_expects_less_there_than_one_that
             here = context(known if x else end, from_yaw(x, 0, 0, 0), earlier)
             exploration.observe(here)
             earlier = here.poses
-        chances.append(exploration.sightings.chances)
+        chances.append(exploration.sightings.visibility_probabilities)
     assert chances[0][0] == chances[1][0] == 1
     assert chances[0][1] < 1 / 3
     assert chances[1][1] > 2 / 3
@@ -381,7 +381,7 @@ def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_
     viewpoint = next_viewpoint(exploration, world, pose)
     assert (viewpoint is not None) == is_looked_at
     if viewpoint is not None:
-        assert viewpoint.gain < exploration.needed(viewpoint.seconds)
+        assert viewpoint.gain < exploration.required_gain(viewpoint.seconds)
         assert viewpoint.position[0] < 0
 
 

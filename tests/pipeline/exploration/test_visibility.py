@@ -70,39 +70,39 @@ def test_what_is_kept_is_what_a_fresh_cast_gives():
         known[i : i + 20, j : j + 20] = rng.random() < 0.7
         some = CELLS[rng.random(len(CELLS)) < 0.8]
         terrain = terrain_with(known.copy())
-        np.testing.assert_array_equal(gains.of(some, CAMERA, terrain), fresh(some, terrain))
+        np.testing.assert_array_equal(gains.at(some, CAMERA, terrain), fresh(some, terrain))
 
 
 @pytest.fixture
 def gains():
     """Gains with rays cast from all places over ground with unknown stripes."""
     gains = ViewpointGains(STRIDE)
-    gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()))
+    gains.at(CELLS, CAMERA, terrain_with(known_but_for_stripes()))
     return gains
 
 
 def test_unchanged_ground_costs_nothing(casts, gains):
-    gains.of(CELLS, CAMERA, terrain_with(known_but_for_stripes()))
+    gains.at(CELLS, CAMERA, terrain_with(known_but_for_stripes()))
     assert casts[0] > 0 and not any(casts[1:])
 
 
 def test_no_ray_is_cast_where_nothing_in_reach_is_left_to_see(casts):
-    ViewpointGains(STRIDE).of(CELLS, CAMERA, terrain_with(known_up_to(200)))
+    ViewpointGains(STRIDE).at(CELLS, CAMERA, terrain_with(known_up_to(200)))
     assert casts == [0]
 
 
 def test_a_change_concerns_only_what_sees_it(casts, gains):
     known = known_but_for_stripes()
     known[0, 0] = False
-    gains.of(CELLS, CAMERA, terrain_with(known))
+    gains.at(CELLS, CAMERA, terrain_with(known))
     assert 0 < casts[1] < casts[0] / 20
 
 
 def test_rays_are_cast_anew_where_the_grid_begins_elsewhere_for_another_camera_and_for_other_guesses(casts, gains):
     terrain = terrain_with(known_but_for_stripes(), origin=(-6.4, 0.0))
-    gains.of(CELLS, CAMERA, terrain)
-    gains.of(CELLS, CAMERA._replace(height=0.5), terrain)
-    gains.of(CELLS, CAMERA._replace(height=0.5), terrain._replace(falls=False))
+    gains.at(CELLS, CAMERA, terrain)
+    gains.at(CELLS, CAMERA._replace(height=0.5), terrain)
+    gains.at(CELLS, CAMERA._replace(height=0.5), terrain._replace(falls=False))
     assert min(casts) > 0.95 * max(casts)
 
 

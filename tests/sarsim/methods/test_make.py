@@ -131,7 +131,7 @@ def test_what_a_strategy_need_not_have_may_be_missing() -> None:
     strategy = make.make_exploration(f"{__name__}:Silent", PIONEER)
     assert type(strategy) is Silent
     mission = Mission(strategy)
-    assert mission.left(None) == [] and not mission.is_shown(None)  # type: ignore[arg-type]
+    assert mission.leftovers(None) == [] and not mission.is_shown(None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_on_the_way_back_the_robots_own_choice_drives_back(arena: str, monkeypat
     back = PathPlan(np.array([[0.5, 0.0, 0.0]]), np.array([False]), [], 0.5)
     decide = Explorer.decide
     monkeypatch.setattr(Explorer, "decide", lambda *given: (None, decide(*given)[1], back))
-    monkeypatch.setattr(NextBestView, "offers", lambda self, context, first, limit: [first])
+    monkeypatch.setattr(NextBestView, "worthwhile_viewpoints", lambda self, context, first, limit: [first])
     observation, *_, info = env.step(info["own_choice"])
     assert env.observation_space.contains(observation)
     observation, *_ = env.step(info["own_choice"])

@@ -260,19 +260,19 @@ class Explorer:
 
         # Learn where the robot drove, which obstacles blocked it and which it touched. If the robot did not get free
         # from an obstacle, mapping this obstacle would only trap the robot.
-        touched = [touched_by(halt, ground) for halt in navigator.halts if halt.touches]
+        touched = [probable_contact_points(halt, ground) for halt in navigator.halts if halt.is_contact]
         mapper.add_drive(np.array(navigator.track).reshape(-1, 3), check.obstacles, touched)
         return reached
 
 
-def touched_by(halt: Halt, ground: Traversability) -> Places:
+def probable_contact_points(halt: Halt, ground: Traversability) -> Places:
     """(N, 3) points, m, that a robot probably touched with its leading end, according to the map of its drive.
 
     Perhaps only one corner of the robot touched something, so the points next to mapped hazards are chosen, or the
     whole end if there are none. If the whole end were always chosen, a corner that touches a wall would block the
     passage.
     """
-    points = halt.touched(ground.robot, ground.grid.cell)
+    points = halt.contact_points(ground.robot, ground.grid.cell)
     may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= NEAR_TOUCHED
     return points[may_be] if may_be.any() else points
 

@@ -174,7 +174,7 @@ class Pilot:
             return Verdict.BLOCKED
         if not belief.knows_place:
             return Verdict.UNSURE
-        if keyframe is not None and path is not None and check.meets(mapper.people, path):
+        if keyframe is not None and path is not None and check.meets_person(mapper.people, path):
             return Verdict.BLOCKED
         return Verdict.DONE if is_done() else Verdict.FINE
 
@@ -182,7 +182,7 @@ class Pilot:
         """Let the robot follow a command for a control period; without odometry, stop it and raise LostError."""
         before, motion = self.navigator.motion, self.robot.drive(command)
         try:
-            self.navigator.moved(motion)
+            self.navigator.add_motion(motion)
         except LostError:
             self.robot.drive(STOP)  # Stop before anything else
             raise

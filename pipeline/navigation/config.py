@@ -72,21 +72,22 @@ class ProgressConfig:
     """When a robot is considered held or stuck.
 
     Attributes:
-        held_share: fraction of the commanded speed below which the robot is held.
+        held_fraction: fraction of the expected speed or turn rate below which the robot is considered held. The
+            expected values follow the commands with the robot's accelerations.
         patience: time without progress after which the robot is considered stuck, s. On a ramp, the robot must be
             held for the same time to be considered stuck.
-        overdue: maximum duration of a turn, and maximum delay of a leg relative to a drive at a quarter of the ramp
+        max_delay: maximum duration of a turn, and maximum delay of a leg relative to a drive at a quarter of the ramp
             speed, s. This limit stops a robot that slides back and forth.
     """
 
-    held_share: float = 0.35
+    held_fraction: float = 0.35
     patience: float = 4.0
-    overdue: float = 60.0
+    max_delay: float = 60.0
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot would be considered stuck at once."""
-        require_positive("navigation.progress", self, "patience", "overdue")
-        require_at_least(0, "navigation.progress", self, "held_share")
+        require_positive("navigation.progress", self, "patience", "max_delay")
+        require_at_least(0, "navigation.progress", self, "held_fraction")
 
 
 @dataclass(frozen=True)
@@ -95,14 +96,14 @@ class ObstacleCheckConfig:
 
     Attributes:
         distance_between_checks: distance driven between two checks, m.
-        turn: angle by which the camera turns along an arc between two checks, rad.
+        angle_between_checks: angle by which the camera turns along an arc between two checks, rad.
         ahead: distance along the path from the robot's centre beyond which obstacles are ignored, m.
         min_returns: minimum number of the camera's returns in a cell that contains an obstacle. In measurements,
             noise caused no returns in a cell, and the thickest dust at most 17.
     """
 
     distance_between_checks: float = 0.4
-    turn: float = radians(15)
+    angle_between_checks: float = radians(15)
     ahead: float = 2.0
     min_returns: int = 50
 
@@ -110,7 +111,7 @@ class ObstacleCheckConfig:
         """Raise InputError if the robot could not check its path with these settings."""
         section = "navigation.obstacle_check"
         require_positive(section, self, "ahead")
-        require_at_least(0, section, self, "distance_between_checks", "turn")
+        require_at_least(0, section, self, "distance_between_checks", "angle_between_checks")
         require_at_least(1, section, self, "min_returns")
 
 
@@ -146,11 +147,11 @@ class FaultConfig:
     """Limits beyond which the robot reports faults of its own sensors.
 
     Attributes:
-        depth_scale: relative error of the measured height of the camera above which a fault is reported; the default
-            is three times the 1% error of a calibrated depth camera (Khoshelham & Oude Elberink, 2012).
+        max_depth_scale_error: relative error of the measured height of the camera above which a fault is reported;
+            the default is three times the 1% error of a calibrated depth camera (Khoshelham & Oude Elberink, 2012).
     """
 
-    depth_scale: float = 0.03
+    max_depth_scale_error: float = 0.03
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,15 @@ class Course:
         start: (2,) position of the robot when the path was planned, m; a robot that is far from this position has
             been carried. None to skip this check.
         speed_along: speed limits along a stretch; None for the robot's own limit.
-        rolls: whether the robot may arrive without stopping. It has then arrived as soon as it must begin to brake,
-            and the next course begins where it would come to rest. Without a next course, the robot must be halted.
-        planned: expected duration of the drive, s; None if unknown.
+        may_roll: whether the robot may arrive without stopping. It has then arrived as soon as it must begin to
+            brake, and the next course begins where it would come to rest. Without a next course, the robot must be
+            halted.
+        planned_duration: expected duration of the drive, s; None if unknown.
     """
 
     stretches: Sequence[Stretch]
     heading: float | None = None
     start: Place | None = None
     speed_along: SpeedAlong | None = None
-    rolls: bool = False
-    planned: float | None = None
+    may_roll: bool = False
+    planned_duration: float | None = None

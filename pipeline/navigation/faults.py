@@ -8,7 +8,7 @@ from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.vertical import T_floor_camera
 from pipeline.navigation.config import FaultConfig
 
-NOTICED = {
+MOTION_FAULTS = {
     MotionState.SLIPPING: "the wheels are slipping",
     MotionState.HELD: "the wheels spin, but the robot does not move",
     MotionState.BLIND: "the camera view is not enough to locate the robot",
@@ -50,8 +50,8 @@ class Faults:
 
     def check_motion(self, belief: Belief, time: float) -> None:
         """Note a fault at a time, s, if the most likely motion state is a fault."""
-        if belief.state in NOTICED:
-            self.note(belief.state.name.lower(), time, NOTICED[belief.state])
+        if belief.state in MOTION_FAULTS:
+            self.note(belief.state.name.lower(), time, MOTION_FAULTS[belief.state])
 
     def check_depth_scale(self, frame: Frame) -> None:
         """Note a fault if the floor seen at the start is not at the expected distance below the camera."""
@@ -60,6 +60,6 @@ class Faults:
             seen = float(T_floor_camera(frame)[2, 3])
         except InputError:  # No floor is in view
             return
-        if abs(seen - height) > self._config.depth_scale * height:
+        if abs(seen - height) > self._config.max_depth_scale_error * height:
             text = f"the camera measures its height as {seen:.2f} m, but it is mounted {height:.2f} m above the floor"
             self.note("depth_scale", frame.time, text)

@@ -32,37 +32,37 @@ PASSING_HEADING_TOLERANCE = radians(10)
 same."""
 LEAD = 0.2
 """Time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay."""
-MIN_PACE = 0.2
+MIN_SPEED_FACTOR = 0.2
 """Minimum factor on the robot's speed, however large the heading error."""
 STILL, STILL_RATE = 0.02, 0.05
 """Speed, m/s, and turn rate, rad/s, up to which the robot is considered to stand still."""
 MIN_SPEED = 0.2
 """Minimum speed assumed in the gain with which the robot steers back to its line, m/s, so that noise does not turn a
 slower robot."""
-WIDEST_RETURN = 0.5
+MAX_RETURN_ANGLE = 0.5
 """Maximum angle between the robot's heading and its line while it returns to the line, rad."""
 CARRIED_DISTANCE = 0.3
 """Displacement in one control period, or distance from the start of the plan, above which the robot is considered
 carried, m."""
 TILT_LEAD = 0.1
 """Time ahead for which the tilt is predicted, s; the robot backs out if it would then lean too far."""
-MIN_WAY, MIN_TURN = 0.02, radians(2)
+MIN_BACK_OUT_DISTANCE, MIN_BACK_OUT_ANGLE = 0.02, radians(2)
 """Minimum distance by which the robot backs out, m, and minimum angle by which it turns back, rad."""
 MIN_UNDONE_FRACTION = 0.5
 """Fraction of the intended distance or angle above which the robot is considered to have backed out."""
-SPUN = 0.1
+SPUN_DISTANCE = 0.1
 """Distance between the positions according to the camera and to the odometry above which the wheels of a robot that
 backed out are considered to have spun, m."""
 
-AVERAGED = 0.5
+AVERAGING_TIME = 0.5
 """Time over which speeds are averaged to detect that something holds the robot, s."""
-STILL_WAY, STILL_TURN = 0.02, radians(2)
+STILL_DISTANCE, STILL_ANGLE = 0.02, radians(2)
 """Displacement, m, and rotation, rad, up to which the robot is considered to make no progress."""
 OVERDUE_RAMP = 4.0
-"""Factor on the duration of a leg at ramp speed; a leg may take ``overdue`` s longer than the product."""
+"""Factor on the duration of a leg at ramp speed; a leg may take ``max_delay`` s longer than the product."""
 MIN_V, MIN_OMEGA = 0.04, 0.15
 """Expected speed, m/s, and turn rate, rad/s, up to which the robot is never considered held."""
-REACTION = 0.3
+REACTION_TIME = 0.3
 """Time during which a robot may still follow its previous command, s, because of delays on the network and at both of
 its ends. Longer intervals between two poses are ignored, because a real robot receives no command while its software
 computes."""
@@ -76,14 +76,14 @@ MAX_CHANGE = radians(8)
 """Maximum predicted change of roll or pitch, rad; bumps turn the robot quickly, but not by a larger angle."""
 
 
-class Progress:
+class StuckDetector:
     """Detects that something holds the robot, or that its position and heading do not change."""
 
     def __init__(self, robot: RobotModel, T: Pose, time: float, config: ProgressConfig, length: float = 0.0):
         """Start at a pose and a time, s; ``length``: length of the leg, m."""
         self._limits = np.array([robot.acceleration, robot.turn_acceleration])
         self._config = config
-        self._deadline = time + config.overdue + OVERDUE_RAMP * length / robot.ramp_speed
+        self._deadline = time + config.max_delay + OVERDUE_RAMP * length / robot.ramp_speed
         self._anchor = T
         self._since = time
         self._last = T
@@ -96,7 +96,7 @@ class Progress:
         self._expected: NDArray[np.float64] | None = None
         self._mean_expected = np.zeros(2)
         self._mean_measured = np.zeros(2)
-        self._judged_from = time + REACTION
+        self._judged_from = time + REACTION_TIME
         self._unheld = time
 
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
@@ -105,7 +105,7 @@ class Progress:
         On a ramp, where the wheels may skid for a moment, the robot must have been held for ``patience`` s.
         """
         config = self._config
-        if (pause := time - self._time) > REACTION:
+        if (pause := time - self._time) > REACTION_TIME:
             self._since += pause
             self._deadline += pause
             self._time = time
@@ -114,8 +114,8 @@ class Progress:
             self._unheld = time
         held = time - self._unheld > (config.patience if on_ramp else 0.0)
         # In a turn, wheels that spin on only one side seem to move the robot.
-        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STILL_WAY and not isinstance(command, Turn)
-        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STILL_TURN
+        moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > STILL_DISTANCE and not isinstance(command, Turn)
+        turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > STILL_ANGLE
         if moved or turned:
             self._anchor = T
             self._since = time
@@ -135,14 +135,14 @@ class Progress:
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt
         before = speeds if self._expected is None else self._expected
         self._expected = before + np.clip(asked - before, -limit, limit)
-        share = min(1.0, dt / AVERAGED)
+        share = min(1.0, dt / AVERAGING_TIME)
         # A robot that brakes harder than commanded is not held.
         expected = np.minimum(np.abs(self._expected), np.abs(asked)) * (self._expected * asked > 0)
         self._mean_expected += share * (expected - self._mean_expected)
         self._mean_measured += share * (speeds * np.sign(self._expected) - self._mean_measured)
         counts = self._mean_expected > (MIN_V, MIN_OMEGA)
         counts[1] &= asked[0] == 0
-        return bool((counts & (self._mean_measured < config.held_share * self._mean_expected)).any())
+        return bool((counts & (self._mean_measured < config.held_fraction * self._mean_expected)).any())
 
 
 class Attitude:
@@ -206,11 +206,11 @@ def leg_outcome(outcome: Outcome) -> Outcome:
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
 
-class DriveTime(NamedTuple):
-    """Planned and actual duration of a drive that reached its end, s."""
+class DriveDurations(NamedTuple):
+    """Planned and actual durations of a drive that reached its end, s."""
 
     planned: float
-    driven: float
+    actual: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,24 +220,24 @@ class Halt:
     Attributes:
         T_map_base: pose at which the robot stopped.
         command: the command that the robot was following.
-        freed: whether the robot could back out, according to its odometry.
-        backed: distance by which it then backed out, according to its odometry, m; 0 after a turn.
+        has_backed_out: whether the robot could back out, according to its odometry.
+        backed_distance: distance by which it then backed out, according to its odometry, m; 0 after a turn.
     """
 
     T_map_base: Pose
     command: Velocity
-    freed: bool
-    backed: float = 0.0
+    has_backed_out: bool
+    backed_distance: float = 0.0
 
     @property
-    def touches(self) -> bool:
+    def is_contact(self) -> bool:
         """Whether the robot backed away from an obstacle at its leading end.
 
         False after a turn, because the obstacle could then be anywhere.
         """
-        return self.freed and not isinstance(self.command, Turn)
+        return self.has_backed_out and not isinstance(self.command, Turn)
 
-    def touched(self, robot: RobotModel, cell: float) -> Places:
+    def contact_points(self, robot: RobotModel, cell: float) -> Places:
         """(N, 3) m, points in ``map`` just beyond the robot's leading end, at the height of its body.
 
         ``cell``: side of a cell of the map to which the points will be added, m.
@@ -257,10 +257,11 @@ class Navigator:
 
     Attributes:
         legs: all legs driven so far.
-        times: durations of all planned drives that have reached their ends.
+        drive_durations: durations of all planned drives that have reached their ends.
         halts: the robot's halts since it began its newest course.
-        track: (3,) x and y, m, and heading, rad, in ``map``, after each motion since the robot began this course.
-        recovered: number of halts after which the robot could back out.
+        track: (3,) x and y, m, and heading, rad, in ``map``, after each motion since the robot began its newest
+            course.
+        recoveries: number of halts after which the robot could back out.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
     """
@@ -268,10 +269,10 @@ class Navigator:
     def __init__(self, robot: RobotModel, control_period: float, config: NavigationConfig = NavigationConfig()):
         """Start without a motion; ``control_period``: duration of each command, s."""
         self.legs: list[DrivenLeg] = []
-        self.times: list[DriveTime] = []
+        self.drive_durations: list[DriveDurations] = []
         self.halts: list[Halt] = []
         self.track: list[Place] = []
-        self.recovered = 0
+        self.recoveries = 0
         self.motion: Motion | None = None
         self.attitude = Attitude()
         self._robot = robot
@@ -286,13 +287,13 @@ class Navigator:
         """Replace the pose of ``odom`` in ``map`` by its newest estimate, possibly during a drive."""
         self._T_map_odom = T_map_odom
 
-    def moved(self, motion: Motion) -> None:
+    def add_motion(self, motion: Motion) -> None:
         """Process the newest motion of the body; raise LostError if its odometry is not a valid pose."""
         check_pose("odometry", motion.time, motion.T_odom_base)
         self._before = self.motion
         self.motion = motion
         self.attitude.update(motion.gyro, motion.accelerometer, self._period)
-        if self._leans:
+        if self._is_leaning:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
@@ -315,14 +316,14 @@ class Navigator:
         outcome = self._follow(course, send)
         if outcome is Outcome.DONE:
             return Outcome.REACHED
-        if outcome is Outcome.REACHED and course.planned is not None and began is not None:
-            self.times.append(DriveTime(course.planned, self._time - began))
+        if outcome is Outcome.REACHED and course.planned_duration is not None and began is not None:
+            self.drive_durations.append(DriveDurations(course.planned_duration, self._time - began))
         return outcome
 
     def _follow(self, course: Course, send: Send) -> Outcome:
         self.halts = []
         self.track = []
-        way = self._joined(course.stretches)
+        way = self._with_rest(course.stretches)
         heading = course.heading
         if self._rest is None:
             self._stop(send)
@@ -332,10 +333,10 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             self._stop(send)
             return Outcome.MOVED
-        if heading is not None and course.rolls and way and self._shows(way[-1].last_heading, heading):
+        if heading is not None and course.may_roll and way and self._is_nearly(way[-1].last_heading, heading):
             heading = None
         for number, stretch in enumerate(way, start=1):
-            is_passed = course.rolls and heading is None and number == len(way)
+            is_passed = course.may_roll and heading is None and number == len(way)
             outcome = self._drive_leg(stretch, course.speed_along, is_passed, send)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
@@ -344,7 +345,7 @@ class Navigator:
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
         # A turn that fails makes the last leg fail.
-        outcome = self._supervised(self._turn_to(heading), send)
+        outcome = self._execute(self._turn_commands(heading), send)
         self.legs[-1].outcome = leg_outcome(outcome)
         return outcome
 
@@ -353,7 +354,7 @@ class Navigator:
         here = self.T_map_base[:2, 3]
         return start is not None and bool(np.linalg.norm(here - start) > CARRIED_DISTANCE)
 
-    def _joined(self, path: Sequence[Stretch]) -> list[Stretch]:
+    def _with_rest(self, path: Sequence[Stretch]) -> list[Stretch]:
         """The stretches of a path, preceded by the stretch along which the robot is still rolling."""
         if self._rest is None:
             return list(path)
@@ -362,7 +363,8 @@ class Navigator:
             return [rest.joined_with(path[0]), *path[1:]]
         return [rest, *path]
 
-    def _shows(self, heading: float, wanted: float) -> bool:
+    def _is_nearly(self, heading: float, wanted: float) -> bool:
+        """Whether a heading is close enough to the wanted one, both rad, that the view is almost the same."""
         return abs(wrap_angle(heading - wanted)) < PASSING_HEADING_TOLERANCE
 
     def halt(self, send: Send) -> Outcome:
@@ -372,7 +374,7 @@ class Navigator:
         if rest is None:
             self._stop(send)
             return Outcome.REACHED
-        return self._supervised(self._along(self._in_map(rest), None), send)
+        return self._execute(self._commands_along(self._in_map(rest), None), send)
 
     def _stop(self, send: Send) -> None:
         """Brake until the robot stands still, because the next plan begins where it then stands.
@@ -381,7 +383,7 @@ class Navigator:
         could have braked from its top speed and turn rate.
         """
         model = self._robot
-        longest = REACTION + max(model.speed / model.acceleration, model.turn_rate / model.turn_acceleration)
+        longest = REACTION_TIME + max(model.speed / model.acceleration, model.turn_rate / model.turn_acceleration)
         for _ in range(ceil(longest / self._period)):
             send(STOP)
             twist = required(self.motion).twist
@@ -391,7 +393,7 @@ class Navigator:
     def turn(self, angle: float, send: Send) -> Outcome:
         """Turn in place by an angle, rad, counter-clockwise."""
         self.halt(send)
-        return self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle), send)
+        return self._execute(self._turn_commands(yaw_of(self.T_map_base) + angle), send)
 
     def drive_back(self, send: Send) -> bool:
         """Turn to the heading of the newest halt, and drive back in the direction from which the robot came.
@@ -405,30 +407,30 @@ class Navigator:
         back = Velocity(-ahead * self._robot.ramp_speed)
 
         def commands() -> Iterator[Velocity]:
-            yield from self._turn_to(yaw_of(halt.T_map_base))
+            yield from self._turn_commands(yaw_of(halt.T_map_base))
             start = self._T_odom_base
             while self._will_have_moved_back(start, back) < self._config.recovery.max_distance:
                 yield back
 
-        return self._supervised(commands(), send) is Outcome.REACHED
+        return self._execute(commands(), send) is Outcome.REACHED
 
     def is_still_held(self, T_map_odom: Pose) -> bool:
         """Whether the camera, by the newest ``T_map_odom``, shows that the robot did not back out after all.
 
         If wheels spin on a ramp, the odometry reports that the robot backs out, although it stays where it is.
         """
-        if not self.halts or not self.halts[-1].touches:
+        if not self.halts or not self.halts[-1].is_contact:
             return False
         seen = (T_map_odom @ self._T_odom_base)[:3, 3]
         error = float(np.linalg.norm(seen - self.T_map_base[:3, 3]))
-        return error > max(SPUN, MIN_UNDONE_FRACTION * self.halts[-1].backed)
+        return error > max(SPUN_DISTANCE, MIN_UNDONE_FRACTION * self.halts[-1].backed_distance)
 
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool, send: Send) -> Outcome:
         """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
         outcome = self._turn_towards(stretch, send)
         if outcome is Outcome.REACHED:
-            outcome = self._supervised(self._along(stretch, speeds, is_passed), send, stretch.length)
+            outcome = self._execute(self._commands_along(stretch, speeds, is_passed), send, stretch.length)
         self.legs.append(DrivenLeg(stretch.poses[-1, :2], leg_outcome(outcome)))
         return outcome
 
@@ -436,22 +438,22 @@ class Navigator:
         """Turn to the heading of a stretch if the heading error is too large to be corrected during the drive."""
         config = self._config.follower
         error = abs(wrap_angle(stretch.heading - yaw_of(self.T_map_base)))
-        if error <= (config.pivot_ramp if self._on_ramp else config.pivot_level):
+        if error <= (config.pivot_ramp if self._is_on_ramp else config.pivot_level):
             return Outcome.REACHED
-        outcome = self._supervised(self._turn_to(stretch.heading), send)
+        outcome = self._execute(self._turn_commands(stretch.heading), send)
         _, left = stretch.offsets(self.T_map_base[:2, 3], 0)
         return Outcome.SLID if outcome is Outcome.REACHED and abs(left) > config.max_offset else outcome
 
     @property
-    def _leans(self) -> bool:
+    def _is_leaning(self) -> bool:
         return self.attitude.tilt_in(0.0) > self._config.follower.lean
 
     @property
-    def _tips(self) -> bool:
+    def _is_tipping(self) -> bool:
         return self.attitude.tilt_in(TILT_LEAD) > self._robot.tipping_tilt
 
     @property
-    def _on_ramp(self) -> bool:
+    def _is_on_ramp(self) -> bool:
         """Whether the robot leans or last leaned near here, because a robot on the crest of a ridge is level."""
         at = self._leaned_at
         near = RAMP_MARGIN
@@ -461,9 +463,9 @@ class Navigator:
     def _limits(self) -> tuple[float, float]:
         """Maximum speed, m/s, and turn rate, rad/s, on the ground under the robot."""
         model = self._robot
-        return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
+        return (model.ramp_speed, model.ramp_turn_rate) if self._is_on_ramp else (model.speed, model.turn_rate)
 
-    def _turn_to(self, heading: float) -> Iterator[Velocity]:
+    def _turn_commands(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn the robot in place to a heading, rad, in the shorter direction."""
         config = self._config.follower
         place = self.T_map_base[:2, 3].copy()
@@ -478,9 +480,11 @@ class Navigator:
             # The robot brakes less hard than it could, so that the wheels do not skid past the heading.
             slower = np.sqrt(2 * config.braking * model.turn_acceleration * (abs(error) - tolerance))
             rate = np.clip(slower, model.min_turn_rate, fastest)
-            yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
+            yield Turn(
+                self._holding_speed(T, place, error) if self._is_on_ramp else 0.0, float(np.sign(error) * rate)
+            )
 
-    def _hold(self, T: Pose, place: Place, left: float) -> float:
+    def _holding_speed(self, T: Pose, place: Place, left: float) -> float:
         """Speed, m/s, that keeps the robot at a position (2,), m, on a ramp while it turns by another ``left`` rad.
 
         Speed control can correct only the slide's component along the heading, so the slide expected during the rest
@@ -493,7 +497,7 @@ class Navigator:
         speed = self._config.follower.hold_gain * (place - T[:2, 3] - slide) @ ahead
         return float(np.clip(speed, -self._robot.ramp_speed, self._robot.ramp_speed))
 
-    def _along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
+    def _commands_along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
         """Commands that follow a stretch to its end or, if ``is_passed``, until the robot must brake to stop there.
 
         ``speeds``: (N,) maximum speeds at the stretch's poses, m/s; None for no limit.
@@ -509,35 +513,35 @@ class Navigator:
             if remaining < config.position_tolerance:
                 return
             if is_passed and remaining <= self._braking_distance + config.position_tolerance:
-                self._rest = self._rest_of(stretch, at)
+                self._rest = self._braking_stretch(stretch, at)
                 return
             limit = np.inf if speeds is None else float(speeds[at])
             # Slowing down before the end keeps the wheels from skidding past it.
             slower = np.sqrt(slowing * max(0.0, remaining - config.position_tolerance))
             speed = min(self._limits[0], max(model.ramp_speed / 3, slower), limit)
-            yield self._steered(stretch, at, left, speed)
+            yield self._steering_command(stretch, at, left, speed)
 
-    def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
+    def _steering_command(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
         """The command, at most ``speed`` m/s fast, for a robot ``left`` m to the left of the pose of index ``at``."""
         model = self._robot
         config = self._config.follower
         # With this gain, the robot returns to its line with a damping ratio of 0.7.
         gain = config.turn_gain / (2 * max(speed, MIN_SPEED))
-        back = float(np.clip(gain * left, -WIDEST_RETURN, WIDEST_RETURN))
+        back = float(np.clip(gain * left, -MAX_RETURN_ANGLE, MAX_RETURN_ANGLE))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
         # The larger the heading error, the more slowly the robot drives; otherwise, it would leave the line.
-        speed *= max(MIN_PACE, float(np.cos(2 * error)))
+        speed *= max(MIN_SPEED_FACTOR, float(np.cos(2 * error)))
         rate = config.turn_gain * error + speed * stretch.curvature_at(at, LEAD * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
-    def _supervised(self, commands: Iterator[Velocity], send: Send, length: float = 0.0) -> Outcome:
+    def _execute(self, commands: Iterator[Velocity], send: Send, length: float = 0.0) -> Outcome:
         """Send commands until none is left or the robot must stop; back out if the robot leans too far or is stuck.
 
         ``length``: length of the leg, m.
         """
         way = [self._T_odom_base]
-        progress = Progress(self._robot, way[0], self._time, self._config.progress, length)
+        progress = StuckDetector(self._robot, way[0], self._time, self._config.progress, length)
         for command in commands:
             verdict = send(command)
             way.append(self._T_odom_base)
@@ -548,7 +552,7 @@ class Navigator:
             if verdict is Verdict.DONE:
                 # The robot rolls on for its braking distance.
                 if isinstance(command, Approach):
-                    self._rest = self._rest_of(command.stretch, command.at)
+                    self._rest = self._braking_stretch(command.stretch, command.at)
                 else:
                     self._stop(send)
                 return Outcome.DONE
@@ -556,20 +560,20 @@ class Navigator:
                 self._stop(send)
                 return Outcome.MOVED
             # The robot tips, its wheels spin, or it makes no progress.
-            leans = self._tips
+            leans = self._is_tipping
             spins = verdict is Verdict.SPINNING
-            if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
+            if leans or spins or progress.is_stuck(self._T_odom_base, self._time, command, self._is_on_ramp):
                 T, T_odom_held = self.T_map_base, self._T_odom_base
                 freed = self._back_out(way, command, leans, send)
                 backed = _moved_back(self._T_odom_base, T_odom_held, Velocity(-command.v)) if command.v else 0.0
                 self.halts.append(Halt(T, command, freed, backed))
-                self.recovered += freed
+                self.recoveries += freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         if self._rest is None:
             self._stop(send)
         return Outcome.REACHED
 
-    def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
+    def _braking_stretch(self, stretch: Stretch, at: int) -> Stretch:
         """The part of a stretch, in ``odom``, from the pose of index ``at`` to the end of the braking distance."""
         brakes = stretch.distances_along[at] + self._braking_distance + self._config.follower.position_tolerance
         end = int(np.searchsorted(stretch.distances_along, brakes)) + 1
@@ -601,11 +605,11 @@ class Navigator:
         config = self._config.recovery
         T_odom_held = self._T_odom_base
         if isinstance(command, Turn):
-            least, most = MIN_TURN, config.max_turn
+            least, most = MIN_BACK_OUT_ANGLE, config.max_turn
             braking = abs(command.omega) / model.turn_acceleration
             undo = Velocity(0.0, -np.sign(command.omega) * model.ramp_turn_rate)
         else:
-            least, most = MIN_WAY, config.max_distance
+            least, most = MIN_BACK_OUT_DISTANCE, config.max_distance
             braking = abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
         came = sum(_moved_back(before, after, undo) for before, after in pairwise(T_odom_way))
@@ -613,17 +617,17 @@ class Navigator:
         progress = None
         way = np.clip(came, least, most)
         while (back := self._will_have_moved_back(T_odom_held, undo)) < way or (
-            leans and self._leans and back < came
+            leans and self._is_leaning and back < came
         ):
             if send(undo) is not Verdict.FINE:
                 break
-            if self._tips and not leans:
+            if self._is_tipping and not leans:
                 self._back_out([T_odom_held, self._T_odom_base], undo, True, send)
                 return False
             # While the wheels still brake the previous motion, the robot would seem to be held.
             if progress is None and self._time > began + braking:
-                progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
-            if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
+                progress = StuckDetector(model, self._T_odom_base, self._time, self._config.progress)
+            if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._is_on_ramp):
                 break
         self._stop(send)
         return bool(_moved_back(self._T_odom_base, T_odom_held, undo) > way * MIN_UNDONE_FRACTION)

@@ -56,7 +56,7 @@ class ObstacleCheck:
         No check is due if the rest of the path is too near for the camera.
         """
         is_far = self._remaining_length - command.remaining_length >= self._config.distance_between_checks
-        has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.turn
+        has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.angle_between_checks
         is_new = command.stretch is not self._stretch
         return (is_new or is_far or has_turned) and not self._is_too_near(command)
 
@@ -74,7 +74,7 @@ class ObstacleCheck:
         self._remaining_length = command.remaining_length
         ground = self._traversability
         robot = ground.robot
-        path = self._extended(command.path)
+        path = self._path_ahead(command.path)
         reach = robot.half_width + ground.grid.cell
         is_beside = ((points[:, :2] >= path.min(axis=0) - reach) & (points[:, :2] <= path.max(axis=0) + reach)).all(
             axis=1
@@ -92,7 +92,7 @@ class ObstacleCheck:
         """Forget the obstacles, because the pose from which the robot saw them is in doubt."""
         self.obstacles = np.zeros((0, 3), np.float32)
 
-    def meets(self, people: Sequence[Points], command: Approach) -> bool:
+    def meets_person(self, people: Sequence[Points], command: Approach) -> bool:
         """Whether the path leads too near to a part of a person of which the plan did not know.
 
         Parts nearer than ``keep_off`` to the footprint are too near, because a hand on the floor is too low to be an
@@ -103,7 +103,7 @@ class ObstacleCheck:
             people: the points of each person seen so far, m.
             command: the command to drive along the path.
         """
-        path = self._extended(command.path)
+        path = self._path_ahead(command.path)
         keep_off = self._traversability.config.keep_off
         beside = self._traversability.robot.half_width + keep_off
         for points in people:
@@ -119,7 +119,7 @@ class ObstacleCheck:
         """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""
         return command.remaining_length + self._traversability.robot.half_length < self._sensor.nearest
 
-    def _extended(self, path: Places) -> Places:
+    def _path_ahead(self, path: Places) -> Places:
         """(N, 2) m, the path extended by half the footprint's length and a margin, but at most ``ahead`` m long.
 
         It has at least two positions, and thus a direction, however small ``ahead`` is.

@@ -45,10 +45,10 @@ class SpeedLimit:
         bends = np.append(np.maximum(curvature - in_arcs, 0.0)[:-1] * np.diff(along), 0.0)
         turning = turn_rate / np.maximum(in_arcs, tiny)
         bending = self._config.max_bend_offset / np.maximum(self._config.arc_lag * bends, tiny)
-        speeds = np.minimum(self._on_ground(poses), np.minimum(turning, bending))
-        return braked(speeds, along, self._deceleration)
+        speeds = np.minimum(self._ground_limits(poses), np.minimum(turning, bending))
+        return brakeable_speeds(speeds, along, self._deceleration)
 
-    def _on_ground(self, poses: Places) -> Values:
+    def _ground_limits(self, poses: Places) -> Values:
         """(N,) m/s, maximum speeds at poses (N, 3) that the ground and the people nearby allow."""
         t, robot = self._traversability, self._traversability.robot
         costs = t.costs()
@@ -64,7 +64,7 @@ class SpeedLimit:
         return speeds
 
 
-def braked(speeds: Values, along: Values, deceleration: float) -> Values:
+def brakeable_speeds(speeds: Values, along: Values, deceleration: float) -> Values:
     """(N,) m/s, speeds reduced so that the robot can brake for lower speeds ahead.
 
     ``along``: (N,) distances from the start, m.

@@ -46,13 +46,15 @@ class NavigationScore:
 
 def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: int) -> dict[str, Any]:
     """The figures of all drives for report.json; ``kidnaps``: number of times that the robot was carried."""
-    ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
+    ratios = [
+        time.planned / time.actual for time in navigator.drive_durations if time.actual > 0 and time.planned > 0
+    ]
     return {
         "legs": len(navigator.legs),
         "reached": sum(leg.outcome is Outcome.REACHED for leg in navigator.legs),
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
-        "recovered": navigator.recovered,
+        "recovered": navigator.recoveries,
         **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),  # if any planned drive moved it
         **score.report(),
     }

@@ -61,7 +61,7 @@ def placed(episode: Episode, folder: Path) -> Explorer:
     explorer, frame = Explorer(robot, mapper), robot.sense()
     mapper.localisation.set_pose(robot.trajectory[-1].T_world_base)
     mapper.add_frame(mapper.localise(frame), labelled=True)
-    explorer.pilot.navigator.moved(robot.drive(Velocity()))
+    explorer.pilot.navigator.add_motion(robot.drive(Velocity()))
     explorer.pilot.confirm(mapper.localise(robot.sense()))  # the last view before the robot is carried
     return explorer
 

@@ -7,7 +7,7 @@ from pipeline.config import ExplorerConfig, PipelineConfig
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.mission import Goals
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, touched_by
+from pipeline.explorer import Explorer, probable_contact_points
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -43,7 +43,7 @@ def ends_in(explorer, outcome, *halts):
         return outcome
 
     navigator.follow = follow
-    navigator.moved(explorer.pilot.robot.drive(Velocity()))
+    navigator.add_motion(explorer.pilot.robot.drive(Velocity()))
 
 
 @pytest.fixture
@@ -71,11 +71,11 @@ def test_a_corner_that_touched_a_wall_does_not_close_the_passage():
     halt = Halt(np.eye(4), Velocity(0.2), True)
     ground = ground_points(flat, (-2, 2), (-0.9, 0.9))
     corner = surface_of(ground, wall_points((0.3, -0.9), (0.3, -0.2)))
-    points = touched_by(halt, assess_map(corner))
+    points = probable_contact_points(halt, assess_map(corner))
     assert len(points) and points[:, 1].max() < 0  # the other half of the front stays free
     assert points[:, 1].min() < -0.2
-    whole = touched_by(halt, assess_map(surface_of(ground)))
-    np.testing.assert_array_equal(whole, halt.touched(PIONEER, 0.05))  # nothing explains it
+    whole = probable_contact_points(halt, assess_map(surface_of(ground)))
+    np.testing.assert_array_equal(whole, halt.contact_points(PIONEER, 0.05))  # nothing explains it
 
 
 @pytest.mark.parametrize("moved", [(5.0, 5.0), (0.0, 0.1)])

@@ -200,7 +200,7 @@ def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_ha
     robot.T, robot.looks = START, outlook.robot.looks
     outlook.pilot.robot = outlook.robot = robot
     if was_halted:
-        outlook.pilot.navigator.halts.append(Halt(START, Velocity(0.2), freed=True))
+        outlook.pilot.navigator.halts.append(Halt(START, Velocity(0.2), has_backed_out=True))
     if is_found:
         outlook.confirm()
         assert outlook.mapper.belief.knows_place
@@ -213,7 +213,7 @@ def test_a_robot_that_is_lost_after_a_halt_looks_again_from_where_it_came(was_ha
 
 def test_a_robot_that_drove_back_by_itself_was_not_carried(outlook, monkeypatch):
     outlook.confirm()
-    monkeypatch.setattr(outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), freed=True)])
+    monkeypatch.setattr(outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), has_backed_out=True)])
     in_doubt = [True, True, False]  # Until the robot has driven back twice
 
     def confirm(localised, last, turn):
@@ -229,7 +229,9 @@ def test_a_robot_that_drove_back_by_itself_was_not_carried(outlook, monkeypatch)
 
 def test_a_robot_whose_wheels_spun_while_it_backed_out_drives_back_again(outlook, monkeypatch):
     outlook.confirm()
-    monkeypatch.setattr(outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), freed=True, backed=0.3)])
+    monkeypatch.setattr(
+        outlook.pilot.navigator, "halts", [Halt(START, Velocity(0.2), has_backed_out=True, backed_distance=0.3)]
+    )
     is_held = [True, False]
 
     def confirm(localised, last, turn):

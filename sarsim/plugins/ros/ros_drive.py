@@ -86,7 +86,7 @@ class _Topics(Sink):
                 "legs": len(outcomes),
                 "reached": outcomes.count(Outcome.REACHED),
                 "stuck": outcomes.count(Outcome.STUCK),
-                "recovered": navigator.recovered,
+                "recovered": navigator.recoveries,
             },
             "exploration": {"frontiers_left": self._frontier_count},
             "localisation": {"keyframes": len(localisation.poses), "loops": len(localisation.loops)},

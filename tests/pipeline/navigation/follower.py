@@ -26,7 +26,7 @@ class Follower(Navigator):
     def way(self, waypoints, heading=None, backwards=None, arcs: bool = False) -> list[Stretch]:
         """The way from where the robot is through points (N, 2), with arcs or without."""
         if self.motion is None:
-            self.moved(self.robot.drive(Velocity()))
+            self.add_motion(self.robot.drive(Velocity()))
         T, backwards = self.T_map_base, np.zeros(len(waypoints), np.bool_) if backwards is None else backwards
         start = np.append(T[:2, 3], yaw_of(T))
         return stretches_of(np.asarray(waypoints, float), backwards, start, heading, lambda poses: arcs)
@@ -48,5 +48,5 @@ class Follower(Navigator):
         """Let the robot follow a command unless ``watch`` finds fault with it."""
         verdict = watch(command) if command != Velocity() else Verdict.FINE
         if verdict is Verdict.FINE:
-            self.moved(self.robot.drive(command))
+            self.add_motion(self.robot.drive(command))
         return verdict

@@ -103,11 +103,11 @@ def test_stuck_is_noticed_and_the_robot_backs_out():
     assert not navigator.drive(np.array([(2, 0), (2, 2)]))
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
     assert robot.commands[-2].v < 0
-    assert navigator.recovered == 1
+    assert navigator.recoveries == 1
     assert robot.commands[-1].v == 0
     (halt,) = navigator.halts
     assert halt.command.v > 0
-    assert halt.freed
+    assert halt.has_backed_out
     assert robot.T[0, 3] == pytest.approx(halt.T_map_base[0, 3] - BACKED_OUT, abs=0.04)
 
 
@@ -124,7 +124,7 @@ def test_a_robot_that_is_held_on_both_sides_is_not_freed():
     robot = KinematicRobot(blocked=lambda time: time > 3)
     navigator = Follower(robot)
     navigator.drive(np.array([(2, 0)]))
-    assert [halt.freed for halt in navigator.halts] == [False]
+    assert [halt.has_backed_out for halt in navigator.halts] == [False]
 
 
 class RobotBeforeWall(KinematicRobot):
@@ -174,7 +174,7 @@ def test_a_robot_that_never_seems_to_stand_still_may_be_halted():
 def test_it_backs_out_once_its_wheels_have_come_to_rest():
     navigator = Follower(RobotBeforeWall(0.6))
     assert not navigator.drive(np.array([(2, 0)]))
-    assert [halt.freed for halt in navigator.halts] == [True]
+    assert [halt.has_backed_out for halt in navigator.halts] == [True]
     assert navigator.robot.T[0, 3] == pytest.approx(0.6 - BACKED_OUT, abs=0.02)
 
 
@@ -197,7 +197,7 @@ def test_it_drives_back_by_the_distance_that_it_is_given():
 def test_it_is_still_held_if_the_camera_sees_it_where_it_was(ahead, is_held):
     navigator = Follower(RobotBeforeWall(0.6))
     assert not navigator.drive(np.array([(2, 0)]))
-    assert navigator.halts[-1].backed == pytest.approx(BACKED_OUT, abs=0.02)
+    assert navigator.halts[-1].backed_distance == pytest.approx(BACKED_OUT, abs=0.02)
     assert navigator.is_still_held(from_yaw(ahead, 0, 0, 0)) is is_held
 
 
@@ -207,7 +207,7 @@ def test_it_backs_out_as_far_where_arcs_have_turned_it_round(turned):
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(1.2, 0.0), (1.2, 1.2), (-0.5, 1.2)]), arcs=True)
     (halt,) = navigator.halts
-    assert halt.freed
+    assert halt.has_backed_out
     assert np.linalg.norm(robot.T[:2, 3] - halt.T_map_base[:2, 3]) == pytest.approx(BACKED_OUT, abs=0.04)
 
 
@@ -254,7 +254,7 @@ def test_where_there_is_room_it_turns_while_it_drives():
     for arcs in (True, False):
         robot = KinematicRobot()
         navigator = Follower(robot)
-        assert navigator.drive(corners, np.deg2rad(60), arcs=arcs, rolls=arcs)
+        assert navigator.drive(corners, np.deg2rad(60), arcs=arcs, may_roll=arcs)
         assert navigator.halt(navigator.send) is Outcome.REACHED
         pivots = any(command.omega and not command.v for command in robot.commands)
         assert pivots != arcs
@@ -265,7 +265,7 @@ def test_where_there_is_room_it_turns_while_it_drives():
 def test_it_rolls_through_the_end_of_a_way_that_it_passes():
     robot = KinematicRobot()
     navigator = Follower(robot)
-    assert navigator.drive([(1.0, 0.0)], 0.0, arcs=True, rolls=True)
+    assert navigator.drive([(1.0, 0.0)], 0.0, arcs=True, may_roll=True)
     assert robot.commands[-1].v > 0
     ahead = navigator.next_pose(navigator.T_map_base)
     np.testing.assert_allclose(ahead, (1.0, 0.0, 0.0), atol=0.02)
@@ -278,7 +278,7 @@ def test_it_rolls_through_the_end_of_a_way_that_it_passes():
 def test_a_robot_that_rolls_goes_to_the_end_before_it_turns_back():
     robot = KinematicRobot()
     navigator = Follower(robot)
-    assert navigator.drive([(1.0, 0.0)], 0.0, rolls=True)
+    assert navigator.drive([(1.0, 0.0)], 0.0, may_roll=True)
     ahead = navigator.next_pose(navigator.T_map_base)
     way = stretches_of(np.array([(0.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: False)
     assert navigator.follow(Course(way), navigator.send) is Outcome.REACHED
@@ -355,7 +355,7 @@ def test_a_robot_that_leans_too_far_goes_back_until_it_is_level(below):
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(2, 0)]))
     assert navigator.legs[-1].outcome is Outcome.TILTED
-    assert navigator.halts[-1].freed
+    assert navigator.halts[-1].has_backed_out
     assert robot.T[0, 3] == pytest.approx(0.3 if below else 1.0 - BACKED_OUT, abs=0.11)
 
 
@@ -364,7 +364,7 @@ def test_a_robot_that_backs_onto_something_comes_down_again():
     robot = RobotBeforeWall(0.6, lambda x, y: steepness * (place - x) if backs(robot) and x < place else 0.0)
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(2, 0)]))
-    assert [halt.freed for halt in navigator.halts] == [False]
+    assert [halt.has_backed_out for halt in navigator.halts] == [False]
     after = np.array(navigator.track)[[c.v < 0 for c in robot.commands].index(True) :, 0]
     assert after.min() > place - (PIONEER.tipping_tilt / steepness + 0.03)  # it brakes
     assert after[-1] > place - 0.02
@@ -382,7 +382,7 @@ def test_it_does_not_back_out_on_wheels_that_spin():
         return Verdict.SPINNING if backs(robot) else Verdict.FINE
 
     assert not navigator.drive(np.array([(2, 0)]), watch=look)
-    assert [halt.freed for halt in navigator.halts] == [False]
+    assert [halt.has_backed_out for halt in navigator.halts] == [False]
     assert sum(command.v < 0 for command in robot.commands) == 1
 
 
@@ -513,7 +513,7 @@ def test_a_leg_on_which_the_robot_slides_back_again_and_again_is_given_up():
     assert not navigator.drive(np.array([(0.6, 0.0)]))
     assert navigator.legs[-1].outcome is Outcome.STUCK
     slow = ProgressConfig()
-    limit = slow.overdue + OVERDUE_RAMP * 0.6 / PIONEER.ramp_speed
+    limit = slow.max_delay + OVERDUE_RAMP * 0.6 / PIONEER.ramp_speed
     assert limit < navigator.motion.time < limit + 10
 
 
@@ -547,7 +547,7 @@ def test_what_it_touched_stands_right_before_the_end_that_went_ahead(pitch):
     tilt = np.eye(4)
     tilt[:3, :3] = Rotation.from_euler("y", pitch).as_matrix()
     for v, end in ((0.2, 1), (-0.2, -1)):
-        points = Halt(from_yaw(1, 2, 0, np.pi / 2) @ tilt, Velocity(v), True).touched(PIONEER, cell=0.05)
+        points = Halt(from_yaw(1, 2, 0, np.pi / 2) @ tilt, Velocity(v), True).contact_points(PIONEER, cell=0.05)
         np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + 0.05 / np.sqrt(2)))
         np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
         np.testing.assert_allclose(points[:, 2], PIONEER.body_height)

@@ -133,4 +133,4 @@ def lying(x, y):
 )
 def test_a_part_of_a_person_that_the_plan_did_not_know_is_in_the_way(known, seen, meets):
     check = ObstacleCheck(FLOOR, XTION, ObstacleCheckConfig(), known, beside_people=0.6)
-    assert check.meets(seen, Approach(0.2, stretch=straight(START, TARGET), at=0)) == meets
+    assert check.meets_person(seen, Approach(0.2, stretch=straight(START, TARGET), at=0)) == meets

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.navigation.commands import Turn
 from pipeline.navigation.config import ProgressConfig
-from pipeline.navigation.navigator import Progress
+from pipeline.navigation.navigator import StuckDetector
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
@@ -16,7 +16,7 @@ CONFIG = ProgressConfig(patience=3.0)
 
 def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool = True) -> float:
     """For a robot that moves with ``v`` m/s and ``omega`` rad/s by its odometry; inf if it is never stuck."""
-    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
+    progress = StuckDetector(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
     for k in range(1, 300):
         if progress.is_stuck(from_yaw(k * DT * v, 0, 0, k * DT * omega), k * DT, command, on_ramp):
             return k * DT
@@ -41,7 +41,7 @@ def test_a_robot_is_stuck_when_what_it_was_commanded_to_change_does_not(command,
 @pytest.mark.parametrize("turning", [-0.6, 0.0, 0.6])
 def test_a_robot_that_obeys_late_and_still_turns_the_other_way_is_not_held(latency, turning):
     """This happens after a pause in which a robot on a network went on with its last command."""
-    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
+    progress = StuckDetector(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
     yaw, rate, limit = 0.0, turning, PIONEER.turn_acceleration * DT
     for k in range(1, 100):
         rate += np.clip((0.6 if k * DT > latency else turning) - rate, -limit, limit)
@@ -57,7 +57,7 @@ def test_a_robot_that_is_held_is_so_within_a_second(command):
 @pytest.mark.parametrize(("v", "turning"), [(0.3, 0.0), (-0.3, 0.0), (0.0, -0.7), (0.3, -0.7)])
 def test_a_robot_that_brakes_harder_than_it_should_is_not_held(v, turning):
     """The motion before the turn ends abruptly 0.4 s after the turn was commanded."""
-    progress = Progress(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
+    progress = StuckDetector(PIONEER, from_yaw(0, 0, 0, 0), 0.0, CONFIG)
     x, yaw, rate, limit = 0.0, 0.0, turning, PIONEER.turn_acceleration * DT
     for k in range(1, 100):
         x += v * DT * (k * DT < 0.4)

@@ -52,14 +52,14 @@ class Drive:
     def to(self, place: Any, heading: float | None, watch: Watch = lambda command: Verdict.FINE) -> Outcome:
         """Drive to a place in the map, and how that ends."""
         if self.navigator.motion is None:
-            self.navigator.moved(self.robot.drive(Velocity()))
+            self.navigator.add_motion(self.robot.drive(Velocity()))
         course = Course(way_to(self.navigator.T_map_base, place), heading)
         return self.navigator.follow(course, partial(self.send, watch=watch))
 
     def send(self, command: Velocity, watch: Watch = lambda command: Verdict.FINE) -> Verdict:
         verdict = watch(command) if command != Velocity() else Verdict.FINE
         if verdict is Verdict.FINE:
-            self.navigator.moved(self.robot.drive(command))
+            self.navigator.add_motion(self.robot.drive(command))
         return verdict
 
     def hold(self) -> None:
@@ -95,7 +95,7 @@ def test_it_drives_to_a_place_of_our_map_and_turns_there(T_map_odom: Pose) -> No
 
 
 def test_a_viewpoint_where_it_stands_is_a_turn(drive: Drive) -> None:
-    drive.navigator.moved(drive.robot.drive(Velocity()))
+    drive.navigator.add_motion(drive.robot.drive(Velocity()))
     assert drive.navigator.follow(Course([], 1.0), drive.send) is Outcome.REACHED
     assert drive.navigator.turn(np.pi, drive.send) is Outcome.REACHED
     T = drive.room.body.T
@@ -148,7 +148,7 @@ def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> No
         asked.append(len(mapper.keyframes))
         return len(mapper.keyframes) == 3
 
-    drive.navigator.moved(drive.robot.drive(Velocity()))
+    drive.navigator.add_motion(drive.robot.drive(Velocity()))
     check = ObstacleCheck(mapper.traversability, XTION, NavigationConfig().obstacle_check)
     T = drive.navigator.T_map_base
     place = T[:2, 3] + 0.9 * T[:2, 0]
@@ -176,11 +176,11 @@ def test_a_drive_that_does_not_end_is_ended() -> None:
 
 
 def test_nav2_drives_on_while_the_pipeline_computes_until_it_is_stopped(drive: Drive) -> None:
-    drive.navigator.moved(drive.robot.drive(Velocity()))
+    drive.navigator.add_motion(drive.robot.drive(Velocity()))
     commands = iter(3 * [Verdict.FINE])
 
     def send(command: Velocity) -> Verdict:
-        drive.navigator.moved(drive.robot.drive(command))
+        drive.navigator.add_motion(drive.robot.drive(command))
         return next(commands)
 
     with pytest.raises(StopIteration):
@@ -235,11 +235,11 @@ def test_the_nav2_in_the_namespace_of_the_odometry_counts(name: str) -> None:
         return
     robot = Nav2Robot(end, PIONEER, topics, T_BASE_CAMERA, patience=2.0)
     navigator = Nav2Navigator(robot)
-    navigator.moved(robot.drive(Velocity()))
+    navigator.add_motion(robot.drive(Velocity()))
     commands = iter(3 * [Verdict.FINE])
 
     def send(command: Velocity) -> Verdict:
-        navigator.moved(robot.drive(command))
+        navigator.add_motion(robot.drive(command))
         return next(commands)
 
     with pytest.raises(StopIteration):

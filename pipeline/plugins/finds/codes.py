@@ -13,7 +13,7 @@ from pipeline.plugins.finds.config import CodesConfig
 from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, corners_in, rectified
 from pipeline.tracks.find import Reading, is_same
 
-FAMILY = cv2.aruco.DICT_APRILTAG_36h11
+TAG_FAMILY = cv2.aruco.DICT_APRILTAG_36h11
 
 
 class CodeReader:
@@ -27,7 +27,7 @@ class CodeReader:
         """
         self._config = config
         self._in_images, self._in_squares = cv2.QRCodeDetectorAruco(), cv2.QRCodeDetector()
-        self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
+        self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(TAG_FAMILY))
 
     def read(self, squares: SquareCandidates) -> list[Reading]:
         """The codes in an image, decoded codes first.

@@ -144,7 +144,7 @@ def _require_all_positive(name: str, values: tuple[float, ...]) -> None:
         raise InputError(f"{name} = {values}: must be at least one number, and all must be greater than 0")
 
 
-SHAPE = Confirmation(confidence=0.5, baseline=0.3)
+SHAPE_CONFIRMATION = Confirmation(confidence=0.5, baseline=0.3)
 
 
 @dataclass(frozen=True)
@@ -163,10 +163,10 @@ class FindsConfig:
     qr_code: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
     april_tag: ObjectConfig = ObjectConfig(is_flat=True, has_checksum=True)
     fire_extinguisher: ObjectConfig = ObjectConfig(
-        confirmation=SHAPE, max_person_distance=0.15, extents=((0.45, 0.16, 0.14),)
+        confirmation=SHAPE_CONFIRMATION, max_person_distance=0.15, extents=((0.45, 0.16, 0.14),)
     )
     door_lever: ObjectConfig = ObjectConfig(
-        confirmation=SHAPE, max_person_distance=0.15, extents=((0.22, 0.14, 0.06),)
+        confirmation=SHAPE_CONFIRMATION, max_person_distance=0.15, extents=((0.22, 0.14, 0.06),)
     )
 
     def __post_init__(self) -> None:

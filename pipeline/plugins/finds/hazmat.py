@@ -35,33 +35,36 @@ class HazmatReader:
             return []
         patches = np.stack([rectified(squares.pyramid, quad, SIGN_SIDE) for quad in quads])
         # The mean probability over all four orientations is at least a quarter of the probability in one.
-        one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
-        likely = np.flatnonzero(self._sign_probability(one_way_up / 4) > self._config.confidence)
+        no_sign = self._network.probabilities(patches, turns=1)[:, -1]
+        likely = np.flatnonzero(self._sign_probability(no_sign / 4) > self._config.confidence)
         if not len(likely):
             return []
-        found = self._signs(quads[likely], self._chances(squares.pyramid, quads[likely]))
+        found = self._signs(quads[likely], self._mean_probabilities(squares.pyramid, quads[likely]))
         return [
-            Reading(SIGN, HAZMAT_CLASSES[int(classes.argmax())], quad / squares.scale, sure)
-            for quad, sure, classes in found
+            Reading(SIGN, HAZMAT_CLASSES[int(classes.argmax())], quad / squares.scale, confidence)
+            for quad, confidence, classes in found
         ]
 
-    def _chances(self, pyramid: Pyramid, quads: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N, classes + 1) probabilities of squares, averaged over outlines that are a little smaller or larger."""
+    def _mean_probabilities(self, pyramid: Pyramid, quads: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, classes + 1) probabilities of N squares, each averaged over outlines of slightly different sizes."""
         middles = quads.mean(axis=1, keepdims=True)
         outlines = [np.float32(size) * (quads - middles) + middles for size in self._config.sizes]
         patches = [np.stack([rectified(pyramid, quad, SIGN_SIDE) for quad in scaled]) for scaled in outlines]
         return np.mean([self._network.probabilities(part) for part in patches], axis=0, dtype=np.float32)
 
     def _signs(
-        self, quads: NDArray[np.float32], chances: NDArray[np.float32]
+        self, quads: NDArray[np.float32], probabilities: NDArray[np.float32]
     ) -> Iterator[tuple[Pixels, float, NDArray[np.float32]]]:
-        """The best square of each sign, the sign's confidence, and its class shares among similar squares."""
-        config, left = self._config, list(chances[:, -1].argsort(kind="stable"))
-        while left and (sure := float(self._sign_probability(chances[left[0], -1]))) > config.confidence:
+        """Yield, for each sign, its best square, its confidence, and the mean probability of each class.
+
+        The mean is taken over similar squares; the probabilities of the classes sum to 1.
+        """
+        config, left = self._config, list(probabilities[:, -1].argsort(kind="stable"))
+        while left and (confidence := float(self._sign_probability(probabilities[left[0], -1]))) > config.confidence:
             best, *others = left
             alike = [best, *(k for k in others if overlap(quads[best], quads[k])[0] > config.alike)]
-            votes = chances[alike, :-1].sum(axis=0)
-            yield quads[best], sure, votes / votes.sum()
+            votes = probabilities[alike, :-1].sum(axis=0)
+            yield quads[best], confidence, votes / votes.sum()
             left = [k for k in others if not is_same(quads[best], quads[k])]
 
     def _sign_probability(self, no_sign: NDArray[np.floating]) -> NDArray[np.float32]:

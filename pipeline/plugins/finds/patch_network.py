@@ -10,7 +10,7 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
-from pipeline.plugins.finds.squares import PATCH
+from pipeline.plugins.finds.squares import PATCH_SIDE
 
 WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 
@@ -18,7 +18,7 @@ WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 class PatchNetwork(nn.Sequential):
     """Convolutions that halve a patch four times, and a linear layer that scores the classes, with "none" last."""
 
-    def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH) -> None:
+    def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH_SIDE) -> None:
         """Start with random weights, for patches of ``side`` pixels with colours, or with colours and relief."""
         layers, before = list[nn.Module](), 3 + has_relief
         for width in WIDTHS:
@@ -29,7 +29,7 @@ class PatchNetwork(nn.Sequential):
         super().__init__(*layers, nn.Linear((side // 2 ** len(set(WIDTHS))) ** 2 * before, classes + 1))
 
     @classmethod
-    def load(cls, path: Path, classes: int, has_relief: bool = False, side: int = PATCH) -> "PatchNetwork":
+    def load(cls, path: Path, classes: int, has_relief: bool = False, side: int = PATCH_SIDE) -> "PatchNetwork":
         """The network of a safetensors file, in evaluation mode.
 
         Raises:

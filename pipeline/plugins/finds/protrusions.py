@@ -24,18 +24,18 @@ class Sizes:
     """Limits on the size of a region that may be a bottle or a lever, m or m².
 
     Attributes:
-        relief: median height by which a bottle stands out, which is its width.
-        tallest, widest: maximum height and width of a region; a bottle may hang askew.
-        longest: minimum longer side of a region.
-        area: minimum area of a region.
+        median_relief: median height by which a bottle stands out, which is its width.
+        max_height, max_width: maximum height and width of a region; a bottle may hang askew.
+        min_longer_side: minimum longer side of a region.
+        min_area: minimum area of a region.
         ratio: ratio of the largest extents to their median.
     """
 
-    relief: float
-    tallest: float
-    widest: float
-    longest: float
-    area: float
+    median_relief: float
+    max_height: float
+    max_width: float
+    min_longer_side: float
+    min_area: float
     ratio: float
 
     @classmethod
@@ -45,8 +45,8 @@ class Sizes:
         spreads = config.shapes.spreads
         larger = exp(spreads * SPREAD)
         smallest = lever[1] * exp(-spreads * SPREAD)
-        widest = bottle[1] * larger * larger
-        return cls(bottle[1], bottle[0] * larger, widest, smallest, THINNEST * smallest, larger)
+        max_width = bottle[1] * larger * larger
+        return cls(bottle[1], bottle[0] * larger, max_width, smallest, THINNEST * smallest, larger)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +69,13 @@ class Protrusions:
         stride = shapes.stride
         depth, lens = frame.every_nth(stride)
         depth = np.where(np.isfinite(depth), depth, 0)
-        height = relief(depth, lens, frame.sensor, sizes.tallest, sizes.ratio)
+        height = relief(depth, lens, frame.sensor, sizes.max_height, sizes.ratio)
         colours = np.ascontiguousarray(frame.rgb[stride // 2 :: stride, stride // 2 :: stride])
         masks = height > shapes.noise * frame.sensor.sigma(depth), _is_red(colours, shapes) & (depth > 0)
         regions = [region * stride + stride // 2 for mask in masks for region in _regions(mask, depth, lens, sizes)]
         most = np.iinfo(np.uint8).max
-        share = np.clip(most * height / sizes.relief, 0, most).astype(np.uint8)
-        whole = cv2.resize(share, frame.rgb.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+        scaled = np.clip(most * height / sizes.median_relief, 0, most).astype(np.uint8)
+        whole = cv2.resize(scaled, frame.rgb.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         return cls(np.dstack([frame.rgb, whole]), regions)
 
 
@@ -91,21 +91,21 @@ def square_around(region: NDArray[np.int64]) -> Pixels:
     return ((low + high)[::-1] / 2 + unit * (high - low).max()).astype(np.float32)
 
 
-def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, ratio: float) -> Depth:
+def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, max_height: float, ratio: float) -> Depth:
     """Height by which each return stands out from the surfaces above and below it in the image, m; 0 elsewhere.
 
     Args:
         depth: depth image, m.
         lens: intrinsics of the depth image.
         sensor: model of the camera that measured the depth.
-        tallest: maximum height of objects that stand out, m.
+        max_height: maximum height of objects that stand out, m.
         ratio: ratio of the farthest to the nearest depth of a band of depths; each band has its own window.
     """
     nearness = np.asarray(cv2.medianBlur(_filled(depth), 3), np.float32)
     far, out = np.float32(1 / sensor.farthest), np.zeros_like(depth)
     z = sensor.nearest
     while z < sensor.farthest:  # a band's window fits its nearest objects
-        behind = np.maximum(_opened(nearness, ceil(tallest * lens.fy / z) | 1), far)
+        behind = np.maximum(_opened(nearness, ceil(max_height * lens.fy / z) | 1), far)
         band = (depth >= z) & (depth < z * ratio)
         out[band] = 1 / behind[band] - 1 / np.maximum(nearness[band], far)
         z *= ratio
@@ -144,9 +144,9 @@ def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> l
     away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]
     pixel = away / lens.fx  # m
     width, height = (boxes[:, side] * pixel for side in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT))
-    fits = (height < sizes.tallest) & (width < sizes.widest)
-    fits &= np.maximum(width, height) > sizes.longest
-    fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > sizes.area
+    fits = (height < sizes.max_height) & (width < sizes.max_width)
+    fits &= np.maximum(width, height) > sizes.min_longer_side
+    fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > sizes.min_area
     fits[0] = False  # label 0 is the background
     found = []
     for part in np.flatnonzero(fits):

@@ -31,7 +31,11 @@ class FindReaders:
 
     @classmethod
     def load(cls, hazmat: Path, shapes: Path, config: FindsConfig = FindsConfig()) -> "FindReaders":
-        """Readers with the weights of both classifiers; InputError as for :meth:`HazmatReader.load`."""
+        """Readers with the weights of both classifiers, two safetensors files.
+
+        Raises:
+            InputError: a file is missing or damaged, or belongs to another network.
+        """
         shape_reader = ShapeReader.load(shapes, config)
         return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 

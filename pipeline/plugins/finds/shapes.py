@@ -31,11 +31,11 @@ class ShapeReader:
             return []
         pyramid = Pyramid(seen.picture)
         patches = np.stack([rectified(pyramid, square_around(region)) for region in seen.regions])
-        chances = self._network.probabilities(patches, turns=1)
+        probabilities = self._network.probabilities(patches, turns=1)
         found: list[Reading] = []
-        for best in chances[:, -1].argsort(kind="stable"):
-            kind, corners = int(chances[best, :-1].argmax()), convex_hull(seen.regions[best])
-            is_sure = chances[best, kind] > self._config.shapes.confidence
+        for best in probabilities[:, -1].argsort(kind="stable"):
+            kind, corners = int(probabilities[best, :-1].argmax()), convex_hull(seen.regions[best])
+            is_sure = probabilities[best, kind] > self._config.shapes.confidence
             if is_sure and not any(is_same(corners, other.corners) for other in found):
-                found.append(Reading(SHAPED[kind], "", corners, float(chances[best, kind])))
+                found.append(Reading(SHAPED[kind], "", corners, float(probabilities[best, kind])))
         return found

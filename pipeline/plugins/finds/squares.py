@@ -14,7 +14,7 @@ from pipeline.frame import Frame
 from pipeline.plugins.finds.config import SquaresConfig
 from pipeline.plugins.finds.quads import find_quads
 
-PATCH, SURROUNDINGS = 64, 0.1
+PATCH_SIDE, MARGIN_FRACTION = 64, 0.1
 """Side of a patch, pixels, and the fraction of it that is margin on each side, as in the networks' training."""
 
 
@@ -91,12 +91,12 @@ class Pyramid:
 
 def corners_in(side: int) -> Pixels:
     """Four corners of the square inside the margin of a patch of ``side`` pixels."""
-    low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
+    low, high = MARGIN_FRACTION * side, (1 - MARGIN_FRACTION) * side
     return np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
 
 
 def rectified(
-    pyramid: Pyramid, quad: Pixels, side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
+    pyramid: Pyramid, quad: Pixels, side: int = PATCH_SIDE, interpolation: int = cv2.INTER_LINEAR
 ) -> NDArray[np.uint8]:
     """(side, side, ...) uint8 patch that shows a quadrilateral, four corners in pixels, as a square with a margin."""
     # Areas are averaged first, because a perspective transform samples single pixels.

@@ -55,7 +55,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     height = survey.ground_height_near(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
     here = tuple(survey.grid.cell_of(low))
-    if ground is None or ground.label[here] in OBSTACLES or ground.to_obstacle[here] < CELL:
+    if ground is None or ground.label[here] in OBSTACLES or ground.obstacle_distance[here] < CELL:
         raise InputError(f"the robot cannot stand at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
     return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
 
@@ -126,7 +126,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
 
 def _is_inside(ground: FreeGround) -> MaskLayer:
     """(nx, ny) bool, cells with an obstacle in each of the four axis directions."""
-    solid = ground.to_obstacle < CELL
+    solid = ground.obstacle_distance < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):
         sides += np.maximum.accumulate(solid, axis)
@@ -167,7 +167,7 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _clearance(ground: FreeGround, level: float) -> Layer:
     """(nx, ny) m, distance from each cell to the nearest cell that is not free, level floor."""
-    free = (np.abs(ground.height - level) <= MAX_UNEVENNESS) & (ground.to_obstacle >= CELL)
+    free = (np.abs(ground.height - level) <= MAX_UNEVENNESS) & (ground.obstacle_distance >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 
 

@@ -15,10 +15,10 @@ from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.shapes import CUBE, SQUARE, field_triangles, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
-ENDLESS = 25.0  # m, half size assumed for an infinite plane that is alone
-BEYOND = 1.0  # m, minimum distance to which an infinite plane extends beyond everything else
+INFINITE_PLANE_HALF_SIZE = 25.0  # m, half size assumed for an infinite plane that is alone
+MIN_PLANE_MARGIN = 1.0  # m, minimum distance to which an infinite plane extends beyond everything else
 SEGMENTS = 32  # Sides of the polygon that approximates a circle
-_GAP = 1e-3  # m; bodies with a smaller vertical gap are merged
+_MERGE_GAP = 1e-3  # m; bodies with a smaller vertical gap are merged
 _GEOM = mujoco.mjtGeom
 
 
@@ -105,17 +105,22 @@ def plane_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plac
     infinite plane without other shapes.
     """
     half = model.geom_size[geom, :2]
-    low, high = np.where(half > 0, (-half, half), (0, 0) if half.all() else _extended(model, data, geom))
+    low, high = np.where(half > 0, (-half, half), (0, 0) if half.all() else _infinite_plane_bounds(model, data, geom))
     return (SQUARE * [*(high - low), 0] + [*(high + low), 0]) / 2
 
 
-def _extended(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> NDArray[np.float64]:
+def _infinite_plane_bounds(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> NDArray[np.float64]:
     """(2, 2) m, lowest and highest x and y of an infinite plane, in its own frame."""
     is_plane, size = model.geom_type == _GEOM.mjGEOM_PLANE, model.geom_size
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     others = np.flatnonzero(solid & ~(is_plane & (size[:, :2] == 0).any(axis=1)))
     if not len(others):
-        return np.array([(-ENDLESS, -ENDLESS), (ENDLESS, ENDLESS)])
+        return np.array(
+            [
+                (-INFINITE_PLANE_HALF_SIZE, -INFINITE_PLANE_HALF_SIZE),
+                (INFINITE_PLANE_HALF_SIZE, INFINITE_PLANE_HALF_SIZE),
+            ]
+        )
     flat = is_plane[others, None]  # MuJoCo's own boxes around planes are infinite
     middle = np.where(flat, 0, model.geom_aabb[others, :3])
     half = np.where(flat, size[others] * (1, 1, 0), model.geom_aabb[others, 3:])
@@ -124,9 +129,9 @@ def _extended(model: mujoco.MjModel, data: mujoco.MjData, plane: int) -> NDArray
     places = (R @ corners[..., None])[..., 0] + data.geom_xpos[others, None] - data.geom_xpos[plane]
     xy = (places @ data.geom_xmat[plane].reshape(3, 3))[..., :2].reshape(-1, 2)
     low, high = xy.min(axis=0), xy.max(axis=0)
-    # The solution of (a + 2 beyond) · (b + 2 beyond) = (2 ENDLESS)² for sides a and b
+    # The solution of (a + 2 beyond) · (b + 2 beyond) = (2 INFINITE_PLANE_HALF_SIZE)² for sides a and b
     a, b = high - low
-    beyond = max(BEYOND, (np.hypot(a - b, 4 * ENDLESS) - a - b) / 4)
+    beyond = max(MIN_PLANE_MARGIN, (np.hypot(a - b, 4 * INFINITE_PLANE_HALF_SIZE) - a - b) / 4)
     return np.array([low - beyond, high + beyond])
 
 
@@ -139,7 +144,7 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     total = int(count.sum())
     arrays = (np.empty(total), np.empty(total), np.empty(total), np.empty(total, np.int64))
     kernels.fill_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, start.copy(), *arrays)
-    kernels.merge_bodies(start, count, *arrays, _GAP)
+    kernels.merge_bodies(start, count, *arrays, _MERGE_GAP)
     return Columns(start, count, *arrays)
 
 

@@ -88,7 +88,7 @@ def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
 
 
 @njit(cache=True)
-def place_near(start, count, bottom, top, i, j, height, reach, headroom):
+def nearest_top(start, count, bottom, top, i, j, height, reach, headroom):
     """Index in (B,) of the top with headroom that is nearest to ``height``, within ``reach``; -1 if there is none."""
     best, best_distance = -1, reach
     a, n = start[i, j], count[i, j]
@@ -133,7 +133,7 @@ def flood(
                 if not (0 <= a < nx and 0 <= b < ny):
                     edge[i, j] = True
                 elif np.isnan(height[a, b]):
-                    k = place_near(start, count, bottom, top, a, b, here, max_step, headroom)
+                    k = nearest_top(start, count, bottom, top, a, b, here, max_step, headroom)
                     if k < 0:
                         low, high = here + max_step, here + headroom
                         if not _is_blocked(start, count, bottom, top, owner, is_obstacle, a, b, low, high):
@@ -151,7 +151,7 @@ def flood(
 
 
 @njit(cache=True)
-def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
+def write_lowest_tops(start, count, bottom, top, owner, chosen, headroom, height):
     """In each cell, write the lowest top of a chosen body with headroom above it, if there is one, to ``height``."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
@@ -163,7 +163,7 @@ def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
 
 
 @njit(cache=True)
-def owners(start, count, top, owner, height, result):
+def write_owners(start, count, top, owner, height, result):
     """Write the owner of the ground at ``height`` (nx, ny) to ``result``; cells without ground stay unchanged."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):

@@ -14,7 +14,7 @@ OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
 DEBOUNCE_TIME = 0.5
 """s; a contact that recurs between the same geoms within this time is not counted again, because contacts chatter."""
 
-ROLLED_OVER = float(np.sqrt(0.5))
+MIN_SUPPORT_NORMAL_Z = float(np.sqrt(0.5))
 """Upward component of the contact normal above which a wall only supports the robot. For example, the side of a floor
 plate supports a wheel that rolls onto the plate's upper edge."""
 
@@ -46,22 +46,22 @@ class CollisionCounter:
         """Add the contacts of the current time step."""
         touches = enumerate(data.contact.geom.tolist())
         met = [(number, a, b) for number, (a, b) in touches if self._kind[a] + self._kind[b] == 3]
-        pairs = {(a, b) for number, a, b in met if not self._carries(a, b, data.contact.frame[number])}
+        pairs = {(a, b) for number, a, b in met if not self._is_support(a, b, data.contact.frame[number])}
         with_people = {(a, b) for a, b in pairs if self._is_person[a] or self._is_person[b]}
-        met_people = self._begun(with_people, data.time)
+        met_people = self._count_new(with_people, data.time)
         self.with_people += met_people
-        self.collisions += met_people + self._begun(pairs - with_people, data.time)
+        self.collisions += met_people + self._count_new(pairs - with_people, data.time)
         if pairs and self._victim_of:
             victims = {self._victim_of[geom] for pair in pairs for geom in pair if geom in self._victim_of}
-            self.with_living += self._begun(victims, data.time)
+            self.with_living += self._count_new(victims, data.time)
 
-    def _carries(self, a: int, b: int, frame: NDArray[np.float64]) -> bool:
+    def _is_support(self, a: int, b: int, frame: NDArray[np.float64]) -> bool:
         """Whether a wall only supports the robot; ``frame``: (9,), whose first row points from geom a to geom b."""
         upward = frame[2] if self._is_wall[a] else -frame[2]
-        return (self._is_wall[a] or self._is_wall[b]) and upward > ROLLED_OVER
+        return (self._is_wall[a] or self._is_wall[b]) and upward > MIN_SUPPORT_NORMAL_Z
 
-    def _begun(self, touches: Iterable[Hashable], time: float) -> int:
-        """Number of the ``touches`` at ``time``, s, that have just begun."""
+    def _count_new(self, touches: Iterable[Hashable], time: float) -> int:
+        """Number of the ``touches`` at ``time``, s, that have just begun; stores the time of all ``touches``."""
         begun = 0
         for touch in touches:
             begun += time - self._touched.get(touch, -np.inf) > DEBOUNCE_TIME

@@ -14,12 +14,12 @@ from sarsim.ground_truth.shapes import SQUARE, field_points, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
 
-CREASE = np.cos(np.deg2rad(30))  # Cosine of the angle between face normal and smoothed normal at a sharp edge
+CREASE_COSINE = np.cos(np.deg2rad(30))  # Cosine of the angle between face normal and smoothed normal at a sharp edge
 
 DRAWN_GROUPS = (0, 1, 2)
 """Groups of the visible geoms, as in MuJoCo's own viewer; collision geoms are in other groups."""
 
-_PLAIN = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
+_DEFAULT_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
 """MuJoCo's default geom colour; a geom with this colour takes the colour of its material."""
 
 
@@ -99,7 +99,7 @@ def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDA
 def geom_colours(model: mujoco.MjModel) -> NDArray[np.float32]:
     """(ngeom, 4) float32 RGBA in 0..1: a geom's own colour, or its material's colour times the texture's mean."""
     colours = model.geom_rgba.copy()
-    takes = (model.geom_matid >= 0) & (colours == _PLAIN).all(axis=1)
+    takes = (model.geom_matid >= 0) & (colours == _DEFAULT_COLOUR).all(axis=1)
     for material in np.unique(model.geom_matid[takes]):
         colours[takes & (model.geom_matid == material)] = _material_colour(model, material)
     return colours
@@ -182,7 +182,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     flat = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])[:, None]
     flat /= np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-12)
     # MuJoCo smooths even edges as sharp as a ramp's, so the smoothed normals are used only away from sharp edges.
-    normals = np.where((smooth * flat).sum(axis=2, keepdims=True) > CREASE, smooth, flat)
+    normals = np.where((smooth * flat).sum(axis=2, keepdims=True) > CREASE_COSINE, smooth, flat)
     triangles = np.arange(corner.size).reshape(-1, 3)
     return _Shape(vertices.reshape(-1, 3), normals.reshape(-1, 3), triangles)
 

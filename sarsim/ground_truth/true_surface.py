@@ -57,7 +57,7 @@ class FreeGround:
         height: float64 m, height of the ground; NaN where this ground does not reach.
         label: uint8, label of the ground.
         pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
-        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf only beyond the
+        obstacle_distance: float64 m, distance to the nearest obstructing wall, clutter or victim; inf only beyond the
             robot's clearance.
         walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
@@ -66,7 +66,7 @@ class FreeGround:
     height: NDArray[np.float64]
     label: NDArray[np.uint8]
     pieces: NDArray[np.int32]
-    to_obstacle: Layer
+    obstacle_distance: Layer
     walls: NDArray[np.bool_]
 
 
@@ -101,13 +101,13 @@ class Survey:
         self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
     def ground_height_near(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
-        """Height, m, of the ground with headroom nearest to a point (3,), m; None if not within ``reach``, m."""
-        body = self._place(start, reach)
+        """Height, m, of the ground with headroom nearest to a point (3,) m; None if it is not within ``reach`` m."""
+        body = self._nearest_top(start, reach)
         return None if body is None else float(self._columns.top[body])
 
     def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
-        """The ground connected to each patch of a label larger than ``min_area`` m², the largest patch first."""
-        height = self._lowest(label)
+        """Yield the ground connected to each patch of a label above ``min_area`` m², the largest patch first."""
+        height = self._lowest_heights(label)
         unseen = ~np.isnan(height)
         patches, _ = ndimage.label(unseen, np.ones((3, 3)))
         sizes = np.bincount(patches.ravel())[1:] * CELL**2
@@ -122,26 +122,26 @@ class Survey:
                     unseen &= np.isnan(ground.height)
                     cells &= unseen
 
-    def _lowest(self, label: Label) -> Layer:
+    def _lowest_heights(self, label: Label) -> Layer:
         """(nx, ny) m, height of the lowest top with headroom and this label in each cell; NaN if there is none."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
-        kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
+        kernels.write_lowest_tops(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
         return height
 
     def ground_from(self, start: NDArray[np.float64]) -> FreeGround | None:
         """The ground connected to ``start`` (3,), m; None if there is no ground at ``start``."""
-        body = self._place(start, START_REACH)
+        body = self._nearest_top(start, START_REACH)
         if body is None:
             return None
         height, edge = self._flood(self.grid.cell_of(start), body)
         known = ~np.isnan(height)
         hazard = known & (edge | (_tilt(height) > self._robot.max_tilt))
         clear = self.grid.distance_to(hazard) > self._clearance
-        to_obstacle = self._to_obstacle(height, self._is_obstacle)
-        pieces, _ = ndimage.label(known & clear & (to_obstacle > self._clearance), np.ones((3, 3)))
-        walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
-        return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
+        obstacle_distance = self._obstacle_distance(height, self._is_obstacle)
+        pieces, _ = ndimage.label(known & clear & (obstacle_distance > self._clearance), np.ones((3, 3)))
+        walls = self._obstacle_distance(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
+        return FreeGround(self.grid, height, self._label(height), pieces, obstacle_distance, walls)
 
     def surface_from(self, start: NDArray[np.float64]) -> GroundTruthSurface:
         """The surface around a robot at ``start`` (3,) m; InputError if the robot cannot stand there."""
@@ -154,23 +154,23 @@ class Survey:
         if not ground.pieces[here]:
             raise InputError(f"the robot cannot stand at ({x:g}, {y:g}) m; choose another start with --start X Y YAW")
         drivable = ground.pieces == ground.pieces[here]
-        off_people = drivable & (self._to_people(ground.height) > PERSON_CLEARANCE)
+        off_people = drivable & (self._people_distance(ground.height) > PERSON_CLEARANCE)
         if off_people[here]:
             pieces, _ = ndimage.label(off_people, np.ones((3, 3)))
             drivable = pieces == pieces[here]
         return GroundTruthSurface(ground.grid, ground.height, drivable, ground.walls)
 
-    def _to_people(self, height: NDArray[np.float64]) -> Layer:
+    def _people_distance(self, height: NDArray[np.float64]) -> Layer:
         """(nx, ny) m, distance to people and dolls at the robot's height; inf only beyond ``PERSON_CLEARANCE``."""
-        return self._to_obstacle(height, self.bodies.label == Label.VICTIM, PERSON_CLEARANCE, 0.0)
+        return self._obstacle_distance(height, self.bodies.label == Label.VICTIM, PERSON_CLEARANCE, 0.0)
 
-    def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
-        """Index of the top with headroom nearest to a point (3,), m; None if not within ``reach``, m."""
+    def _nearest_top(self, start: NDArray[np.float64], reach: float) -> int | None:
+        """Index of the top with headroom nearest to a point (3,) m; None if it is not within ``reach`` m."""
         c, (i, j), (nx, ny) = self._columns, self.grid.cell_of(start), self.grid.shape
         if not (0 <= i < nx and 0 <= j < ny):
             return None
         headroom = self._robot.headroom
-        body = kernels.place_near(c.start, c.count, c.bottom, c.top, i, j, float(start[2]), reach, headroom)
+        body = kernels.nearest_top(c.start, c.count, c.bottom, c.top, i, j, float(start[2]), reach, headroom)
         return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -187,10 +187,10 @@ class Survey:
         """(nx, ny) labels of the ground; 0 where there is none."""
         c = self._columns
         owner = np.full(self.grid.shape, -1)
-        kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
+        kernels.write_owners(c.start, c.count, c.top, c.owner, height, owner)
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
-    def _to_obstacle(
+    def _obstacle_distance(
         self,
         height: NDArray[np.float64],
         chosen: NDArray[np.bool_],

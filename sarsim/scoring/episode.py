@@ -22,7 +22,7 @@ from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.oracle import Oracle
 from sarsim.scoring.progress import EXPLORED_FRACTIONS, ExploredCurve, progress_figures
 from sarsim.scoring.segments import SegmentScore
-from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, compared
+from sarsim.scoring.semantics import KeyframeTruth, SurfaceScore, map_figures
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import shortest_path_length
@@ -73,7 +73,7 @@ class EpisodeScore(Sink):
         self._kidnaps = 0
         self._frontiers_left = 0
         self._progress: list[tuple[float, float]] = []
-        self._thread, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
+        self._executor, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
@@ -81,7 +81,7 @@ class EpisodeScore(Sink):
         self.trajectory.add()
         if self._wants_oracle and self._first_frame is None:
             self._first_frame = keyframe.frame
-        self._pending.append(self._thread.submit(self._compare, keyframe, truth))
+        self._pending.append(self._executor.submit(self._compare, keyframe, truth))
 
     def _compare(self, keyframe: Keyframe, truth: TrueFrame) -> None:
         """Score a keyframe against the noise-free frame of the same moment."""
@@ -128,21 +128,21 @@ class EpisodeScore(Sink):
         self._frontiers_left = len(step.frontiers)
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
-                step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.waypoints[-1, :2])
+                step.plan.length / self._shortest_length(truth.T_world_base[:2, 3], step.plan.waypoints[-1, :2])
             )
 
     def finish(self, result: Result) -> None:
         """Add to the report the figures of all stages that have figures."""
         super().finish(result)
-        self._thread.shutdown()
+        self._executor.shutdown()
 
     def figures(self) -> dict[str, Any]:
-        """The figures of all stages that have figures; the commands add settings and times."""
+        """The figures of all stages that have figures, by stage; the commands add the settings and times."""
         self._wait()
         explorer, keyframes = self._explorer, self._explorer.mapper.keyframes
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map)
+            "semantic_map": map_figures(self._semantics.map(), explorer.mapper.semantic_map)
             | ({} if keyframes.loaded else self._surfaces.report(explorer.mapper.semantic_map.points())),
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
@@ -166,7 +166,7 @@ class EpisodeScore(Sink):
         """(N, 3) m, positions of the victims that the robot confirmed."""
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
-    def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
+    def _shortest_length(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
         """Length in m of the shortest path on the grid of the true ground; NaN if there is none."""
         grid, drivable = self.surface.grid, self.surface.drivable
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
@@ -204,7 +204,7 @@ class EpisodeScore(Sink):
         for name, task in tasks.items():
             for figures, visit in zip(task["each"], visits[name], strict=True):
                 is_place = np.isfinite(visit.goal).all()
-                shortest = self._optimum(self._place_at(visit.begin), visit.goal) if is_place else np.nan
+                shortest = self._shortest_length(self._place_at(visit.begin), visit.goal) if is_place else np.nan
                 figures |= {"shortest_m": shortest} if np.isfinite(shortest) else {}
         return {name: {"each": task["each"]} for name, task in tasks.items()}
 

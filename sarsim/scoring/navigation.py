@@ -16,7 +16,7 @@ from pipeline.transforms import wrap_angle, yaw_of
 from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.pose import TrajectorySample
 from sarsim.scoring.oracle import true_traversability
-from sarsim.scoring.trajectory import LIFT, STILL, distance_driven, motion_figures
+from sarsim.scoring.trajectory import MAX_STILL_STEP, MIN_CARRIED_STEP, distance_driven, motion_figures
 from sarsim.simulated_robot import SimulatedRobot
 
 
@@ -55,7 +55,7 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
         "recovered": navigator.recoveries,
-        **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),  # if any planned drive moved it
+        **({"planned_over_driven": float(np.median(ratios))} if ratios else {}),
         **score.report(),
     }
 
@@ -100,7 +100,7 @@ def activities(trajectory: Sequence[TrajectorySample], robot: RobotModel) -> Val
     swung = np.abs(wrap_angle(np.diff(headings))) * robot.half_width
     doing = np.where(ahead < 0, Activity.BACKING, Activity.DRIVING)
     doing[swung > moved] = Activity.TURNING
-    doing[(np.maximum(moved, swung) <= STILL) | (moved >= LIFT)] = Activity.STILL
+    doing[(np.maximum(moved, swung) <= MAX_STILL_STEP) | (moved >= MIN_CARRIED_STEP)] = Activity.STILL
     return doing
 
 

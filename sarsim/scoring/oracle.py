@@ -25,9 +25,9 @@ from sarsim.robots.skid_steer import DriveModel
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours, cells_shown
 
-SPACING = KeyframePolicy()
+KEYFRAME_SPACING = KeyframePolicy()
 """Spacing of the keyframes on the oracle's paths: the robot's default on level ground."""
-SEARCHES = 32
+MAX_SEARCHES = 32
 """Maximum number of path searches that are kept in memory; one takes up to 70 MB on 52 × 15 m."""
 
 
@@ -65,8 +65,8 @@ class ViewpointDrive:
         ]
 
     @property
-    def turned(self) -> float:
-        """Sum of all turns, rad."""
+    def total_turn(self) -> float:
+        """Sum of the angles of all turns, rad."""
         headings = [self.first, *(heading for _, _, heading in self.lines), self.last]
         return float(sum(abs(wrap_angle(b - a)) for a, b in pairwise(headings)))
 
@@ -79,7 +79,7 @@ class Oracle(ViewTours):
         ground: the true ground, as the robot's planner would represent it.
         sight: computes the ground that the robot's camera sees.
         start: (3,) x and y, m, and heading, rad.
-        share: fraction of the drivable ground that must be seen, 0 to 1.
+        required_fraction: fraction of the drivable ground that must be seen, 0 to 1.
         body: the robot's maximum speeds and accelerations.
         config: the robot's exploration settings.
     """
@@ -87,10 +87,10 @@ class Oracle(ViewTours):
     ground: Traversability
     sight: Sight
     start: NDArray[np.float64]
-    share: float
+    required_fraction: float
     body: DriveModel
     config: ExplorationConfig = field(default_factory=ExplorationConfig)
-    _from: dict[int, PosePaths] = field(default_factory=dict)
+    _paths_from: dict[int, PosePaths] = field(default_factory=dict)
     _legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
 
     @cached_property
@@ -115,10 +115,10 @@ class Oracle(ViewTours):
     @property
     def required_count(self) -> int:
         """Number of cells that must be seen."""
-        return ceil(self.share * len(self.sight.cells))
+        return ceil(self.required_fraction * len(self.sight.cells))
 
     @cached_property
-    def at_start(self) -> Mask:
+    def seen_at_start(self) -> Mask:
         """(N,) bool, the cells seen from the start."""
         seen = np.zeros(len(self.sight.cells), np.bool_)
         seen[cells_shown(self.views, 0)] = True
@@ -126,12 +126,12 @@ class Oracle(ViewTours):
 
     def paths(self, view: int) -> PosePaths:
         """The fastest paths from a viewpoint."""
-        if view not in self._from:
-            if len(self._from) == SEARCHES:
-                del self._from[next(iter(self._from))]
+        if view not in self._paths_from:
+            if len(self._paths_from) == MAX_SEARCHES:
+                del self._paths_from[next(iter(self._paths_from))]
             x, y, heading = self.start if view == 0 else self.poses[view]
-            self._from[view] = PosePaths(self.ground, [x, y], heading, caution=0.0)
-        return self._from[view]
+            self._paths_from[view] = PosePaths(self.ground, [x, y], heading, caution=0.0)
+        return self._paths_from[view]
 
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
         """(M,) s, driving time from one viewpoint to each of the others."""
@@ -163,11 +163,11 @@ class Oracle(ViewTours):
     @cached_property
     def physical_seconds(self) -> float:
         """Lower bound on the time of the tour for any robot with this drive, even without stops at viewpoints, s."""
-        return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
+        return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.fastest.order])], self.body)
 
     def figures(self) -> dict[str, float]:
         """Figures of the tour for report.json; empty if no tour sees enough, or if the start alone does."""
-        tour = self.quickest
+        tour = self.fastest
         if not 0 < tour.seconds < inf:
             return {}
         return {"oracle_time_s": tour.seconds, "oracle_path_m": tour.metres, "physical_time_s": self.physical_seconds}
@@ -177,7 +177,7 @@ class Oracle(ViewTours):
 
         ``time_over_physical`` is the time divided by ``physical_seconds``.
         """
-        tour = self.quickest
+        tour = self.fastest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         over = {"time_over_oracle": seconds / tour.seconds, "time_over_physical": seconds / self.physical_seconds}
         return over | path
@@ -191,21 +191,21 @@ def _keyframes(
     for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
         if (a != b).any():
             along = float(np.arctan2(b[1] - a[1], b[0] - a[0])) + np.pi * bool(is_backwards)
-            poses += _turn(a, heading, along) + _drive(a, b, along)
+            poses += _keyframes_of_turn(a, heading, along) + _keyframes_of_line(a, b, along)
             heading = along
-    return poses + _turn(stops[-1], heading, last)
+    return poses + _keyframes_of_turn(stops[-1], heading, last)
 
 
-def _turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
+def _keyframes_of_turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
     """Keyframe poses in a turn in place."""
     turn = float(wrap_angle(last - first))
-    steps = np.arange(1, int(abs(turn) / SPACING.turn) + 1) * SPACING.turn * np.sign(turn)
+    steps = np.arange(1, int(abs(turn) / KEYFRAME_SPACING.turn) + 1) * KEYFRAME_SPACING.turn * np.sign(turn)
     return [np.array([*place, first + step]) for step in steps]
 
 
-def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
+def _keyframes_of_line(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
     """Keyframe poses on a straight drive, including one at its end."""
-    count = ceil(np.linalg.norm(b - a) / SPACING.distance)
+    count = ceil(np.linalg.norm(b - a) / KEYFRAME_SPACING.distance)
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
 
 
@@ -219,7 +219,7 @@ def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
     lines = [line for drive in drives for line in drive.lines]
     ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]
     driving = sum(_line_seconds(way, body, stops=n < len(ways)) for n, way in enumerate(ways, 1))
-    return max(driving, sum(drive.turned for drive in drives) / body.top_turn_rate)
+    return max(driving, sum(drive.total_turn for drive in drives) / body.top_turn_rate)
 
 
 def _line_seconds(distance: float, body: DriveModel, stops: bool) -> float:

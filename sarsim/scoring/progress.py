@@ -16,9 +16,9 @@ class ExploredCurve(NamedTuple):
     """The explored fraction over time; each value holds until the next.
 
     Attributes:
-        time_s: increasing times since the start, s, at which the fraction was measured.
-        way_m: distance that the robot had driven by then, m.
-        explored: fraction of the area seen by then.
+        time_s: (N,) increasing times since the start, s, at which the fraction was measured.
+        way_m: (N,) distance that the robot had driven by each time, m.
+        explored: (N,) fraction of the drivable area that had been seen by each time.
     """
 
     time_s: Values

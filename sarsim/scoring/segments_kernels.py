@@ -3,7 +3,7 @@
 import numpy as np
 from numba import int64, njit
 
-ROW = 1 << 32
+ROW_STRIDE = 1 << 32
 """Difference between the keys of two cells that are neighbours along the first axis."""
 
 
@@ -24,7 +24,7 @@ def cells_on_plane(points, normal, offset, axes, near, cell):
         if abs(x * normal[0] + y * normal[1] + z * normal[2] - offset) < near:
             i = int64(np.floor((x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]) / cell))
             j = int64(np.floor((x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]) / cell))
-            key = i * ROW + j
+            key = i * ROW_STRIDE + j
             if count == 0 or key != keys[count - 1]:
                 keys[count] = key
                 count += 1

@@ -15,7 +15,7 @@ from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import SemanticMap
 
-F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
+F1_DISTANCES = {"f1_5cm": 0.05, "f1_10cm": 0.1}
 """Distance within which a point is correct, m, by the name of the figure."""
 
 
@@ -55,7 +55,7 @@ class KeyframeTruth:
         return truth
 
 
-def compared(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
+def map_figures(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
     """The figures of a map, compared with a map of the true labels of the same voxels; empty without points."""
     return label_figures(confusion_matrix(truth.labels(), semantic_map.labels()))
 
@@ -114,14 +114,14 @@ class SurfaceScore:
 
 
 def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
-    """The F1 score for each distance in :data:`F1_WITHIN`: the harmonic mean of precision and recall.
+    """The F1 score for each distance in :data:`F1_DISTANCES`: the harmonic mean of precision and recall.
 
     Precision is the fraction of the points (M, 3) m within that distance of the surface (N, 3) m. Recall is the
     fraction of the surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
     """
     if not len(points):
-        return dict.fromkeys(F1_WITHIN, 0.0)
-    farthest = max(F1_WITHIN.values())
+        return dict.fromkeys(F1_DISTANCES, 0.0)
+    farthest = max(F1_DISTANCES.values())
     apart = [cKDTree(b).query(a, distance_upper_bound=farthest)[0] for a, b in ((points, surface), (surface, points))]
-    shares = {name: [float(np.mean(d <= within)) for d in apart] for name, within in F1_WITHIN.items()}
+    shares = {name: [float(np.mean(d <= within)) for d in apart] for name, within in F1_DISTANCES.items()}
     return {name: 2 * p * r / (p + r) if p + r else 0.0 for name, (p, r) in shares.items()}

@@ -65,9 +65,9 @@ class Sight:
         points = along @ T_world_camera[:3, :3]
         inside = lens.project(points)[1] & (points[:, 2] >= sensor.nearest) & (points[:, 2] <= sensor.farthest)
         near, along = near[inside], along[inside]
-        return near[self._is_met(T_world_camera[:3, 3], along, near)] if len(near) else near
+        return near[self._hits_ground(T_world_camera[:3, 3], along, near)] if len(near) else near
 
-    def _is_met(
+    def _hits_ground(
         self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
         """Whether rays (M, 3) from a point hit the ground of their cells, within ``SEEN_HEIGHT`` and not grazing."""

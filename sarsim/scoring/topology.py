@@ -13,7 +13,7 @@ from pipeline.topological_map.cover_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 
-SIGHT = 2.0  # m, maximum distance at which a node covers a cell that it sees
+SIGHT_RANGE = 2.0  # m, maximum distance at which a node covers a cell that it sees
 MIN_GAIN = 0.01  # m², minimum gain of a node of the greedy cover
 
 
@@ -50,7 +50,7 @@ def _views(
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """The cells of a target (nx, ny) seen from places (K, 2), m, as returned by :func:`cells_in_sight`."""
     grid = truth.grid
-    return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, ~truth.walls)
+    return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT_RANGE, ~truth.walls)
 
 
 def _greedy_cover(truth: GroundTruthSurface, area: NDArray[np.bool_]) -> int:
@@ -58,7 +58,8 @@ def _greedy_cover(truth: GroundTruthSurface, area: NDArray[np.bool_]) -> int:
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]
     cells = fourth if len(fourth) else cells
-    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # cells farther away see none of the area
+    # Cells farther away see none of the area.
+    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT_RANGE + CELL
     seen, corners = _views(truth.grid.centre_of(cells[is_near]), area, truth)
     missing, nodes = area.copy(), 0
     gain = count_in(seen, corners, missing)

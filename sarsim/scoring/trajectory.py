@@ -15,12 +15,12 @@ from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
 from pipeline.transforms import roll_pitch_of, wrap_angle, yaw_of
 from sarsim.robots.pose import TrajectorySample
 
-TIPPED = np.deg2rad(45)
-LIFT = 0.15  # m per control period; a step of this length or more means that the robot was carried
-STILL = 5e-4  # m per control period; steps up to this length come from springs, not from wheels
+TIPPING_TILT = np.deg2rad(45)  # rad; a body that leans more has fallen over
+MIN_CARRIED_STEP = 0.15  # m per control period; a step of this length or more means that the robot was carried
+MAX_STILL_STEP = 5e-4  # m per control period; steps up to this length come from springs, not from wheels
 
 
-FALSE_LOOP = 0.2, np.deg2rad(5)  # A loop is false if its relative pose is off by more than this, m or rad
+MAX_LOOP_ERROR = 0.2, np.deg2rad(5)  # A loop is false if its relative pose is off by more than this, m or rad
 
 
 class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
@@ -69,10 +69,10 @@ class TrajectoryScore(EstimatedTrajectory[TrajectorySample]):
 
 
 def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDArray[np.float64]) -> bool:
-    """Whether the error of a loop between keyframes at these true 4×4 poses exceeds ``FALSE_LOOP``."""
+    """Whether the error of a loop between keyframes at these true 4×4 poses exceeds ``MAX_LOOP_ERROR``."""
     off = np.linalg.solve(np.linalg.solve(T_world_first, T_world_second), loop.T_first_second)
     turn = Rotation.from_matrix(off[:3, :3]).magnitude()
-    return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
+    return bool(np.linalg.norm(off[:3, 3]) > MAX_LOOP_ERROR[0] or turn > MAX_LOOP_ERROR[1])
 
 
 def distance_driven(trajectory: Sequence[TrajectorySample]) -> float:
@@ -83,10 +83,11 @@ def distance_driven(trajectory: Sequence[TrajectorySample]) -> float:
 def distances_driven(trajectory: Sequence[TrajectorySample]) -> Values:
     """(N,) m, distance that a simulated robot had driven at each of its true poses, one per control period.
 
-    Steps of at most ``STILL`` and of at least ``LIFT`` are left out.
+    Steps of at most ``MAX_STILL_STEP`` and of at least ``MIN_CARRIED_STEP`` are left out.
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(np.where((steps > STILL) & (steps < LIFT), steps, 0))])
+    is_driven = (steps > MAX_STILL_STEP) & (steps < MIN_CARRIED_STEP)
+    return np.concatenate([[0.0], np.cumsum(np.where(is_driven, steps, 0))])
 
 
 def motion_figures(trajectory: Sequence[TrajectorySample]) -> dict[str, float]:
@@ -102,8 +103,8 @@ def motion_figures(trajectory: Sequence[TrajectorySample]) -> dict[str, float]:
 
 
 def is_tipped(T: NDArray[np.float64]) -> bool:
-    """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over, i.e. leans by more than ``TIPPED``."""
-    return bool(T[2, 2] < np.cos(TIPPED))
+    """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over, i.e. leans by more than ``TIPPING_TILT``."""
+    return bool(T[2, 2] < np.cos(TIPPING_TILT))
 
 
 def write_true_tum(path: Path, trajectory: Sequence[TrajectorySample]) -> None:

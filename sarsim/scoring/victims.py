@@ -2,7 +2,7 @@
 
 A victim's position is the centre of the bounding box of the whole person in its own frame, including hidden parts
 (:attr:`sarsim.victims.victims.TrueVictim.centre`). Positions that the robot confirmed are matched with victims within
-``NEAR``, one to one, so that a person reported twice is one victim found and one false alarm.
+``MAX_MATCH_DISTANCE``, one to one, so that a person reported twice is one victim found and one false alarm.
 """
 
 from typing import Any
@@ -17,14 +17,14 @@ from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
-NEAR = 0.5  # m; a victim has been found if a confirmed position is at most this far away
-UNMATCHED = 1e3  # Replaces infinite costs; greater than the sum of all finite ones
+MAX_MATCH_DISTANCE = 0.5  # m; a victim has been found if a confirmed position is at most this far away
+UNMATCHED_COST = 1e3  # Replaces infinite costs; greater than the sum of all finite ones
 
 
 def min_cost_pairs(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
     """As many one-to-one (row, column) pairs of finite cost (N, M) as possible, with the minimum total cost."""
     # linear_sum_assignment fails if infinite costs rule out a complete assignment.
-    rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED))
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED_COST))
     return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if np.isfinite(cost[i, k])]
 
 
@@ -53,7 +53,7 @@ class VictimScore:
         """(V,) m, distance from each victim to the confirmed position matched with it; NaN without a match."""
         distance = np.linalg.norm(self.positions[:, None] - confirmed.reshape(1, -1, 3), axis=2)
         found = np.full(len(self.positions), np.nan)
-        for i, k in min_cost_pairs(np.where(distance <= NEAR, distance, np.inf)):
+        for i, k in min_cost_pairs(np.where(distance <= MAX_MATCH_DISTANCE, distance, np.inf)):
             found[i] = distance[i, k]
         return found
 

@@ -64,7 +64,7 @@ class ViewTours(ABC):
 
     @property
     @abstractmethod
-    def at_start(self) -> Mask:
+    def seen_at_start(self) -> Mask:
         """(N,) bool, the cells seen from the start."""
 
     @abstractmethod
@@ -77,7 +77,7 @@ class ViewTours(ABC):
 
     def tour(self, order: Sequence[int]) -> Tour:
         """The tour over viewpoints in a given order, up to the viewpoint at which enough has been seen."""
-        seen, seconds, metres, done = np.packbits(self.at_start), 0.0, 0.0, list[int]()
+        seen, seconds, metres, done = np.packbits(self.seen_at_start), 0.0, 0.0, list[int]()
         for here, there in pairwise([0, *order]):
             if np.bitwise_count(seen).sum() >= self.required_count:
                 break
@@ -88,11 +88,11 @@ class ViewTours(ABC):
 
     def cover(self) -> list[int]:
         """A small set of viewpoints from which enough is seen."""
-        return greedy_cover(self.views, self.required_count, self.at_start)
+        return greedy_cover(self.views, self.required_count, self.seen_at_start)
 
     def by_rate(self) -> list[int]:
         """Viewpoints from which enough is seen; each shows the most new ground per second of the drive to it."""
-        seen, order = self.at_start.copy(), list[int]()
+        seen, order = self.seen_at_start.copy(), list[int]()
         while seen.sum() < self.required_count:
             # A viewpoint in the cell of the last one takes no time if the two have almost the same heading.
             seconds = np.maximum(self.seconds(order[-1] if order else 0), np.finfo(np.float64).eps)
@@ -112,7 +112,7 @@ class ViewTours(ABC):
         return [views[k - 1] for k in order]
 
     @cached_property
-    def quickest(self) -> Tour:
+    def fastest(self) -> Tour:
         """The fastest shortened tour, over the viewpoints of the set cover or over those chosen by rate."""
         orders = [order for views in (self.cover(), self.by_rate()) for order in (views, self.ordered(views))]
         return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
@@ -121,10 +121,10 @@ class ViewTours(ABC):
         """Leave out viewpoints one by one, always the one that saves the most time, until no omission saves time."""
         while True:
             others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
-            quickest = min(others, key=lambda other: other.seconds, default=tour)
-            if not quickest.seconds < tour.seconds:
+            fastest = min(others, key=lambda other: other.seconds, default=tour)
+            if not fastest.seconds < tour.seconds:
                 return tour
-            tour = quickest
+            tour = fastest
 
 
 def greedy_cover(views: sparse.csr_array, required_count: int, shown: Mask) -> list[int]:

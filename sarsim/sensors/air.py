@@ -13,7 +13,7 @@ from sarsim.sensors.xtion_kernels import random_bits
 
 MAX_EXTINCTION = 0.5
 """1/m, extinction in the densest dust: contrast falls to 2% over 3.9 / 0.5 = 8 m (Koschmieder), as in thick fog."""
-GREY = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
+DUST_COLOUR = np.array((0.62, 0.60, 0.56), np.float32)  # Colour of dust in white light
 LAMP_VEIL = 0.5  # Ratio of the radiance of infinitely deep dust in the lamp's beam to that of a white surface at 1 m
 SPECK_RATE = 0.05  # Probability, in the densest dust, that an infinite ray returns from a speck
 
@@ -50,9 +50,9 @@ class Air:
         light = lighting.value
         if light.lamp > 0:
             passing = passing**2
-            dust_light = LAMP_VEIL * light.lamp * beam(truth.intrinsics)[..., None] * GREY
+            dust_light = LAMP_VEIL * light.lamp * beam(truth.intrinsics)[..., None] * DUST_COLOUR
         else:
-            dust_light = light.arena * GREY
+            dust_light = light.arena * DUST_COLOUR
         return (radiance * passing + dust_light * (1 - passing)).astype(np.float32)
 
     def apply_to_depth(

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit, uint64
 
-from sarsim.sensors.xtion_kernels import NORMAL
+from sarsim.sensors.xtion_kernels import NORMAL_QUANTILES
 
 
 @njit(cache=True)
@@ -27,7 +27,7 @@ def expose(radiance, bits, gain, full_well, read_noise):
         for u in range(width):
             for c in range(channels):
                 electrons = radiance[v, u, c] * np.float32(full_well)
-                normal = NORMAL[(bits[v, u] >> uint64(16 * c)) & uint64(0xFFFF)]
+                normal = NORMAL_QUANTILES[(bits[v, u] >> uint64(16 * c)) & uint64(0xFFFF)]
                 value = unit * (electrons + np.sqrt(electrons + floor) * normal)
                 values[v, u, c] = min(max(value + np.float32(0.5), np.float32(0)), np.float32(255))
     return values

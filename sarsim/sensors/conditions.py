@@ -20,7 +20,7 @@ from sarsim.sensors.xtion_kernels import random_bits
 FULL_WELL = 4000.0  # electrons that the sensor counts for white in normal light
 READ_NOISE = 6.0  # electrons, standard deviation
 MAX_GAIN = 8.0  # Maximum amplification of the signal
-TARGET = 0.3  # Target of the gain control: mean pixel value, from 0 to 1
+TARGET_MEAN = 0.3  # Target of the gain control: mean pixel value, from 0 to 1
 
 
 @dataclass(frozen=True)
@@ -63,4 +63,4 @@ def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> Rgb:
 def exposure_gain(radiance: NDArray[np.float32]) -> float:
     """Amplification that brings the mean of (H, W, 3) float32 radiance to the target, from 1 to ``MAX_GAIN``."""
     mean = float(radiance.mean(dtype=np.float64))
-    return float(np.clip(TARGET / max(mean, 1e-9), 1, MAX_GAIN))
+    return float(np.clip(TARGET_MEAN / max(mean, 1e-9), 1, MAX_GAIN))

@@ -26,7 +26,7 @@ def visible_or_shadowing_geoms(model: mujoco.MjModel, data: mujoco.MjData, plane
     return needed
 
 
-def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
+def shadowless_planes(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
     """(ngeom,) bool, the planes that cast no visible shadow, because they face up and no geom's centre is lower."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]

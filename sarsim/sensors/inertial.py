@@ -17,16 +17,16 @@ class InertialErrorModel:
     """Errors of each axis; the unit is rad/s or m/s².
 
     Attributes:
-        noise: one-sided noise density, unit/√Hz.
-        drift: in-run bias stability, the flat part of the Allan deviation, unit.
-        offset: standard deviation of the constant bias that calibration leaves, unit.
-        scale: standard deviation of the relative error of the sensitivity.
+        noise_density: one-sided noise density, unit/√Hz.
+        bias_stability: in-run bias stability, the flat part of the Allan deviation, unit.
+        bias_sigma: standard deviation of the constant bias that calibration leaves, unit.
+        scale_sigma: standard deviation of the relative error of the sensitivity.
     """
 
-    noise: float = 0.0
-    drift: float = 0.0
-    offset: float = 0.0
-    scale: float = 0.0
+    noise_density: float = 0.0
+    bias_stability: float = 0.0
+    bias_sigma: float = 0.0
+    scale_sigma: float = 0.0
 
 
 # Xsens MTi-300, data sheet of Movella, May 2023: 0.01 °/s/√Hz, 10 °/h, 60 µg/√Hz, 15 µg, roll and pitch 0.2° RMS.
@@ -34,13 +34,16 @@ class InertialErrorModel:
 # stands still measures, except for the noise. The accelerometers' bias cannot be distinguished from a tilt, and so
 # causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2% is chosen.
 MTI_300_GYRO = InertialErrorModel(
-    noise=np.radians(0.01),
-    drift=np.radians(10) / 3600,
-    offset=np.radians(0.01) / np.sqrt(2 * CALIBRATION_TIME),
-    scale=0.002,
+    noise_density=np.radians(0.01),
+    bias_stability=np.radians(10) / 3600,
+    bias_sigma=np.radians(0.01) / np.sqrt(2 * CALIBRATION_TIME),
+    scale_sigma=0.002,
 )
 MTI_300_ACCELEROMETER = InertialErrorModel(
-    noise=60e-6 * GRAVITY, drift=15e-6 * GRAVITY, offset=GRAVITY * np.sin(np.radians(0.2)), scale=0.002
+    noise_density=60e-6 * GRAVITY,
+    bias_stability=15e-6 * GRAVITY,
+    bias_sigma=GRAVITY * np.sin(np.radians(0.2)),
+    scale_sigma=0.002,
 )
 
 
@@ -54,13 +57,13 @@ class InertialTriad:
     def __init__(self, errors: InertialErrorModel, rng: np.random.Generator) -> None:
         """Start at the end of calibration; ``rng`` draws the constant errors and the noise of every measurement."""
         self._errors, self._rng = errors, rng
-        self._scale = 1.0 + errors.scale * rng.standard_normal(3)
-        self._drift = errors.drift / 0.62 * rng.standard_normal(3)
-        self._bias = errors.offset * rng.standard_normal(3) - self._drift
+        self._scale = 1.0 + errors.scale_sigma * rng.standard_normal(3)
+        self._drift = errors.bias_stability / 0.62 * rng.standard_normal(3)
+        self._bias = errors.bias_sigma * rng.standard_normal(3) - self._drift
 
     def measure(self, true: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
         """(3,) measured mean over the last ``dt`` s, given the ``true`` mean (3,), both in ``base_link``."""
         memory = np.exp(-dt / DRIFT_TIME)
         renewal, noise = self._rng.standard_normal((2, 3))
-        self._drift = memory * self._drift + self._errors.drift / 0.62 * np.sqrt(1.0 - memory**2) * renewal
-        return self._scale * true + self._bias + self._drift + self._errors.noise / np.sqrt(2 * dt) * noise
+        self._drift = memory * self._drift + self._errors.bias_stability / 0.62 * np.sqrt(1.0 - memory**2) * renewal
+        return self._scale * true + self._bias + self._drift + self._errors.noise_density / np.sqrt(2 * dt) * noise

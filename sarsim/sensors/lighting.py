@@ -12,7 +12,7 @@ from pipeline.frame import Intrinsics
 from sarsim.robots.skid_steered import SkidSteerRobot
 from sarsim.sensors.camera import LabelledImage
 
-NEAREST = 0.15
+MIN_LAMP_DISTANCE = 0.15
 """m; nearer surfaces get no more of the lamp's light than surfaces at this distance."""
 
 
@@ -85,7 +85,7 @@ def lamp_light(image: LabelledImage, lamp: float) -> NDArray[np.float32]:
     """
     range_squared = np.square(distances(image))
     lit = range_squared > 0
-    strength = lamp * beam(image.intrinsics) / np.maximum(range_squared, NEAREST**2)
+    strength = lamp * beam(image.intrinsics) / np.maximum(range_squared, MIN_LAMP_DISTANCE**2)
     return np.where(lit, strength, np.float32(0)).astype(np.float32)
 
 

@@ -19,8 +19,8 @@ ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24
 of 0.3 m radius deviates by at most 1 mm from the round shape; with the default number, it deviates by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
-_NOT_DRAWN = 5  # the group of geoms that are not drawn
-_SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
+_HIDDEN_GROUP = 5  # the group of geoms that are not drawn
+_CATEGORIES = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 
 
 class Renderer(ExitStack):
@@ -87,12 +87,12 @@ class Renderer(ExitStack):
         planes = culling.frustum(between_eyes, self.width / self.height)
         needed = (culling.visible_geoms if ids else culling.visible_or_shadowing_geoms)(self.model, data, planes)
         with hidden(self.model, ~needed):
-            mujoco.mjv_updateScene(self.model, data, self._option, None, view, _SCENE, self._scene)
+            mujoco.mjv_updateScene(self.model, data, self._option, None, view, _CATEGORIES, self._scene)
         if not ids:
-            _leave_out_shadows(self._scene, culling.floors(self.model, data))
-        self._flags(ids)
+            _leave_out_shadows(self._scene, culling.shadowless_planes(self.model, data))
+        self._set_flags(ids)
 
-    def _flags(self, ids: bool) -> None:
+    def _set_flags(self, ids: bool) -> None:
         """Make the scene draw ids as flat colours, or light and shadow, but never reflections or haze."""
         flags = self._scene.flags
         flags[_RENDER.mjRND_SEGMENT] = flags[_RENDER.mjRND_IDCOLOR] = ids
@@ -145,15 +145,17 @@ def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
     """Within the context, put ``geoms``, (ngeom,) bool, into a group that is not drawn."""
     groups = model.geom_group.copy()
-    model.geom_group[geoms] = _NOT_DRAWN
+    model.geom_group[geoms] = _HIDDEN_GROUP
     try:
         yield
     finally:
         model.geom_group[:] = groups
 
 
-def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
-    """Leave out shadows that no image shows: from lights that are off, and of the geoms in ``floors``, (ngeom,) bool.
+def _leave_out_shadows(scene: mujoco.MjvScene, shadowless: NDArray[np.bool_]) -> None:
+    """Leave out shadows that no image shows: those from lights that are off, and those of some geoms.
+
+    ``shadowless``: (ngeom,) bool, the geoms whose shadows are left out.
 
     Shadows take most of the time of rendering an image, even if no shadow is visible in the image.
     """
@@ -161,7 +163,7 @@ def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> Non
         if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
             light.castshadow = 0
     for geom in scene.geoms[: scene.ngeom]:
-        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and floors[geom.objid]:
+        if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and shadowless[geom.objid]:
             geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # MuJoCo's category of geoms that cast no shadow
 
 

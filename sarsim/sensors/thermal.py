@@ -14,7 +14,7 @@ from sarsim.sensors.camera import LabelledImage
 
 THERMAL_SIZE = (80, 60)  # pixels, width and height
 NETD = 0.05  # K, the temperature difference that equals the noise's standard deviation
-COLDEST, HOTTEST = -10.0, 140.0  # °C
+MIN_TEMPERATURE, MAX_TEMPERATURE = -10.0, 140.0  # °C
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,4 +35,4 @@ class ThermalCamera:
         """
         shown = cv2.resize(self.temperature[truth.instance], THERMAL_SIZE, interpolation=cv2.INTER_AREA)
         noise = rng.normal(0.0, NETD, shown.shape)
-        return np.clip(shown + noise, COLDEST, HOTTEST).astype(np.float32)
+        return np.clip(shown + noise, MIN_TEMPERATURE, MAX_TEMPERATURE).astype(np.float32)

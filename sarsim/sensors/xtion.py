@@ -12,7 +12,7 @@ from pipeline.sensor import XTION
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25  # pixels of disparity, two of the sensor's steps; a smaller jump is not an edge
+MIN_EDGE_JUMP = 0.25  # pixels of disparity, two of the sensor's steps; a smaller jump is not an edge
 DISPARITY_STEP = np.float32(1 / 8)  # pixels
 BASELINE = 0.075  # m from the camera to the projector, which is to its right
 MAX_INCIDENCE = 82.0
@@ -84,7 +84,7 @@ class Xtion:
         slopes = kernels.slopes(disparity)
         cosine = kernels.cosine_of_incidence(disparity, *slopes, intrinsics.rays, intrinsics.fx, intrinsics.fy)
         if self.lateral_noise:
-            source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, EDGE)
+            source = kernels.lateral_source(disparity, *slopes, bits, self.lateral_sigma, MIN_EDGE_JUMP)
         measured = np.where(self._returns(disparity, cosine, bits), depth, np.float32(0)).ravel()[source]
         if self.axial_noise:
             kernels.add_noise(measured, kernels.axial_sigma(depth, cosine).ravel()[source], bits)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit, uint64
 from scipy.special import ndtri
 
-NORMAL = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
+NORMAL_QUANTILES = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16)).astype(np.float32)
 """(65536,) float32 quantiles of the normal distribution, indexed by 16 random bits; they end at 4.3 σ."""
 
 
@@ -66,8 +66,8 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     for v in range(height):
         for u in range(width):
             source[v, u] = v * width + u
-            du = int(np.rint(sigma * NORMAL[(bits[v, u] >> uint64(16)) & uint64(0xFFFF)]))
-            dv = int(np.rint(sigma * NORMAL[(bits[v, u] >> uint64(32)) & uint64(0xFFFF)]))
+            du = int(np.rint(sigma * NORMAL_QUANTILES[(bits[v, u] >> uint64(16)) & uint64(0xFFFF)]))
+            dv = int(np.rint(sigma * NORMAL_QUANTILES[(bits[v, u] >> uint64(32)) & uint64(0xFFFF)]))
             if 0 <= u + du < width and 0 <= v + dv < height:
                 plane = disparity[v, u] + per_column[v, u] * du + per_row[v, u] * dv
                 if abs(disparity[v + dv, u + du] - plane) >= edge:
@@ -136,7 +136,7 @@ def add_noise(depth, sigma, bits):
         z, spread, row = depth[v], sigma[v], bits[v]
         for u in range(len(z)):
             if z[u] > 0:
-                z[u] += spread[u] * NORMAL[row[u] & uint64(0xFFFF)]
+                z[u] += spread[u] * NORMAL_QUANTILES[row[u] & uint64(0xFFFF)]
 
 
 @njit(cache=True, error_model="numpy")

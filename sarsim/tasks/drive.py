@@ -29,13 +29,13 @@ from sarsim.sensors.odometry import WheelOdometry
 from sarsim.tasks.checks import CLOSED, NOT_RESET, USED, check_choice, check_options, numbers_of, weights_of
 from sarsim.trial_drive import warn_of_symptoms
 
-PERIODS = 5
+PERIODS_PER_STEP = 5
 """Control periods of the drive's firmware per step."""
 SETTLING_PERIODS = 25
 """Control periods for which the robot stands still before an episode: 0.5 s, as in sarsim-episode."""
 ARRIVED_WITHIN = 0.3
 """Distance from the goal at which the robot has arrived, m."""
-TIPPED = np.cos(np.deg2rad(60))
+MIN_UPRIGHT_Z = np.cos(np.deg2rad(60))
 """A robot has tipped over if the z component, in the world, of its own z axis is less than this."""
 MAX_SEEDS = 1_000_000
 """Number of seeds, and of random arenas, from which episodes are drawn."""
@@ -172,8 +172,8 @@ class Drive(gymnasium.Env[Any, Any]):
         self._collisions = CollisionCounter(world.physics.model.ptr, self._body)
         self._odometry = WheelOdometry(self.np_random, world.robot.drive.wheel_radius)
         self._goal: NDArray[np.float64] = self._goals[int(self.np_random.integers(len(self._goals)))]
-        self._steps, self._way, self._seen = 0, 0.0, self._observe()
-        self._last = self._place
+        self._steps, self._distance_driven, self._seen = 0, 0.0, self._observe()
+        self._last_position = self._position
         return self._seen, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
@@ -189,18 +189,18 @@ class Drive(gymnasium.Env[Any, Any]):
         command = Velocity(*(numbers_of(action, 2) * self.world.robot.drive.limits).tolist())
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:
-            for _ in range(PERIODS):
+            for _ in range(PERIODS_PER_STEP):
                 self.world.drive(command)
                 self._collisions.count(self.world.physics.data.ptr)
             self._seen = self._observe()
         except PhysicsError:
             diverged = True  # MuJoCo has reset the state, so the last observation stands
         self._steps += 1
-        moved, self._last = self._place - self._last, self._place
-        self._way += math.sqrt(moved @ moved)
-        tipped = diverged or bool(self._pose[2, 2] < TIPPED)
+        moved, self._last_position = self._position - self._last_position, self._position
+        self._distance_driven += math.sqrt(moved @ moved)
+        tipped = diverged or bool(self._pose[2, 2] < MIN_UPRIGHT_Z)
         weights, contacts = self._weights, self._collisions.collisions - hits
-        reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
+        reward = weights.progress * (far - self._distance) + weights.time * PERIODS_PER_STEP * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
         is_cut = not is_over and self._time >= self._seconds - CONTROL_TIMESTEP / 2
@@ -238,10 +238,10 @@ class Drive(gymnasium.Env[Any, Any]):
         world = required(self.world)
         physics = world.physics
         gyro, accelerometer = world.inertial_measurements()
-        dt = PERIODS * CONTROL_TIMESTEP
+        dt = PERIODS_PER_STEP * CONTROL_TIMESTEP
         T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
         self._pose = pose = world.robot.T_world_base(physics)
-        self._place, to_goal = pose[:2, 3], self._goal - pose[:2, 3]
+        self._position, to_goal = pose[:2, 3], self._goal - pose[:2, 3]
         self._distance = math.sqrt(to_goal @ to_goal)
         self._time = physics.time() - self._start
         yaw = yaw_of(T_odom_base)
@@ -259,7 +259,7 @@ class Drive(gymnasium.Env[Any, Any]):
         return {
             "steps": self._steps,
             "sim_time_s": self._time,
-            "navigation.distance_m": self._way,
+            "navigation.distance_m": self._distance_driven,
             "navigation.collisions": self._collisions.collisions,
             "navigation.reached": int(self._distance < ARRIVED_WITHIN),
         }

@@ -49,7 +49,7 @@ from sarsim.tasks.observations import (
     picture,
 )
 
-FINDS = "finds"
+FINDS_PLUGIN = "finds"
 """Name of the plug-in that a reward for finds requires."""
 Action = int | np.integer[Any] | NDArray[np.float32]
 
@@ -158,7 +158,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._weights = weights_of(ExploreWeights, weights)
         self.explorer: Explorer | None = None
         self._robot: SimulatedRobot | None = None
-        self._begun: dict[str, Any] = {}
+        self._episode_options: dict[str, Any] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
         """Place the robot at the start of a new episode, and take the first keyframe.
@@ -175,16 +175,16 @@ class Explore(gymnasium.Env[Any, Any]):
             "arena": f"random:{self.np_random.integers(MAX_SEEDS)}" if self._arena == "random" else self._arena,
             "seed": int(self.np_random.integers(MAX_SEEDS)),
         }
-        self._begun, earlier = drawn | (options or {}), self._begun
-        name, number = self._begun["arena"], self._begun["seed"]
+        self._episode_options, earlier = drawn | (options or {}), self._episode_options
+        name, number = self._episode_options["arena"], self._episode_options["seed"]
         # A user-defined function may build a different arena for each seed.
-        is_same = self._begun == earlier if is_own_arena(name) else name == earlier.get("arena")
+        is_same = self._episode_options == earlier if is_own_arena(name) else name == earlier.get("arena")
         if self._robot is not None and is_same:
             self._robot.reset(number)
         else:
             self._free()
             self._robot = SimulatedRobot(make_arena(name, seed=number), self._simulation, number)
-        plugins = make_plugins(SinkConfig(plugins={FINDS: None} if self._weights.finds else {}))
+        plugins = make_plugins(SinkConfig(plugins={FINDS_PLUGIN: None} if self._weights.finds else {}))
         mapper = self._mapper(self._robot, plugins)
         self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)
         self.explorer = Explorer(self._robot, mapper, self._strategy)
@@ -200,7 +200,7 @@ class Explore(gymnasium.Env[Any, Any]):
         localisation = make_localisation(
             "slam", robot.model, self._perception.pipeline.localisation, self._simulation.odometry == "truth"
         )
-        readers, seed = plugins if self._perception.detector else (), self._begun["seed"]
+        readers, seed = plugins if self._perception.detector else (), self._episode_options["seed"]
         return make_mapper(self._perception, robot.model, seed, localisation, plugins=readers, sensor=robot.sensor)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
@@ -308,7 +308,7 @@ class Explore(gymnasium.Env[Any, Any]):
         """Figures under the keys of report.json, ``action_mask``, and ``own_choice``, the explorer's viewpoint."""
         own = [n for n, viewpoint in enumerate(self._offered) if viewpoint is self._seen.viewpoint]
         return {
-            **self._begun,
+            **self._episode_options,
             "steps": self._steps,
             "sim_time_s": self._achieved.seconds,
             **self._achieved.figures(),

@@ -17,7 +17,7 @@ VIEWPOINTS = 32
 """Maximum number of viewpoints from which an agent chooses."""
 LOCAL_SIDE, LOCAL_CELL = 64, 0.2
 """Number of rows, and of columns, of the local maps; side of a cell, m."""
-FARTHEST_COORDINATE = 10_000.0
+MAX_COORDINATE = 10_000.0
 """Maximum magnitude to which coordinates in observations are clipped, m."""
 ROBOT_COLOUR = (220, 40, 40)
 
@@ -26,7 +26,7 @@ Maps = dict[str, NDArray[Any]]
 
 def observation_space() -> spaces.Dict:
     """The observation space; see :class:`sarsim.tasks.explore.Explore`."""
-    far = FARTHEST_COORDINATE
+    far = MAX_COORDINATE
     low, high = np.array([-far, -far, -1, -1], np.float32), np.array([far, far, 1, 1], np.float32)
     return spaces.Dict(
         {
@@ -52,7 +52,7 @@ def observation(
         viewpoints: (N, 4) rows of the observation's ``viewpoints``, at most 32.
         frontiers: number of frontiers.
     """
-    far, rows = FARTHEST_COORDINATE, np.zeros((VIEWPOINTS, 4), np.float32)
+    far, rows = MAX_COORDINATE, np.zeros((VIEWPOINTS, 4), np.float32)
     found = np.asarray(viewpoints, np.float64).reshape(-1, 4)
     rows[: len(found)] = np.clip(found, -far, far)
     pose = np.clip(np.array([*np.asarray(place), np.cos(heading), np.sin(heading)], np.float32), -far, far)

@@ -31,9 +31,9 @@ BOTTOMS = (
     (0.22, 0.27, 0.18), (0.70, 0.64, 0.52), (0.35, 0.13, 0.15),
 )  # fmt: skip
 SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12, 0.12), (0.18, 0.24, 0.42))
-SPACING = {"stripes": 0.11, "bands": 0.24}  # Period of the stripes or bands, m
-CHECK, CLOTH = 0.11, 0.4  # m, sides of the squares that textures of checks and of plain cloth cover
-PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
+PATTERN_PERIOD = {"stripes": 0.11, "bands": 0.24}  # Period of the stripes or bands, m
+CHECK_SIZE, CLOTH_SIZE = 0.11, 0.4  # m, sides of the squares that textures of checks and of plain cloth cover
+PATTERNS, PATTERN_PROBABILITIES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
 """Patterns of tops other than overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
@@ -86,7 +86,7 @@ class Outfit:
             bottom=top if overall else one_of(BOTTOMS),
             shoes=one_of(SHOES),
             hair_style="bald" if bald else "long" if long_hair else "short",
-            top_pattern="bands" if overall else str(rng.choice(PATTERNS, p=PATTERN_SHARES)),
+            top_pattern="bands" if overall else str(rng.choice(PATTERNS, p=PATTERN_PROBABILITIES)),
             long_sleeves=bool(overall or rng.random() < 0.5),
             long_legs=bool(overall or rng.random() < 0.75),
         )
@@ -108,14 +108,14 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
         material = outfit.material(part)
         mesh, pattern = f"{name}_{part}", outfit.top_pattern if material == "top" else "plain"
         shape = Shape(figure.body.vertices, figure.body.faces[figure.face_parts == number])
-        assets.append(_mesh(mesh, shape, normals, _texture_places(figure.rest, part, pattern)))
+        assets.append(_mesh(mesh, shape, normals, _texture_coordinates(figure.rest, part, pattern)))
         geoms.append(geom(mesh, Label.VICTIM, type="mesh", mesh=mesh, material=f"{name}_{material}"))
     if outfit.hair_style != "bald":
         hair = figure.hair[outfit.hair_style]
         assets.append(_mesh(f"{name}_hair", hair, vertex_normals(hair)))
         mesh = f"{name}_hair"
         geoms.append(geom(mesh, Label.VICTIM, type="mesh", mesh=mesh, material=mesh))
-    return assets, geoms + _face(name, figure)
+    return assets, geoms + _facial_features(name, figure)
 
 
 def _materials(name: str, outfit: Outfit) -> list[Element]:
@@ -149,13 +149,13 @@ def _pattern(outfit: Outfit) -> dict[str, str]:
     return {"builtin": "checker", "rgb1": numbers(top), "rgb2": numbers(other)}
 
 
-def _texture_places(rest: NDArray[np.float64], part: str, pattern: str) -> NDArray[np.float64]:
+def _texture_coordinates(rest: NDArray[np.float64], part: str, pattern: str) -> NDArray[np.float64]:
     """(N, 2) texture coordinates of a part: across and along the limb or the trunk."""
     is_arm = "sleeve" in part or "arm" in part
     along, across = (np.abs(rest[:, 0]), rest[:, 2]) if is_arm else (rest[:, 1], rest[:, 0])
-    if pattern in SPACING:
-        return np.stack([np.full_like(along, 0.25), along / SPACING[pattern]], axis=1)
-    return np.stack([across, along], axis=1) / (CHECK if pattern == "checks" else CLOTH)
+    if pattern in PATTERN_PERIOD:
+        return np.stack([np.full_like(along, 0.25), along / PATTERN_PERIOD[pattern]], axis=1)
+    return np.stack([across, along], axis=1) / (CHECK_SIZE if pattern == "checks" else CLOTH_SIZE)
 
 
 def _mesh(
@@ -171,7 +171,7 @@ def _mesh(
     return mesh
 
 
-def _face(name: str, figure: Figure) -> list[Element]:
+def _facial_features(name: str, figure: Figure) -> list[Element]:
     """Eyes, brows and mouth, which make a face recognisable; the numbers are positions and radii at rest, m."""
     features = [("lips", "lips", (0.0, 0.662, 0.1165), (0.024, 0.0075, 0.006))]
     for side, sign in (("left", 1), ("right", -1)):
@@ -180,7 +180,7 @@ def _face(name: str, figure: Figure) -> list[Element]:
             (f"{side}_iris", "iris", (sign * 0.034, 0.742, 0.1085), (0.0075, 0.0075, 0.004)),
             (f"{side}_brow", "hair", (sign * 0.036, 0.766, 0.107), (0.021, 0.0055, 0.006)),
         ]
-    quat, scale = quaternion(figure.turn), figure.scale * figure.head_scale
+    quat, scale = quaternion(figure.head_rotation), figure.scale * figure.head_scale
     geoms = []
     for what, material, place, radii in features:
         centre, size = figure.on_head(np.array([place]))[0], scale * np.array(radii)

@@ -10,10 +10,13 @@ from pipeline.arrays import Places
 from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
-PANEL = 0.02  # Thickness of boards and panels, m
+PANEL_THICKNESS = 0.02  # Thickness of boards and panels, m
 MAX_SLOPE = np.radians(28)  # rad, maximum slope of a board in rubble
-WALL, HOLE = 1.2, (0.28, 0.24)  # m: height and minimum width of a wall panel, and half sizes of its hole
-COVER_GAP, RIM = 0.03, 0.05  # m: gap between a person and the cover, and between a hole and the panel's edge
+WALL_SIZE, HOLE_HALF_SIZES = (
+    1.2,
+    (0.28, 0.24),
+)  # m: height and minimum width of a wall panel, and half sizes of its hole
+COVER_GAP, RIM_WIDTH = 0.03, 0.05  # m: gap between a person and the cover, and between a hole and the panel's edge
 MAX_DEPTH = 0.6  # Maximum depth of a box, m; a person who needs more room sticks out of the box
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
 """The boards of a box: name, axis normal to the board, and side of the box's centre on which the board is."""
@@ -60,14 +63,14 @@ def box(name: str, person: NDArray[np.float64]) -> PersonCover:
     ``person``: (N, 3) m, points on the person; ``name``: prefix of the geoms' names.
     """
     low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
-    high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
+    high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL_THICKNESS / 2
     middle, half = (low + high) / 2, (high - low) / 2
     cover = joined([])
     for side, axis, sign in BOARDS:
         centre, size = middle.copy(), half.copy()
-        centre[axis] += sign * (half[axis] + PANEL / 2)
-        size[axis] = PANEL / 2
-        cover = joined([cover, _block_of(f"{name}_{side}", Label.CLUTTER, centre, size, np.eye(3), WOOD)])
+        centre[axis] += sign * (half[axis] + PANEL_THICKNESS / 2)
+        size[axis] = PANEL_THICKNESS / 2
+        cover = joined([cover, _cuboid(f"{name}_{side}", Label.CLUTTER, centre, size, np.eye(3), WOOD)])
     return cover
 
 
@@ -76,31 +79,31 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
 
     ``person``: (N, 3) m, points on the person; ``chin``: (3,) m; ``name``: prefix of the geoms' names.
     """
-    left = max(WALL / 2, person[:, 1].max() + RIM)
-    right = min(-WALL / 2, person[:, 1].min() - RIM)
-    x = person[:, 0].max() + COVER_GAP + PANEL
-    wide, high = HOLE
-    y = float(np.clip(chin[1], right + wide + RIM, left - wide - RIM))
-    z = float(np.clip(chin[2], high, WALL - high - RIM))
+    left = max(WALL_SIZE / 2, person[:, 1].max() + RIM_WIDTH)
+    right = min(-WALL_SIZE / 2, person[:, 1].min() - RIM_WIDTH)
+    x = person[:, 0].max() + COVER_GAP + PANEL_THICKNESS
+    wide, high = HOLE_HALF_SIZES
+    y = float(np.clip(chin[1], right + wide + RIM_WIDTH, left - wide - RIM_WIDTH))
+    z = float(np.clip(chin[2], high, WALL_SIZE - high - RIM_WIDTH))
     pieces = {
-        "left": ((y + wide, left), (0, WALL)),
-        "right": ((right, y - wide), (0, WALL)),
-        "above": ((y - wide, y + wide), (z + high, WALL)),
+        "left": ((y + wide, left), (0, WALL_SIZE)),
+        "right": ((right, y - wide), (0, WALL_SIZE)),
+        "above": ((y - wide, y + wide), (z + high, WALL_SIZE)),
         "below": ((y - wide, y + wide), (0, z - high)),
     }
     cover = joined([])
     for piece, (across, up) in pieces.items():
         if up[1] - up[0] > 0.01:
             centre = np.array([x, sum(across) / 2, sum(up) / 2])
-            size = np.array([PANEL, (across[1] - across[0]) / 2, (up[1] - up[0]) / 2])
-            cover = joined([cover, _block_of(f"{name}_{piece}", Label.WALL, centre, size, np.eye(3), WOOD)])
+            size = np.array([PANEL_THICKNESS, (across[1] - across[0]) / 2, (up[1] - up[0]) / 2])
+            cover = joined([cover, _cuboid(f"{name}_{piece}", Label.WALL, centre, size, np.eye(3), WOOD)])
     return cover
 
 
 def seat(name: str, half_sizes: NDArray[np.float64]) -> PersonCover:
     """The block, of ``half_sizes`` (3,) m, on which a seated person sits; the back of the block is at the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
-    return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
+    return _cuboid(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 
 
 def joined(covers: list[PersonCover]) -> PersonCover:
@@ -133,9 +136,9 @@ def _board(
     x = np.array([*(along * np.cos(slope)), np.sin(slope)])
     rotation = np.stack([x, [*across, 0], np.cross(x, [*across, 0])], axis=1)
     foot = np.array([*(middle - along * reach), 0])
-    centre = foot + x * length / 2 + rotation[:, 2] * (PANEL / 2 + 0.001)
-    half = np.array([length, width, PANEL]) / 2
-    return _block_of(name, Label.CLUTTER, centre, half, rotation, WOOD, rng)
+    centre = foot + x * length / 2 + rotation[:, 2] * (PANEL_THICKNESS / 2 + 0.001)
+    half = np.array([length, width, PANEL_THICKNESS]) / 2
+    return _cuboid(name, Label.CLUTTER, centre, half, rotation, WOOD, rng)
 
 
 def _block(
@@ -151,11 +154,11 @@ def _block(
         rotation = about_z(yaw)
         near = np.abs((taken[:, :2] - place) @ rotation[:2, :2]) < size[:2] + 0.02
         if not near.all(axis=1).any():
-            return _block_of(name, Label.CLUTTER, np.array([*place, size[2]]), size, rotation, CONCRETE, rng)
+            return _cuboid(name, Label.CLUTTER, np.array([*place, size[2]]), size, rotation, CONCRETE, rng)
     return joined([])
 
 
-def _block_of(
+def _cuboid(
     name: str,
     label: Label,
     centre: NDArray[np.float64],

@@ -17,8 +17,8 @@ from pipeline.arrays import Indices, Place, Places, Rotation3
 from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
-UNIT = 1e-4  # m; vertices are stored as integer multiples of this
-STATURE = 2.01  # Stature of the library's people, m
+VERTEX_UNIT = 1e-4  # m; vertices are stored as integer multiples of this
+LIBRARY_STATURE = 2.01  # Stature of the library's people, m
 NECK = np.array([0, 0.63, 0.01])  # m, at rest; the point about which a child's larger head is scaled
 CHIN = np.array([[0, 0.6, 0.03]])  # m, at rest; between head and chest
 AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
@@ -51,10 +51,10 @@ class Figure:
         face_parts: index of the part of each face of the body.
         parts: names of the parts.
         hair: surface of the hair by style.
-        turn: rotation of the head from rest to the posture.
-        offset: translation of the head from rest to the posture.
+        head_rotation: rotation of the head from rest to the posture.
+        head_offset: translation of the head from rest to the posture.
         head_scale: size of the head relative to an adult's.
-        scale: ratio of the person's stature to ``STATURE``.
+        scale: ratio of the person's stature to ``LIBRARY_STATURE``.
     """
 
     body: Shape
@@ -62,15 +62,15 @@ class Figure:
     face_parts: Indices
     parts: tuple[str, ...]
     hair: dict[str, Shape]
-    turn: Rotation3
-    offset: Place
+    head_rotation: Rotation3
+    head_offset: Place
     head_scale: float
     scale: float
 
     def on_head(self, points: Places) -> Places:
         """(N, 3) m, points on an adult's head at rest, mapped to this person's head in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)
-        return self.scale * grown @ self.turn.T + self.offset
+        return self.scale * grown @ self.head_rotation.T + self.head_offset
 
     def places(self, hair_style: str) -> Places:
         """(N, 3) m, vertices of the body, and of the hair if there is any."""
@@ -97,8 +97,8 @@ class Figure:
             self,
             body=self.body.moved(R, shift),
             hair={style: shape.moved(R, shift) for style, shape in self.hair.items()},
-            turn=R @ self.turn,
-            offset=R @ self.offset + shift,
+            head_rotation=R @ self.head_rotation,
+            head_offset=R @ self.head_offset + shift,
         )
 
     def centred(self) -> "Figure":
@@ -114,21 +114,21 @@ class People:
     Attributes:
         postures: (P,) posture of each pose.
         builds: (P,) build of each pose: man, woman, stout or child.
-        block: (3,) m, half sizes of the block on which seated people of stature ``STATURE`` sit.
+        seat_half_sizes: (3,) m, half sizes of the block on which seated people of stature ``LIBRARY_STATURE`` sit.
     """
 
     def __init__(self, arrays: dict[str, NDArray]):
         """``arrays``: the arrays in the file, by name."""
         self._arrays = arrays
         self.postures, self.builds = arrays["postures"], arrays["builds"]
-        self.block = arrays["block"]
+        self.seat_half_sizes = arrays["block"]
         self._build_names = list(arrays["build_names"])
 
     def figure(self, pose: int, stature: float) -> Figure:
         """A person of the given stature, m, in one of the poses."""
         arrays, build = self._arrays, self._build_names.index(self.builds[pose])
-        scale, head_scale = stature / STATURE, float(arrays["head_scales"][build])
-        rest = arrays["vertices"][build] * UNIT
+        scale, head_scale = stature / LIBRARY_STATURE, float(arrays["head_scales"][build])
+        rest = arrays["vertices"][build] * VERTEX_UNIT
         turns, offsets = bone_motions(arrays["rest"], arrays["poses"][pose])
         head = list(arrays["bones"]).index("head")
         moved = scale * skinned(rest, arrays["weights"], turns, offsets)
@@ -138,7 +138,7 @@ class People:
             body, rest, arrays["face_parts"], parts, {}, turns[head], scale * offsets[head], head_scale, scale
         )
         for style in arrays["hair_styles"]:
-            vertices = figure.on_head(arrays[f"{style}_hair_vertices"] * UNIT)
+            vertices = figure.on_head(arrays[f"{style}_hair_vertices"] * VERTEX_UNIT)
             faces = arrays[f"{style}_hair_faces"].astype(np.int64)
             figure.hair[str(style)] = Shape(self._pressed(vertices, pose), faces)
         return figure

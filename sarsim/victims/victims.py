@@ -202,7 +202,7 @@ def _figures(
         if posture == "bust":
             figure = figure.only(UPPER_BODY).centred()
         elif placement == "hole" and posture not in AGAINST_WALL:
-            forward = figure.turn @ [0, 0, 1]
+            forward = figure.head_rotation @ [0, 0, 1]
             figure = figure.moved(-np.arctan2(forward[1], forward[0]), np.zeros(3)).centred()
         yield figure, build
 
@@ -216,7 +216,7 @@ def _cover(
     rng: np.random.Generator,
 ) -> PersonCover:
     """The objects that the person is in, under, behind or on."""
-    covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
+    covers = [seat(name, people().seat_half_sizes * figure.scale)] if posture == "seated" else []
     if placement == "rubble":
         covers.append(rubble(name, person, rng))
     elif placement == "box":

@@ -15,7 +15,7 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
 from sarsim.dataset.settings import KEYFRAME_SPACING
-from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
+from sarsim.scoring.semantics import confusion_matrix, label_figures, map_figures
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
@@ -101,7 +101,7 @@ class Tally:
         Near surfaces have many more returns than far surfaces, but no more voxels, so that only the last two kinds
         are comparable.
         """
-        figures = label_figures(self._returns), label_figures(self._voxels), compared(self._truth, self._map)
+        figures = label_figures(self._returns), label_figures(self._voxels), map_figures(self._truth, self._map)
         return {
             kind: {"miou_four": of["miou_four"], **of["iou"]} if of else {}
             for kind, of in zip(KINDS, figures, strict=True)

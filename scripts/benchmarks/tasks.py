@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.errors import required
 from sarsim.environment import CONTROL_TIMESTEP
 from sarsim.sensors.camera import optical_pose
-from sarsim.tasks.drive import PERIODS, Drive
+from sarsim.tasks.drive import PERIODS_PER_STEP, Drive
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import TasksSettings
 
@@ -50,7 +50,7 @@ def steps_alone(env: Drive) -> None:
     """Do the minimum work of a step: MuJoCo's own steps, and a ray cast if there is a camera."""
     physics = required(env.world).physics
     model, data = physics.model.ptr, physics.data.ptr
-    mujoco.mj_step(model, data, nstep=PERIODS * round(CONTROL_TIMESTEP / model.opt.timestep))
+    mujoco.mj_step(model, data, nstep=PERIODS_PER_STEP * round(CONTROL_TIMESTEP / model.opt.timestep))
     if env.rays is not None:
         env.rays.depth(optical_pose(data, env.camera))
 

@@ -36,16 +36,14 @@ from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MAX_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
-PLANE_MARGIN = (
-    2.0  # m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects
-)
+PLANE_MARGIN = 2.0
+"""m by which infinite planes extend past the margin, because goals may lie beyond the outermost objects."""
 MAX_THROWN_FRACTION = 0.1  # Maximum fraction of a world's bodies that may be far from the others
 MAX_DISTANCE_RATIO = 3.0  # A body more than this many times as far from the centre as the others is left out
 MAX_NAMED = 40  # Maximum number of missing items, and of broken items, that a warning names
 HEADROOM = robot_model().headroom  # m; a surface more than this above a model's lowest point is not ground
-CUBE_SIDE = (
-    6.0  # m, side of the cubes into which visible surfaces are split, so that rendering can skip cubes out of view
-)
+CUBE_SIDE = 6.0
+"""m, side of the cubes into which visible surfaces are split, so that rendering can skip cubes out of view."""
 MAX_FACETS = 10_000  # Above this number (0.1 ms each), pieces that collide as their hulls have a single label each
 COLLISION_ATTRIBUTES: Attributes = {"group": 3}  # for a geom that collides but is not drawn
 VISUAL_ATTRIBUTES: Attributes = {"contype": 0, "conaffinity": 0}
@@ -164,9 +162,8 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
         return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
-    near = boxes[
-        away <= MAX_DISTANCE_RATIO * np.quantile(away, 1 - MAX_THROWN_FRACTION)
-    ]  # the other boxes were thrown out of the world
+    # The other boxes were thrown out of the world.
+    near = boxes[away <= MAX_DISTANCE_RATIO * np.quantile(away, 1 - MAX_THROWN_FRACTION)]
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
     if np.prod(extent + 2 * MARGIN) <= MAX_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))

@@ -41,9 +41,8 @@ from sarsim.robots.skid_steered import robot_model
 
 DOOR_HEIGHT = 2.0  # m, height of a door
 MAX_THICKNESS_RATIO = 0.25  # Maximum ratio of thickness to length of a panel
-MIN_GROUND_FRACTION = (
-    0.25  # Fraction of the world's bounding rectangle that level surfaces must fill to be the ground
-)
+MIN_GROUND_FRACTION = 0.25
+"""Fraction of the world's bounding rectangle that level surfaces must fill to be the ground."""
 _DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
 """(16, 2) directions in a plane along which widths are measured; the true maximum is at most 0.5% larger."""
 

@@ -19,7 +19,7 @@ from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
 from sarsim.arenas.sdf.resources import MissingError
 from sarsim.arenas.sdf.values import child_numbers, numbers
 from sarsim.arenas.sdf.world import LEFT_OUT, SdfShape
-from sarsim.ground_truth.columns import ENDLESS, SEGMENTS
+from sarsim.ground_truth.columns import INFINITE_PLANE_HALF_SIZE, SEGMENTS
 from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
     try:
         half = np.maximum(_sizes(form, {"size": (1.0, 1.0)}, shape.where) / 2, MIN_HALF_SIZE)
     except InputError:  # for example, if the size is too large; the plane is then infinite
-        half = np.full(2, ENDLESS)
+        half = np.full(2, INFINITE_PLANE_HALF_SIZE)
     z = normal / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)

@@ -124,15 +124,8 @@ def _draw_sign(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
     """(size, size, 3) uint8 RGB, a sign that stands on its corner; its colours extend beyond the diamond's edges."""
     sign = _SIGNS[name]
     drawing = Drawing.blank(size, sign.top)
-    drawing.polygon(
-        [
-            (-BLEED_RATIO, sign.split),
-            (BLEED_RATIO, sign.split),
-            (BLEED_RATIO, BLEED_RATIO),
-            (-BLEED_RATIO, BLEED_RATIO),
-        ],
-        sign.bottom,
-    )
+    side = BLEED_RATIO
+    drawing.polygon([(-side, sign.split), (side, sign.split), (side, side), (-side, side)], sign.bottom)
     if name == "flammable-solid":
         _draw_stripes(drawing)
     if name == "inhalation-hazard":

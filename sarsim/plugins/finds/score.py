@@ -1,7 +1,7 @@
 """Score of the finds besides people: the numbers of objects found and of texts read correctly, by kind.
 
-Reported finds are matched one to one with objects of the same kind within ``NEAR``, preferably with the same text. An
-object reported twice is scored as one found object and one false alarm.
+Reported finds are matched one to one with objects of the same kind within ``MAX_MATCH_DISTANCE``, preferably with the
+same text. An object reported twice is scored as one found object and one false alarm.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.sink import Sink
 from pipeline.tracks.find import FIND_KINDS, HEAT, Find
 from sarsim.arenas.things.thing import Thing, things_of, things_of_kind
-from sarsim.scoring.victims import NEAR, min_cost_pairs
+from sarsim.scoring.victims import MAX_MATCH_DISTANCE, min_cost_pairs
 from sarsim.scoring.visibility import Visibility
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -75,7 +75,7 @@ class FindScore(Sink):
         return result
 
     def _is_tag(self, find: Find) -> bool:
-        return bool((np.linalg.norm(self._tag_positions - find.position, axis=1) <= NEAR).any())
+        return bool((np.linalg.norm(self._tag_positions - find.position, axis=1) <= MAX_MATCH_DISTANCE).any())
 
 
 def _distances(things: Sequence[Thing], finds: Sequence[Find], pairs: Sequence[tuple[int, int]]) -> list[float]:
@@ -88,4 +88,4 @@ def matched_pairs(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[
     reported = np.array([find.position for find in finds]).reshape(-1, 3)
     distance = np.linalg.norm(true[:, None] - reported, axis=2)
     misread = np.array([[t.text != f.text for f in finds] for t in things]).reshape(distance.shape)
-    return min_cost_pairs(np.where(distance <= NEAR, distance + NEAR * misread, np.inf))
+    return min_cost_pairs(np.where(distance <= MAX_MATCH_DISTANCE, distance + MAX_MATCH_DISTANCE * misread, np.inf))

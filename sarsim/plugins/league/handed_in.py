@@ -28,7 +28,7 @@ from sarsim.plugins.league.leagues import LeagueRun, SmallRun, VirtualRun, leagu
 from sarsim.plugins.league.portals import portals
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
-from sarsim.scoring.victims import NEAR, min_cost_pairs
+from sarsim.scoring.victims import MAX_MATCH_DISTANCE, min_cost_pairs
 
 COVERAGE_RADIUS = 0.1
 """m, a voxel of a coarse map; the 3D map also covers cells within this distance of the cells that it shows."""
@@ -240,15 +240,15 @@ def league_run(
 
     ``points``: (N, 3) m in ``world``, of the 3D map; ``places``: (M, 3) m in ``world``, of the finds.
 
-    A find is right if it is matched, one to one, with an object of its type and name within ``NEAR``. A run is
-    autonomous unless a find's mode says otherwise.
+    A find is right if it is matched, one to one, with an object of its type and name within ``MAX_MATCH_DISTANCE``. A
+    run is autonomous unless a find's mode says otherwise.
     """
     names = {(find.type, find.name) for find in arena.finds}
     errors = [
         matched_distances(
             places[[(poi.type, poi.name) == name for poi in pois]],
             _places([find for find in arena.finds if (find.type, find.name) == name]),
-            NEAR,
+            MAX_MATCH_DISTANCE,
         )
         for name in sorted(names)
     ]

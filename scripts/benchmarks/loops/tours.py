@@ -43,7 +43,7 @@ HELD_TIME = 4.0
 GREY = 80, 60  # Width and height of the stored grey images, pixels
 SLOWEST = 8.0  # s per m of the tour's length; a tour that takes longer ends
 DEPTH_UNIT = 1e-4  # m, unit of the stored depth images
-SPACING = KeyframePolicy()
+KEYFRAME_SPACING = KeyframePolicy()
 """Frames are as far apart as keyframes."""
 
 
@@ -297,7 +297,7 @@ class Drive:
             before = self.place.copy()
             self.robot.drive(command)
             self._driven += float(np.linalg.norm(self.place - before))
-            if SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
+            if KEYFRAME_SPACING.is_due(self._frames[-1][2], self.robot.trajectory[-1].T_odom_base):
                 self._take()
 
     def _slip(self) -> None:

@@ -54,16 +54,16 @@ def oracle_in(length, width, start, wall=None, share=1.0):
 
 def test_in_a_corridor_all_ahead_shows_at_once_and_the_ground_behind_needs_a_drive():
     oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
-    ahead = oracle.sight.cells[oracle.at_start]
+    ahead = oracle.sight.cells[oracle.seen_at_start]
     assert (oracle.ground.grid.centre_of(ahead)[:, 0] > 2.0).all()
-    tour = oracle.quickest
+    tour = oracle.fastest
     assert tour.order
     assert 2.0 < tour.seconds < inf
 
 
 def test_what_is_seen_at_the_start_takes_no_time_and_has_no_figures():
     oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0), share=0.05)
-    assert oracle.quickest.seconds == 0
+    assert oracle.fastest.seconds == 0
     assert oracle.figures() == {}
 
 
@@ -86,7 +86,7 @@ def test_the_order_is_a_permutation_and_no_longer_than_the_greedy_one():
 
 def test_a_robot_is_compared_with_the_tour():
     oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
-    tour = oracle.quickest
+    tour = oracle.fastest
     assert oracle.ratios(2 * tour.metres, 3 * tour.seconds)["time_over_oracle"] == 3
     assert oracle.ratios(2 * tour.metres, 3 * tour.seconds)["time_over_physical"] > 3
 

@@ -6,7 +6,14 @@ from hypothesis.extra import numpy as hnp
 
 from pipeline.labels import Label
 from pipeline.semantic_map.semantic_map import SemanticMap
-from sarsim.scoring.semantics import F1_WITHIN, SurfaceScore, compared, confusion_matrix, f1_scores, iou_by_label
+from sarsim.scoring.semantics import (
+    F1_DISTANCES,
+    SurfaceScore,
+    confusion_matrix,
+    f1_scores,
+    iou_by_label,
+    map_figures,
+)
 
 WALL, FLOOR, RAMP = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP
 
@@ -27,7 +34,7 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
     guess = np.array([WALL, FLOOR, FLOOR, FLOOR], np.uint8)
     true_map.update(points, np.eye(8, dtype=np.float32)[truth])
     semantic_map.update(points, np.eye(8, dtype=np.float32)[guess])
-    report = compared(true_map, semantic_map)
+    report = map_figures(true_map, semantic_map)
     assert report["accuracy"] == 0.75
     assert report["iou"] == pytest.approx({"wall": 1 / 2, "terrain": 2 / 3})
     assert report["miou_four"] == pytest.approx(7 / 12)
@@ -35,7 +42,7 @@ def test_the_map_is_compared_voxel_by_voxel_with_the_true_labels():
 
 
 def test_a_robot_that_saw_nothing_has_no_figures():
-    assert compared(SemanticMap(), SemanticMap()) == {}
+    assert map_figures(SemanticMap(), SemanticMap()) == {}
 
 
 def cloud(*xs: float) -> np.ndarray:
@@ -52,7 +59,7 @@ def test_without_a_map_nothing_is_right_and_without_a_surface_there_are_no_figur
     score = SurfaceScore(0.02)
     assert score.report(cloud(1.0)) == {}
     score.add(cloud(1.0))
-    assert score.report(cloud()) == score.report(cloud(9.0)) == dict.fromkeys(F1_WITHIN, 0.0)
+    assert score.report(cloud()) == score.report(cloud(9.0)) == dict.fromkeys(F1_DISTANCES, 0.0)
 
 
 def test_frames_are_thinned_as_one_cloud() -> None:
@@ -60,7 +67,7 @@ def test_frames_are_thinned_as_one_cloud() -> None:
     frames = [rng.uniform(0, 0.3, (500, 3)).astype(np.float32) for _ in range(5)]
     for frame in frames:
         score.add(frame)
-    assert score.report(np.concatenate(frames)) == dict.fromkeys(F1_WITHIN, 1.0)
+    assert score.report(np.concatenate(frames)) == dict.fromkeys(F1_DISTANCES, 1.0)
 
 
 @given(hnp.arrays(np.float32, st.tuples(st.integers(1, 20), st.just(3)), elements=st.floats(-1, 1, width=32)))

@@ -56,7 +56,7 @@ class Places(ViewTours):
         return sparse.csr_array(self.shown)
 
     @property
-    def at_start(self):
+    def seen_at_start(self):
         return self.shown[0]
 
     def seconds(self, here, there=slice(None)):

@@ -82,7 +82,7 @@ def test_arena_light_is_what_is_rendered_but_for_its_share() -> None:
 
 @pytest.mark.parametrize("level", [0.5, 0.05, 0.01])
 def test_noise_is_that_of_photons_and_of_reading(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(conditions, "TARGET", 0.5)
+    monkeypatch.setattr(conditions, "TARGET_MEAN", 0.5)
     flat = np.full((240, 320, 3), level, np.float32)
     values = conditions.expose(flat, np.random.default_rng(0)).astype(np.float64)
     gain = min(0.5 / level, 8)

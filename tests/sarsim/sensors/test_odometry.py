@@ -182,7 +182,8 @@ def test_what_a_way_costs(motion, at_least, at_most):
     assert (at_least <= median).all() and (median <= at_most).all()
 
 
-SHEETS = [f"{kind} {error}" for kind in ("GYRO", "ACCELEROMETER") for error in ("noise", "drift", "offset", "scale")]
+ERROR_FIELDS = ("noise_density", "bias_stability", "bias_sigma", "scale_sigma")
+SHEETS = [f"{kind} {error}" for kind in ("GYRO", "ACCELEROMETER") for error in ERROR_FIELDS]
 ERRORS = ("TYRE_ERROR", "SIDE_ERROR", "SLIP")
 
 
@@ -202,9 +203,10 @@ def test_each_error_alone_makes_it_drift(error, monkeypatch):
 
 
 def test_a_gyro_that_reads_too_much_turns_too_far(monkeypatch):
-    monkeypatch.setattr(module, "MTI_300_GYRO", replace(MTI_300_GYRO, noise=0.0, drift=0.0, offset=0.0))
+    errors = replace(MTI_300_GYRO, noise_density=0.0, bias_stability=0.0, bias_sigma=0.0)
+    monkeypatch.setattr(module, "MTI_300_GYRO", errors)
     rng = np.random.default_rng(4)
-    scale = 1 + MTI_300_GYRO.scale * np.random.default_rng(4).standard_normal(3)
+    scale = 1 + MTI_300_GYRO.scale_sigma * np.random.default_rng(4).standard_normal(3)
     assert_allclose(yaw_of(drive(WheelOdometry(rng, RADIUS), 0.0, 0.5, 2.0)), scale[2], atol=1e-4)
 
 

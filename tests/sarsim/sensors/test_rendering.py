@@ -153,7 +153,7 @@ def test_a_floor_casts_no_shadow_but_an_awning_does() -> None:
     floor, awning = ('<geom type="plane" size="9 9 1" pos="{} 0 {}"/>'.format(*at) for at in ((9, -1), (3, 1.5)))
     for geoms, expected in ((floor + box, [True, False]), (awning + box, [False, False])):
         model, data = scene(geoms)
-        np.testing.assert_array_equal(culling.floors(model, data), expected)
+        np.testing.assert_array_equal(culling.shadowless_planes(model, data), expected)
 
 
 def test_a_picture_does_not_miss_the_shadow_of_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,7 +161,7 @@ def test_a_picture_does_not_miss_the_shadow_of_the_floor(monkeypatch: pytest.Mon
     model, data = scene('<geom type="plane" size="9 9 1" pos="0 0 -1"/>' + box)
     with Renderer(model, 160, 120) as renderer:
         picture = renderer.colour(data, "eye")
-        monkeypatch.setattr(culling, "floors", lambda model, data: np.zeros(model.ngeom, np.bool_))
+        monkeypatch.setattr(culling, "shadowless_planes", lambda model, data: np.zeros(model.ngeom, np.bool_))
         np.testing.assert_array_equal(renderer.colour(data, "eye"), picture)
 
 

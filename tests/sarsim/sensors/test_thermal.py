@@ -3,7 +3,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from pipeline.frame import Intrinsics
 from sarsim.sensors.camera import LabelledImage
-from sarsim.sensors.thermal import COLDEST, HOTTEST, NETD, THERMAL_SIZE, ThermalCamera
+from sarsim.sensors.thermal import MAX_TEMPERATURE, MIN_TEMPERATURE, NETD, THERMAL_SIZE, ThermalCamera
 
 
 def image(instance):
@@ -38,8 +38,8 @@ def test_the_noise_is_that_of_the_sensor():
 def test_what_is_hotter_or_colder_than_the_range_saturates():
     instance = np.arange(2).repeat(320)[None].repeat(480, axis=0)
     thermal = seen(instance, [900.0, -60.0, 20.0])
-    assert_array_equal(thermal[:, :40], np.float32(HOTTEST))
-    assert_array_equal(thermal[:, 40:], np.float32(COLDEST))
+    assert_array_equal(thermal[:, :40], np.float32(MAX_TEMPERATURE))
+    assert_array_equal(thermal[:, 40:], np.float32(MIN_TEMPERATURE))
 
 
 def test_the_same_generator_gives_the_same_image():

@@ -13,7 +13,7 @@ from pipeline.labels import Label
 from sarsim.assets import asset
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.body import UPPER_BODY
-from sarsim.victims.people import AGAINST_WALL, STATURE_RANGES, UNIT, bone_motions, people, skinned
+from sarsim.victims.people import AGAINST_WALL, LIBRARY_STATURE, VERTEX_UNIT, bone_motions, people, skinned
 from sarsim.victims.victims import (
     PLACEMENTS,
     SUITABLE_POSTURES,
@@ -102,7 +102,9 @@ def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
     with np.load(asset("victims", "people.npz")) as file:
         turns, offsets = bone_motions(file["rest"], file["poses"][pose])
         build = list(file["build_names"]).index(library.builds[pose])
-        body = skinned(file["vertices"][build] * UNIT, file["weights"], turns, offsets) * (1.9 / STATURE_RANGES)
+        body = skinned(file["vertices"][build] * VERTEX_UNIT, file["weights"], turns, offsets) * (
+            1.9 / LIBRARY_STATURE
+        )
         parts, face_parts, faces = list(file["parts"]), file["face_parts"], file["faces"]
     posture = library.postures[pose]
     assert -0.01 < body[:, 2].min() < (0.2 if posture == "seated" else 0.01)
@@ -111,7 +113,7 @@ def test_people_rest_on_the_floor_and_against_the_wall(pose: int) -> None:
         assert body[trunk, 2].min() < 0.05
     elif posture == "seated":
         hips = np.unique(faces[face_parts == parts.index("hips")])
-        seat = 2 * library.block * (1.9 / STATURE_RANGES)
+        seat = 2 * library.seat_half_sizes * (1.9 / LIBRARY_STATURE)
         assert body[:, 0].min() > -0.02 and 0 < body[hips, 0].mean() < seat[0]
         above = (body[:, 0] < seat[0] - 0.05) & (np.abs(body[:, 1]) < seat[1] / 2) & (body[:, 2] > seat[2] - 0.2)
         assert body[above, 2].min() == pytest.approx(seat[2], abs=0.01)

@@ -70,17 +70,11 @@ def _doll_in_box(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Pla
     """Yield the doll in a box and, if the element's type requests a code, the code next to the doll."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
-    yield (
-        doll(builder.next_victim_name, ALIVE if is_warm else DEAD, np.random.default_rng(number)),
-        np.zeros(3),
-        np.eye(3),
-    )
+    figure = doll(builder.next_victim_name, ALIVE if is_warm else DEAD, np.random.default_rng(number))
+    yield figure, np.zeros(3), np.eye(3)
     if "q" in signs:
-        yield (
-            qr_code(f"qr_code_{number}", f"victim {number}", BOX_CODE_SIDE),
-            np.array(BOX_CODE_POSITION),
-            TOWARDS_VIEWER,
-        )
+        code = qr_code(f"qr_code_{number}", f"victim {number}", BOX_CODE_SIDE)
+        yield code, np.array(BOX_CODE_POSITION), TOWARDS_VIEWER
 
 
 def _hazmat_class(kind: str, number: int) -> str:

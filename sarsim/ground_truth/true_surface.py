@@ -22,9 +22,8 @@ from sarsim.robots.skid_steered import robot_model
 CELL = 0.05  # m, side of a grid cell
 MARGIN = 0.5  # m of grid around the arena
 MAX_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
-PERSON_CLEARANCE = (
-    0.45  # m, minimum distance of the robot's centre from a person or doll, so that ground behind one is not drivable
-)
+PERSON_CLEARANCE = 0.45
+"""m, minimum distance of the robot's centre from a person or doll, so that ground behind one is not drivable."""
 START_REACH = 0.3  # m; a start at most this far above or below the ground is considered to be on it
 
 

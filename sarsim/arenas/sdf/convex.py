@@ -19,9 +19,8 @@ MAX_DEVIATION = 1e-3  # m by which a part may fill a concave corner of its surfa
 MAX_LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
 MAX_SIDE_COSINE = 0.03  # Maximum cosine of the angle between the normal of a prism's side and the prism's axis
 MIN_END_COSINE = 0.2  # Minimum cosine of the angle between the normal of a prism's end and the prism's axis
-MAX_OPEN_WIDTH = (
-    1.0  # m; an open surface is filled only where it is narrower than this, so that no robot could be inside
-)
+MAX_OPEN_WIDTH = 1.0
+"""m; an open surface is filled only where it is narrower than this, so that no robot could be inside."""
 
 
 def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:

@@ -26,9 +26,8 @@ PRISM_TRIANGLES = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5
 THICKNESSES = THICKNESS, 10 * THICKNESS, 100 * THICKNESS
 """m, thicknesses of plates on flat parts, in the order in which they are tried; far from the origin, single precision
 does not resolve the thinnest plate."""
-MIN_VOLUME_PER_AREA = (
-    THICKNESS / 10
-)  # m, ratio of volume to area below which a part is flat; a plate's is half its thickness
+MIN_VOLUME_PER_AREA = THICKNESS / 10
+"""m, ratio of volume to area below which a part is flat; a plate's is half its thickness."""
 MAX_PIECES = 2_000  # Maximum numbers of a mesh's pieces, a world's convex parts and a piece's facets; 2 ms per geom
 
 

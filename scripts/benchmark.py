@@ -18,7 +18,7 @@ except ModuleNotFoundError as error:
 from rich.markdown import Markdown
 
 from pipeline.files import atomic_write
-from sarsim.commands.cli import check_folder_of, is_verbose
+from sarsim.commands.cli import check_parent_folder, is_verbose
 from sarsim.commands.provenance import instructions, machine, processor
 from sarsim.commands.settings import run_subcommand, save_settings
 
@@ -30,7 +30,7 @@ from scripts.results import pages_config, table_of, tables_of
 def benchmark(settings: SubjectSettings, subject: str) -> None:
     """Measure a subject, print the tables of its page, and write all figures to --json."""
     if settings.json:
-        check_folder_of("json", settings.json)
+        check_parent_folder("json", settings.json)
     result = import_module(f"scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
     words = result.details.get("words", {})
     tables = (

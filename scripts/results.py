@@ -235,7 +235,7 @@ def leaderboard_record(files: tuple[Path, ...]) -> Record:
             f"{board.title.rpartition(': ')[2]}.{row[0]}.{head}": cell
             for board in boards(map(read_entry, files))
             for row in board.rows
-            for head, cell in zip(board.heads, row, strict=True)
+            for head, cell in zip(board.headings, row, strict=True)
         }
     }
 
@@ -247,7 +247,7 @@ def leaderboard(files: tuple[Path, ...], about: str) -> str:
 
     parts = []
     for board in boards(map(read_entry, files)):
-        rows = [line(board.heads), "|---" * len(board.heads) + "|", *(line(row) for row in board.rows)]
+        rows = [line(board.headings), "|---" * len(board.headings) + "|", *(line(row) for row in board.rows)]
         parts += [f"## {board.title}", "\n".join(rows)]
     command = "sarsim-sweep --arenas nist_6x4 --seeds 0 1 2   # run one of the tables again"
     return markdown("Results: leaderboard", about, command, *parts or [f"{NOT_MEASURED.capitalize()}."])

@@ -36,10 +36,10 @@ from sarsim.startup import prepare_process
 BAD_INPUT = 2
 TERMINATION_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals sent by Ctrl-C, service managers, containers and a closed terminal; all end a command in the same way."""
-SIGNALLED = 128  # Exit status after a signal, less the signal's number, as in shells
+SIGNAL_STATUS_OFFSET = 128  # Exit status after a signal, minus the signal's number, as in shells
 SIGPIPE_STATUS = 141  # Exit status if the output has no reader: 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # Indentation of a flag's help in tyro's messages about wrong flags
-COMMON = (
+COMMON_FLAGS_HELP = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
 )
@@ -67,16 +67,16 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
 
     def action() -> None:
         words = apply_common_flags(args)  # before tyro's stderr is captured
-        about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
+        about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON_FLAGS_HELP}"
         bound = parse(lambda: tyro.cli(bind, prog=program(), args=words, description=about))
         check_names(bound.keywords)
         bound()
 
-    guarded(action)
+    run_guarded(action)
 
 
 def apply_common_flags(args: Sequence[str] | None = None) -> list[str]:
-    """Apply the flags of :data:`COMMON`, and return the other words of the command line.
+    """Apply the flags of :data:`COMMON_FLAGS_HELP`, and return the other words of the command line.
 
     Raises:
         InputError: one of these flags is wrong.
@@ -228,13 +228,13 @@ def announce_compilation() -> None:
     event.register("numba:compile", Announcer())
 
 
-def check_folder_of(flag: str, path: Path) -> None:
+def check_parent_folder(flag: str, path: Path) -> None:
     """Raise InputError if the parent folder of the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
         raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist; create it first")
 
 
-def guarded(action: Callable[[], object]) -> None:
+def run_guarded(action: Callable[[], object]) -> None:
     """Run ``action`` in a prepared process.
 
     Bad input or one of :data:`TERMINATION_SIGNALS` ends the process with a one-line message and an exit status. If
@@ -245,7 +245,7 @@ def guarded(action: Callable[[], object]) -> None:
         if isinstance(stream, io.TextIOWrapper):  # in the locale's encoding, which may lack characters
             stream.reconfigure(errors="backslashreplace")
     try:
-        with _raised_endings():
+        with _signals_as_interrupts():
             try:
                 action()
             finally:
@@ -259,16 +259,16 @@ def guarded(action: Callable[[], object]) -> None:
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt as interrupt:
         print("interrupted", file=sys.stderr)
-        sys.exit(SIGNALLED + (interrupt.args or (signal.SIGINT,))[0])
+        sys.exit(SIGNAL_STATUS_OFFSET + (interrupt.args or (signal.SIGINT,))[0])
     except BrokenPipeError:
-        if not _is_unread():
+        if not _has_lost_reader():
             raise
         # Python flushes the remaining output at exit, which would fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(SIGPIPE_STATUS)
 
 
-def _is_unread() -> bool:
+def _has_lost_reader() -> bool:
     """Whether stdout has lost its reader; a BrokenPipeError may also come from another pipe."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # poll always reports errors
@@ -276,7 +276,7 @@ def _is_unread() -> bool:
 
 
 @contextmanager
-def _raised_endings() -> Iterator[None]:
+def _signals_as_interrupts() -> Iterator[None]:
     """Make all :data:`TERMINATION_SIGNALS` raise KeyboardInterrupt unless ignored, as SIGHUP is under ``nohup``.
 
     SIGINT raises KeyboardInterrupt even if ignored, because ``kill -INT`` should end background jobs, which shells
@@ -308,7 +308,7 @@ def forget_terminal() -> None:
             os.dup2(nowhere, stream)
 
 
-class Interruptible:
+class SignalRecorder:
     """Records the first of :data:`TERMINATION_SIGNALS`, so that a step can end; a second signal interrupts the step.
 
     Attributes:
@@ -345,7 +345,7 @@ def run_watched(
     ``run`` must end when its first argument returns True, and must pass its progress to its second argument.
     """
     announce_compilation()
-    with shown_run(description, _quiet) as show, Interruptible() as control:
+    with shown_run(description, _quiet) as show, SignalRecorder() as control:
         run(lambda: control.signal is not None, show)
     return control.signal
 
@@ -353,4 +353,4 @@ def run_watched(
 def exit_by_signal(number: int | None) -> None:
     """End the process with the status of a signal, if one ended the command."""
     if number:
-        raise SystemExit(SIGNALLED + number)
+        raise SystemExit(SIGNAL_STATUS_OFFSET + number)

@@ -9,14 +9,14 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
-from sarsim.commands.cli import check_folder_of
+from sarsim.commands.cli import check_parent_folder
 from sarsim.commands.settings import run_with_settings
 from sarsim.flags import Given
 from sarsim.opengl import without_opengl
 
 
 @dataclass(frozen=True)
-class ExportArena:
+class ExportArenaConfig:
     """The arena to export, and the file to write.
 
     Attributes:
@@ -33,14 +33,14 @@ class ExportArena:
     random: Fixed[RandomArenaConfig] = field(default_factory=RandomArenaConfig)
 
 
-def export_arena(settings: ExportArena) -> None:
+def export_arena(settings: ExportArenaConfig) -> None:
     """Write an arena as MJCF, without the robot, and print how to view it."""
     with without_opengl():
         from sarsim.methods.arena import make_arena
 
     if settings.out.suffix != ".xml":  # the extension by which MuJoCo recognises MJCF
         raise InputError(f"--out {settings.out}: the file name must end in .xml")
-    check_folder_of("out", settings.out)
+    check_parent_folder("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)
     assets = arena.mjcf_model.get_assets()
     for name, content in (assets | {settings.out.name: arena.to_xml().encode()}).items():
@@ -54,4 +54,4 @@ def export_arena(settings: ExportArena) -> None:
 
 def main() -> None:
     """Entry point of ``sarsim-export-arena``."""
-    run_with_settings(export_arena, ExportArena)
+    run_with_settings(export_arena, ExportArenaConfig)

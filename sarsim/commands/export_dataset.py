@@ -25,7 +25,7 @@ EXPORTS = {
 
 
 @dataclass(frozen=True)
-class ExportDataset:
+class ExportDatasetConfig:
     """The dataset to export, the format, and the options of the formats.
 
     Attributes:
@@ -49,7 +49,7 @@ class ExportDataset:
     min_area: Given[int] = None
 
 
-def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -> None:
+def export_dataset(settings: Annotated[ExportDatasetConfig, tyro.conf.arg(name="")]) -> None:
     """Export a dataset scene by scene, and print the folder of the result."""
     from sarsim.dataset.manifest import Dataset
 

@@ -19,7 +19,7 @@ from sarsim.opengl import check_rendering, without_opengl
 
 
 @dataclass(frozen=True, kw_only=True)
-class GenerateDataset(DatasetConfig):
+class GenerateDatasetConfig(DatasetConfig):
     """Settings of a dataset, and of the processes that generate it.
 
     Attributes:
@@ -40,13 +40,13 @@ class GenerateDataset(DatasetConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GenerateHarderDataset(HarderDatasetConfig, GenerateDataset):
-    """Settings as in :class:`GenerateDataset`, with the defaults of the harder mix."""
+class GenerateHarderDatasetConfig(HarderDatasetConfig, GenerateDatasetConfig):
+    """Settings as in :class:`GenerateDatasetConfig`, with the defaults of the harder mix."""
 
 
-def generate_dataset(settings: GenerateDataset) -> None:
+def generate_dataset(settings: GenerateDatasetConfig) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
-    if settings.harder and not isinstance(settings, GenerateHarderDataset):
+    if settings.harder and not isinstance(settings, GenerateHarderDatasetConfig):
         raise InputError("--config: a file must not set harder; give --harder as a flag")
     check("scenes", settings.scenes, 1)
     if settings.workers is not None:
@@ -82,4 +82,6 @@ def generate_dataset(settings: GenerateDataset) -> None:
 
 def main() -> None:
     """Entry point of ``sarsim-dataset``."""
-    run_with_settings(generate_dataset, GenerateHarderDataset if "--harder" in sys.argv[1:] else GenerateDataset)
+    run_with_settings(
+        generate_dataset, GenerateHarderDatasetConfig if "--harder" in sys.argv[1:] else GenerateDatasetConfig
+    )

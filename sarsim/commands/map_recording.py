@@ -13,7 +13,7 @@ from sarsim.settings import MapRecordingConfig
 if TYPE_CHECKING:
     from pipeline.datasets.recording import Recording
 
-HDF5 = b"\x89HDF"  # First bytes of a scene file
+HDF5_MAGIC = b"\x89HDF"  # First bytes of a scene file
 
 
 def map_recording(config: MapRecordingConfig) -> None:
@@ -55,20 +55,20 @@ def open_recording(config: MapRecordingConfig) -> "Recording":
     is_scene = _is_scene(path)
     is_bag = not is_scene and (not path.is_dir() or (not holds_images(path) and holds_bag(path)))
     if is_scene:
-        return _without(read_scene(path), config, "a scene", "topics", "intrinsics", "depth_scale", "fps")
+        return _note_unused_flags(read_scene(path), config, "a scene", "topics", "intrinsics", "depth_scale", "fps")
     if is_bag:
         require_package("rosbags", "bags", f"{path}: reading a ROS bag")
         from pipeline.datasets.ros_bag import read_ros_bag
 
         recording = read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
-        return _without(recording, config, "a bag", "depth_scale", "fps")
+        return _note_unused_flags(recording, config, "a bag", "depth_scale", "fps")
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
             raise InputError(f"--{flag} {value}: must be above 0 and below 1,000,000")
     recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
     if holds_bag(path):
         recording.note("the folder also contains a ROS bag, which is ignored; to map the bag, give its path")
-    return _without(recording, config, "a folder of images", "topics")
+    return _note_unused_flags(recording, config, "a folder of images", "topics")
 
 
 def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
@@ -101,11 +101,11 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
 
 def _is_scene(path: Path) -> bool:
     """Whether a path is that of a dataset's scene."""
-    return path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5)
+    return path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5_MAGIC)) == HDF5_MAGIC)
 
 
-def _without(recording: "Recording", config: MapRecordingConfig, kind: str, *useless: str) -> "Recording":
-    """The recording, with a note about any flags that have no effect on a recording of its kind."""
+def _note_unused_flags(recording: "Recording", config: MapRecordingConfig, kind: str, *useless: str) -> "Recording":
+    """Add a note about any of the ``useless`` flags that were given to a recording of this kind, and return it."""
     if given := [f"--{name.replace('_', '-')}" for name in useless if getattr(config, name)]:
         recording.note(f"ignoring {' and '.join(given)}, which {kind} does not need")
     return recording

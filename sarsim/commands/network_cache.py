@@ -68,7 +68,7 @@ class CachedClassifier(PointClassifier):
     """Calls a point classifier only once for the same arguments, on which alone its output must depend."""
 
     def __init__(self, classifier: PointClassifier, cache: OutputCache, weights: Path):
-        self._classifier, self._cache, self._weights = classifier, cache, _content(weights)
+        self._classifier, self._cache, self._weights = classifier, cache, _digests(weights)
 
     def classify(self, frame: Frame, points: NDArray[np.float32], T_map_camera: Pose) -> NDArray[np.float32]:
         """See :meth:`PointClassifier.classify`."""
@@ -84,7 +84,7 @@ class CachedDetector:
 
     def __init__(self, detector: Detector, cache: OutputCache, *files: Path):
         """``files``: the files from which the detector was loaded."""
-        self._detector, self._cache, self._files = detector, cache, _content(*files)
+        self._detector, self._cache, self._files = detector, cache, _digests(*files)
 
     def detect(self, rgb: Rgb) -> list[Detection]:
         """See :meth:`Detector.detect`; ``rgb`` is (H, W, 3)."""
@@ -97,6 +97,6 @@ class CachedDetector:
         return [Detection((x0, y0, x1, y1), sure, KINDS[int(k)]) for x0, y0, x1, y1, sure, k in numbers.tolist()]
 
 
-def _content(*files: Path) -> NDArray[np.uint8]:
-    """Digests of the files' contents, as one of a cache's inputs."""
+def _digests(*files: Path) -> NDArray[np.uint8]:
+    """The digests of the files' contents, one after the other, which serve as an input of the cache."""
     return np.frombuffer(b"".join(blake2b(path.read_bytes()).digest() for path in files), np.uint8)

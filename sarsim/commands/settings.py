@@ -16,7 +16,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
-from sarsim.commands.cli import COMMON, apply_common_flags, check_names, guarded, parse, program
+from sarsim.commands.cli import COMMON_FLAGS_HELP, apply_common_flags, check_names, parse, program, run_guarded
 from sarsim.methods.plugins import is_portable, may_be_in_file, settings_of, shipped_plugin, split_flags, summary
 from sarsim.settings import chooses_code
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 CONFIG = tyro.conf.arg(
     help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
 )
-RESULTS = ("out", "resume", "tum", "json")
+RESULT_SETTINGS = ("out", "resume", "tum", "json")
 """Settings that say where results go; only flags may set them, because a settings file may come from someone else."""
-OUTPUTS = (*RESULTS, "workers")
+OMITTED_SETTINGS = (*RESULT_SETTINGS, "workers")
 """Settings that a run's config.yaml omits, because a repeat must not overwrite results and may use other workers."""
 NO_DETECTOR = "--no-detector"
-MAX_SETTINGS, DEEPEST = 100_000, 8
+MAX_SETTINGS_BYTES, MAX_SETTINGS_DEPTH = 100_000, 8
 """Maximum size, bytes, and nesting depth of a settings file; a run's config.yaml has 6,400 bytes and 5 levels."""
 Settings = TypeVar("Settings")
 
@@ -47,11 +47,11 @@ def run_with_settings(
     def run() -> None:
         words = apply_common_flags(args)
         about = getdoc(getattr(command, "func", command))
-        settings = settings_from(kind, words, f"{about}\n\n{COMMON}", prog)
+        settings = settings_from(kind, words, f"{about}\n\n{COMMON_FLAGS_HELP}", prog)
         check_names(vars(settings))
         command(settings)
 
-    guarded(run)
+    run_guarded(run)
 
 
 def run_subcommand(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
@@ -61,7 +61,7 @@ def run_subcommand(commands: Mapping[str, tuple[Callable[[Any], object], type]],
         run_with_settings(*commands[name], words, f"{program()} {name}")
         return
     kinds: dict[str, Callable[..., Any]] = {name: kind for name, (_, kind) in commands.items()}
-    about = f"{description}\n\n{COMMON}"
+    about = f"{description}\n\n{COMMON_FLAGS_HELP}"
 
     def run() -> None:
         if name and not name.startswith("-"):
@@ -70,7 +70,7 @@ def run_subcommand(commands: Mapping[str, tuple[Callable[[Any], object], type]],
         words = apply_common_flags()
         parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, prog=program(), args=words, description=about))
 
-    guarded(run)
+    run_guarded(run)
 
 
 def settings_from(
@@ -82,7 +82,7 @@ def settings_from(
         InputError: a flag or the file is wrong.
     """
     own = [f.name.replace("_", "-") for f in fields(kind)]  # type: ignore[arg-type]
-    args = _without_detector(args) if "detector" in own else args
+    args = _translate_no_detector(args) if "detector" in own else args
     asked: dict[str, list[str]] = {}
     if "plugins" in own:
         asked, args = split_flags(args, own)
@@ -105,8 +105,8 @@ def settings_from(
     return settings
 
 
-def _without_detector(args: Sequence[str]) -> list[str]:
-    """The words of a command line with ``--detector None`` in place of ``--no-detector``, which tyro does not know.
+def _translate_no_detector(args: Sequence[str]) -> list[str]:
+    """The words of a command line, with ``--no-detector``, which tyro does not know, replaced by ``--detector None``.
 
     Raises:
         InputError: a detector is given as well.
@@ -118,7 +118,7 @@ def _without_detector(args: Sequence[str]) -> list[str]:
 
 
 def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
-    """The flag that names a settings file, and this file, which for ``--resume`` is in the folder named; or None.
+    """The flag that names a settings file, and this file; None if no flag does. ``--resume`` names the file's folder.
 
     Raises:
         InputError: both flags are given, or there is nothing to resume.
@@ -153,12 +153,12 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
             sets a value that only a flag may set.
     """
     where = f"--{flag} {path}"
-    content = _yaml(path, where)
+    content = _read_yaml(path, where)
     if not isinstance(content, dict):
         found = "but is empty" if content is None else f"not {content!r:.60}"
         raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20', {found}")
     given = {str(key).replace("-", "_"): value for key, value in content.items()}
-    if places := sorted(given.keys() & set(RESULTS)):
+    if places := sorted(given.keys() & set(RESULT_SETTINGS)):
         raise InputError(f"{where}: a file must not set where results go; give --{places[0]} as a flag")
     on_command_line = {word.partition("=")[0].lstrip("-").replace("-", "_") for word in args if word.startswith("--")}
     for name in [name for name, value in given.items() if chooses_code(name.replace("_", "-"), value)]:
@@ -222,20 +222,20 @@ def _unknown(place: Sequence[str], names: Collection[str]) -> str:
     return f"unknown setting {'.'.join(place)}{meant}"
 
 
-def _yaml(path: Path, where: str) -> Any:
+def _read_yaml(path: Path, where: str) -> Any:
     """The content of a YAML file; ``where`` begins the error messages.
 
     Raises:
         InputError: the file is too large, is nested too deeply, contains aliases or is not valid YAML.
     """
     try:
-        text, depth = read_text(path, MAX_SETTINGS), 0
+        text, depth = read_text(path, MAX_SETTINGS_BYTES), 0
         for event in yaml.parse(text):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent):
                 raise InputError(f"{path}: aliases are not allowed; write out the value of *{event.anchor}")
-            if depth > DEEPEST:
-                raise InputError(f"{path}: settings must not be nested more than {DEEPEST} levels deep")
+            if depth > MAX_SETTINGS_DEPTH:
+                raise InputError(f"{path}: settings must not be nested more than {MAX_SETTINGS_DEPTH} levels deep")
         return yaml.load(text, _UniqueLoader)
     except InputError as error:
         raise InputError(f"{where.partition(' ')[0]} {error}") from error
@@ -267,13 +267,13 @@ _Dumper.add_multi_representer(float, yaml.SafeDumper.represent_float)
 
 
 def save_settings(settings: Any, path: Path) -> None:
-    """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that have their default value.
+    """Write settings as YAML for ``--config``, without ``OMITTED_SETTINGS`` and paths that have their default value.
 
     Raises:
         InputError: the file cannot be written.
     """
     unchanged = {f.name for f in fields(settings) if "Path" in str(f.type) and getattr(settings, f.name) == f.default}
-    saved = {name: value for name, value in asdict(settings).items() if name not in {*OUTPUTS, *unchanged}}
+    saved = {name: value for name, value in asdict(settings).items() if name not in {*OMITTED_SETTINGS, *unchanged}}
     if plugins := getattr(settings, "plugins", None):
         saved["plugins"] = {name: value for name, value in saved["plugins"].items() if is_portable(plugins[name])}
     with atomic_write(path) as file:

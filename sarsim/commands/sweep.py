@@ -94,7 +94,7 @@ class SweepSettings:
     limit: Fixed[float] = 14400.0
 
     @property
-    def of_episodes(self) -> dict[str, Any]:
+    def episode_settings(self) -> dict[str, Any]:
         """The settings of every episode, as fields of :class:`sarsim.settings.EpisodeConfig`."""
         return {name: getattr(self, name) for name in EPISODE_FIELDS}
 
@@ -127,7 +127,7 @@ def sweep(settings: SweepSettings) -> None:
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with locked(settings.out) as lock:
-        commit = begin(settings, files)
+        commit = update_manifest(settings, files)
         (settings.out / FOLDER).mkdir(exist_ok=True)
         check_arenas(jobs, settings.out)
         failed = run_missing(jobs, settings, lock)
@@ -171,10 +171,13 @@ def files_of(settings: SweepSettings, methods: Iterable[str]) -> dict[str, Path]
     return {name: Path(file) for name, file in files.items() if file is not None and Path(file).is_file()}
 
 
-def begin(settings: SweepSettings, files: Mapping[str, Path]) -> str:
-    """Write the folder's manifest or, if it exists, check it against this sweep; return the state of the code.
+def update_manifest(settings: SweepSettings, files: Mapping[str, Path]) -> str:
+    """Write the folder's manifest or, if it exists, check it against this sweep and add the digests of new files.
 
     ``files``: see :func:`files_of`.
+
+    Returns:
+        The state of the code; empty outside a git checkout.
 
     Raises:
         InputError: the folder holds results of another state of the code or of ``files``, or of other settings.
@@ -188,7 +191,7 @@ def begin(settings: SweepSettings, files: Mapping[str, Path]) -> str:
     if code.endswith("+"):
         changes = subprocess.run(["git", "diff", "HEAD", "--", *CODE], cwd=ROOT, check=True, capture_output=True)
         current["digest of uncommitted changes"] = _digest(changes.stdout)
-    for name, value in settings.of_episodes.items():
+    for name, value in settings.episode_settings.items():
         current[name] = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
     digests = {f"digest of {name}": _digest(read_bytes(path)) for name, path in files.items()}
     try:
@@ -234,7 +237,7 @@ def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: Folde
 
     todo = [job for job in jobs if result_of(job, lock.folder) is None]
     failed: dict[SweepJob, str] = {}
-    work = partial(run_episode, settings.of_episodes, settings.limit)
+    work = partial(run_episode, settings.episode_settings, settings.limit)
     engine = make_engine(settings.engine, settings.workers)
     with progress() as bars, closing(engine(work, todo, lock)) as outcomes:
         bar = bars.add_task("episodes", total=len(todo))
@@ -250,7 +253,7 @@ def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob"
     from sarsim.commands.sweeps.episodes import EpisodeResult, result_of
 
     found = [
-        result_of(job, folder) or EpisodeResult.of_nothing(job.row | {"failed": failed.get(job, "not run")})
+        result_of(job, folder) or EpisodeResult.of_failure(job.row | {"failed": failed.get(job, "not run")})
         for job in jobs
     ]
     known = {one.row["arena"]: {"checksum": one.row["checksum"]} for one in found if "checksum" in one.row}
@@ -265,8 +268,8 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
         print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
     console = Console(markup=False)
     for board in boards(entries):
-        shown = [n for n, head in enumerate(board.heads) if head in SUMMARY]
-        columns = [Column(board.heads[n], overflow="fold", no_wrap=n == 0) for n in shown]
+        shown = [n for n, head in enumerate(board.headings) if head in SUMMARY]
+        columns = [Column(board.headings[n], overflow="fold", no_wrap=n == 0) for n in shown]
         table = Table(*columns, title=board.title, caption="interquartile means, with 95% confidence intervals")
         for row in board.rows:
             table.add_row(*(row[n] for n in shown))

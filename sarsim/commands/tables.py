@@ -16,7 +16,7 @@ from pipeline.rescue_report.figures import figures
 
 SKIPPED = ("config", "timing_ms")
 VIEW = "sarsim-view"
-STILL = 0.05  # m; a robot that has driven less has only turned in place
+MIN_DRIVEN = 0.05  # m; a robot that has driven less has only turned in place
 ENDED_TEXTS = {
     "nothing_left": "nothing was left to explore",
     "not_worth_it": "no remaining viewpoint was worth the drive",
@@ -77,7 +77,7 @@ def _legs(report: Mapping[str, Any]) -> str:
     if driven:
         way = driven["distance_m"]
         parts += [f"{driven['reached']} of {driven['legs']} reached"]
-        parts += [f"{way:.1f} m driven" if way >= STILL or not driven["legs"] else "turning in place alone"]
+        parts += [f"{way:.1f} m driven" if way >= MIN_DRIVEN or not driven["legs"] else "turning in place alone"]
         parts += [_counted(driven["collisions"], "contact") + " with walls, clutter or people"]
         if people := driven.get("person_contacts"):
             parts += [f"{people} of them with people"]

@@ -2,7 +2,7 @@
 
 from pipeline.errors import InputError
 from pipeline.files import check_folder
-from sarsim.commands.cli import Interruptible
+from sarsim.commands.cli import SignalRecorder
 from sarsim.commands.settings import run_with_settings
 from sarsim.opengl import check_display, check_rendering, without_opengl
 from sarsim.settings import TeleopConfig
@@ -27,7 +27,7 @@ def teleop(config: TeleopConfig) -> None:
     mapped = MappedDrive(config, arena, config.out, is_shown=True) if config.out else None
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)
-    with Interruptible() as hold:
+    with SignalRecorder() as hold:
         try:
             drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
         finally:

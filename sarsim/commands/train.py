@@ -16,7 +16,7 @@ from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
-from sarsim.commands.cli import Interruptible, check_folder_of, progress
+from sarsim.commands.cli import SignalRecorder, check_parent_folder, progress
 from sarsim.commands.settings import run_subcommand, save_settings
 from sarsim.flags import Given
 from sarsim.settings import POINT_NETWORKS
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.network import PointNetwork
     from pipeline.semantic_map.networks.training import Training, TrainingWorker
 
-VALIDATION_FRAMES = 40
+MAX_VALIDATION_CLOUDS = 40
 """Maximum number of validation clouds, spread over the scenes; with 200, validation took as long as 1,000 steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainPoints(TrainingConfig):
+class TrainPointsConfig(TrainingConfig):
     """Train a network of the semantic map on datasets made by sarsim-dataset.
 
     Attributes:
@@ -56,13 +56,13 @@ class TrainPoints(TrainingConfig):
     augmentation: Fixed[BlockAugmentation] = field(default_factory=BlockAugmentation)
 
 
-def train_points(settings: TrainPoints, network: str) -> None:
+def train_points(settings: TrainPointsConfig, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     if settings.stride < 1:
         raise InputError(f"--stride {settings.stride}: must be at least 1")
     if settings.out.suffix != ".safetensors":
         raise InputError(f"--out {settings.out}: the file name must end in .safetensors")
-    check_folder_of("out", settings.out)
+    check_parent_folder("out", settings.out)
     from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.training import Training, TrainingWorker
@@ -81,7 +81,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
     worker = TrainingWorker.join()
     try:
         clouds = _clouds(settings, worker, blocks.voxel_size, colours)
-        validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
+        validation = clouds["val"][:: -(-len(clouds["val"]) // MAX_VALIDATION_CLOUDS)]
         training = Training(clouds["train"], validation, config, initial, settings.out, worker, blocks, about)
         _train(training, settings)
     finally:
@@ -102,7 +102,7 @@ def _scenes(data: Path) -> int:
 
 
 def _clouds(
-    settings: TrainPoints, worker: "TrainingWorker", voxel_size: float, colours: bool
+    settings: TrainPointsConfig, worker: "TrainingWorker", voxel_size: float, colours: bool
 ) -> dict[str, list["LabelledCloud"]]:
     """Return the clouds of the train and val splits, and print the classes that are absent from the train split."""
     from pipeline.semantic_map.classifier import CLASSES
@@ -131,17 +131,17 @@ def _clouds(
     return clouds
 
 
-def _train(training: "Training", settings: TrainPoints) -> None:
+def _train(training: "Training", settings: TrainPointsConfig) -> None:
     """Train with a progress bar; Ctrl-C ends the training after the current step."""
     leads = training.worker.leads
     if leads:
         save_settings(settings, training.out.with_suffix(".yaml"))
-    write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
-    with progress(disable=not leads) as bars, Interruptible() as hold:
+    write_events = _event_writer(settings.tensorboard) if leads and settings.tensorboard else None
+    with progress(disable=not leads) as bars, SignalRecorder() as hold:
         bar = bars.add_task("steps", total=training.config.steps, completed=training.step)
 
         def report(now: "Training") -> None:
-            bars.update(bar, completed=now.step, description=f"steps{_scored(now, ', ')}")
+            bars.update(bar, completed=now.step, description=f"steps{_score_text(now, ', ')}")
             if write_events:
                 write_events(now)
             if hold.signal is not None:
@@ -150,16 +150,16 @@ def _train(training: "Training", settings: TrainPoints) -> None:
         training.run(report)
     if leads:
         Console(markup=False).print(
-            f"Validation{_scored(training, ': ') or ': none'}. Weights in {training.out}", soft_wrap=True
+            f"Validation{_score_text(training, ': ') or ': none'}. Weights in {training.out}", soft_wrap=True
         )
 
 
-def _scored(training: "Training", before: str) -> str:
+def _score_text(training: "Training", before: str) -> str:
     """The last validation's score as text; empty without validation, or if it had no points of the four classes."""
     return f"{before}mIoU of the thesis's four classes {training.score:.4f}" if isfinite(training.score) else ""
 
 
-def _events(folder: Path) -> "Callable[[Training], None]":
+def _event_writer(folder: Path) -> "Callable[[Training], None]":
     """A function that writes to TensorBoard all validations since the function was last called."""
     try:
         from torch.utils.tensorboard import SummaryWriter
@@ -185,5 +185,7 @@ def _events(folder: Path) -> "Callable[[Training], None]":
 
 def main() -> None:
     """Entry point of ``sarsim-train``."""
-    networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
+    networks: dict[str, Any] = {
+        name: (partial(train_points, network=name), TrainPointsConfig) for name in POINT_NETWORKS
+    }
     run_subcommand(networks, str(__doc__))

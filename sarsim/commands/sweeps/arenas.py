@@ -12,7 +12,7 @@ from sarsim.commands.cli import check_arena
 from sarsim.methods.names import check_method
 
 SPLITS = ("train", "val", "test")
-SIGNIFICANT = 6
+CHECKSUM_DIGITS = 6
 """Number of significant digits with which an arena's numbers enter its checksum."""
 
 
@@ -45,7 +45,7 @@ def checksum(name: str) -> str:
     """SHA-256 of an arena's content, in hexadecimal digits; InputError if there is no such arena."""
     from sarsim.methods.arena import make_arena  # imported here, because checking names must not take seconds
 
-    text: str = make_arena(name).mjcf_model.to_xml_string(precision=SIGNIFICANT)
+    text: str = make_arena(name).mjcf_model.to_xml_string(precision=CHECKSUM_DIGITS)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -30,8 +30,8 @@ from sarsim.settings import EpisodeConfig
 FOLDER = "episodes"
 RUN_SPECIFIC_KEYS = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
 """Pattern of the keys of a report that name settings, or figures that vary from run to run."""
-LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
-GRACE = 1.1
+MAX_NAME_LENGTH = 80  # Maximum number of characters of a method or arena in a file name
+KILL_FACTOR = 1.1
 """An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
 
 CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
@@ -42,14 +42,14 @@ Row = dict[str, Any]
 
 
 class EpisodeResult(NamedTuple):
-    """The data kept from an episode: its row, its explored fraction over time, and its processor time, s."""
+    """The data kept from an episode: its row, its explored fraction over time and distance, and processor time, s."""
 
     row: Row
     curve: ExploredCurve
     processor_s: float
 
     @classmethod
-    def of_nothing(cls, row: Row) -> "EpisodeResult":
+    def of_failure(cls, row: Row) -> "EpisodeResult":
         """The result of a failed episode, which is scored as if it had seen nothing."""
         return cls(row, ExploredCurve(*np.zeros((3, 1))), 0.0)
 
@@ -71,7 +71,7 @@ class SweepJob:
     @property
     def file(self) -> str:
         """Path of the episode's result in the sweep's folder."""
-        parts = [re.sub(r"[^\w.-]+", "_", part)[-LONGEST_NAME:] for part in (self.method, self.arena)]
+        parts = [re.sub(r"[^\w.-]+", "_", part)[-MAX_NAME_LENGTH:] for part in (self.method, self.arena)]
         digest = hashlib.sha256(repr(self).encode()).hexdigest()
         return f"{FOLDER}/{'-'.join(parts)}-{self.seed}-{digest[:8]}.json"
 
@@ -100,7 +100,7 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
     gc.collect()
     if failure:
         raise InputError(failure)
-    kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
+    kept = {"row": job.row | figures, "curve": curve_columns(curve), "processor_s": time.process_time() - start}
     path = folder / job.file
     path.parent.mkdir(exist_ok=True)
     with atomic_write(path) as part:
@@ -111,7 +111,7 @@ def run_episode(settings: Mapping[str, Any], limit: float, job: SweepJob, folder
 def time_limit(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer than ``seconds``.
 
-    If the block continues nevertheless, the process is ended after ``GRACE`` times this limit.
+    If the block continues nevertheless, the process is ended after ``KILL_FACTOR`` times this limit.
     """
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -119,7 +119,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     before = signal.signal(signal.SIGALRM, stop)
     with Path(os.devnull).open("w") as nowhere:
-        faulthandler.dump_traceback_later(GRACE * seconds, exit=True, file=nowhere)
+        faulthandler.dump_traceback_later(KILL_FACTOR * seconds, exit=True, file=nowhere)
         signal.setitimer(signal.ITIMER_REAL, seconds)
         try:
             yield
@@ -129,8 +129,8 @@ def time_limit(seconds: float) -> Iterator[None]:
             signal.signal(signal.SIGALRM, before)
 
 
-def written(curve: ExploredCurve) -> dict[str, list[float]]:
-    """A curve as stored in a file: rounded, without points at which nothing new was seen."""
+def curve_columns(curve: ExploredCurve) -> dict[str, list[float]]:
+    """The columns of a curve as stored in a file: rounded, without points at which nothing new was seen."""
     rounded = {name: np.round(getattr(curve, name), digits) for name, digits in CURVE_DIGITS.items()}
     is_new = np.diff(rounded["explored"], prepend=-1.0) > 0
     return {name: values[is_new].tolist() for name, values in rounded.items()}

@@ -20,7 +20,7 @@ from sarsim.scoring.progress import mean_up_to
 
 REFERENCE = "nearest_frontier"
 """The method with which the other methods' times are compared."""
-KEPT = (
+ENTRY_KEYS = (
     "checksum", "sim_time_s", "navigation.distance_m", "navigation.mean_speed", "navigation.time_s.driving",
     "navigation.time_s.turning", "navigation.time_s.backing", "navigation.time_s.still", "navigation.time_s.narrow",
     "navigation.time_s.ramp", "exploration.explored_fraction", "exploration.t90_s",
@@ -31,7 +31,8 @@ KEPT = (
 """Keys of a row that an entry keeps."""
 ENTRY_DIGITS = 6
 """Number of significant digits that an entry keeps."""
-ENDS = {"time": "sim_time_s", "way": "navigation.distance_m"}
+END_KEYS = {"time": "sim_time_s", "way": "navigation.distance_m"}
+"""Key of an episode's total time, s, and of its total distance, m."""
 NOTHING_SEEN = {"explored_fraction": 0.0, "auc_time": 0.0, "auc_way": 0.0}
 """Figures of an episode that failed."""
 
@@ -63,8 +64,8 @@ class Entry:
     rows: tuple[Row, ...]
 
     @property
-    def board(self) -> tuple[tuple[str, ...], tuple[int, ...], str]:
-        """The properties that comparable entries share: arenas, seeds, and a digest of all checksums."""
+    def comparison_key(self) -> tuple[tuple[str, ...], tuple[int, ...], str]:
+        """The properties in which comparable entries agree: arenas, seeds, and a digest of all checksums."""
         sums = sorted({f"{row['arena']} {row['checksum']}" for row in self.rows if row.get("checksum")})
         return self.arenas, self.seeds, hashlib.sha256("\n".join(sums).encode()).hexdigest()
 
@@ -81,7 +82,7 @@ class Entry:
 def entry_of(rows: Iterable[Row], **about: Any) -> Entry:
     """An entry from the rows of a method's episodes; ``about`` holds the entry's other fields."""
     kept = [
-        {"arena": row["arena"], "seed": row["seed"]} | {key: _rounded(row[key]) for key in KEPT if key in row}
+        {"arena": row["arena"], "seed": row["seed"]} | {key: _rounded(row[key]) for key in ENTRY_KEYS if key in row}
         for row in rows
     ]
     return Entry(rows=tuple(kept), **about)
@@ -125,7 +126,7 @@ class Board(NamedTuple):
     """A table of comparable entries: its title, its column headings, and a row of texts for each entry."""
 
     title: str
-    heads: tuple[str, ...]
+    headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
@@ -133,14 +134,19 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
     """A table for each set of arenas and seeds; the method that explores 99% soonest comes first."""
     groups: dict[Any, list[Entry]] = defaultdict(list)
     for entry in entries:
-        groups[entry.board].append(entry)
+        groups[entry.comparison_key].append(entry)
     for (arenas, seeds, _), group in sorted(groups.items()):
         columns = {head: column(group) for head, column in TABLE_COLUMNS.items()}
         estimates = {head: [estimate(v) for v in values] for head, values in columns.items() if values}
-        order = np.argsort([found.value for found in estimates[FIRST]], kind="stable")
+        order = np.argsort([found.value for found in estimates[SORT_COLUMN]], kind="stable")
         count = len(group[0].rows) // len(seeds)
         rows = [
-            (e.method, *(text(estimates[h][n]) for h in estimates), str(_failed(e)), f"{e.commit}, {e.processor}")
+            (
+                e.method,
+                *(estimate_text(estimates[h][n]) for h in estimates),
+                str(_failed(e)),
+                f"{e.commit}, {e.processor}",
+            )
             for n, e in ((n, group[n]) for n in order)
         ]
         named = arenas if len(arenas) <= 3 else (arenas[0], "…", arenas[-1])
@@ -150,7 +156,7 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
         yield Board(title, ("method", *estimates, "failed", "commit, processor"), tuple(rows))
 
 
-def text(found: Estimate) -> str:
+def estimate_text(found: Estimate) -> str:
     """An estimate with its interval, if it has one, as text; – for values that are not finite."""
     value, low, high = (figure_text(value) if np.isfinite(value) else "–" for value in found)
     return value if value == "–" or low == high else f"{value} ({low}–{high})"
@@ -160,12 +166,15 @@ def _failed(entry: Entry) -> int:
     return sum(row.get("failed") is not None for row in entry.rows)
 
 
-def _reached(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
+def _time_column(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
     return lambda group: [entry.values(key, np.inf) for entry in group]
 
 
-def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
-    """A function that returns a figure's column: ``missing`` where an episode lacks the figure, empty if all do."""
+def _optional_column(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
+    """A function that returns each entry's values of a figure, or an empty list if no episode has the figure.
+
+    ``missing``: value for an episode that lacks the figure.
+    """
 
     def shown(group: Sequence[Entry]) -> list[Values]:
         found = [entry.values(key, missing) for entry in group]
@@ -174,7 +183,7 @@ def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], lis
     return shown
 
 
-def _ratio(group: Sequence[Entry]) -> list[Values]:
+def _t99_ratios(group: Sequence[Entry]) -> list[Values]:
     """(arenas, seeds) times to explore 99% divided by the times of ``REFERENCE``; 1 if neither explored 99%."""
     times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
     if REFERENCE not in times:
@@ -183,11 +192,14 @@ def _ratio(group: Sequence[Entry]) -> list[Values]:
         return [np.nan_to_num(times[e.method] / times[REFERENCE], nan=1.0, posinf=np.inf) for e in group]
 
 
-def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """A function that returns the mean explored fractions up to the end of the longest episode in each arena."""
+def _mean_explored(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
+    """A function that returns each entry's (arenas, seeds) explored fractions, averaged over time or distance.
+
+    The average ends where the longest episode in the arena ends. ``axis``: a key of :data:`END_KEYS`.
+    """
 
     def means(group: Sequence[Entry]) -> list[Values]:
-        ends = [entry.values(ENDS[axis], 0.0) for entry in group]
+        ends = [entry.values(END_KEYS[axis], 0.0) for entry in group]
         horizon = np.maximum(np.max([end.max(axis=1) for end in ends], axis=0), 1e-9)[:, None]
         named = [{key: e.values(f"exploration.{key}", value) for key, value in NOTHING_SEEN.items()} for e in group]
         return [np.asarray(mean_up_to(horizon, end, found, axis)) for end, found in zip(ends, named, strict=True)]
@@ -203,7 +215,7 @@ def _mean_speed(group: Sequence[Entry]) -> list[Values]:
     return [np.nan_to_num(speeds) if np.isfinite(speeds).any() else np.full_like(speeds, np.inf) for speeds in found]
 
 
-def _turning(group: Sequence[Entry]) -> list[Values]:
+def _turning_fractions(group: Sequence[Entry]) -> list[Values]:
     """Fractions of the time spent turning in place, inf for episodes without this figure; empty if all lack it."""
     found = [e.values("navigation.time_s.turning", np.inf) / e.values("sim_time_s", 1.0) for e in group]
     return found if np.isfinite(found).any() else []
@@ -218,20 +230,21 @@ def _people_found(group: Sequence[Entry]) -> list[Values]:
     return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []
 
 
-FIRST = "T_99, s"
+SORT_COLUMN = "T_99, s"
+"""Heading of the column by which a table is sorted."""
 TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
-    "T_90, s": _reached("exploration.t90_s"),
-    FIRST: _reached("exploration.t99_s"),
-    f"T_99 over {REFERENCE}": _ratio,
-    "explored, mean over time": _mean("time"),
-    "explored, mean over path": _mean("way"),
-    "path over oracle": _shown("exploration.path_over_oracle"),
-    "time over oracle": _shown("exploration.time_over_oracle"),
-    "time over physical": _shown("exploration.time_over_physical"),
+    "T_90, s": _time_column("exploration.t90_s"),
+    SORT_COLUMN: _time_column("exploration.t99_s"),
+    f"T_99 over {REFERENCE}": _t99_ratios,
+    "explored, mean over time": _mean_explored("time"),
+    "explored, mean over path": _mean_explored("way"),
+    "path over oracle": _optional_column("exploration.path_over_oracle"),
+    "time over oracle": _optional_column("exploration.time_over_oracle"),
+    "time over physical": _optional_column("exploration.time_over_physical"),
     "mean speed, m/s": _mean_speed,
-    "turning in place": _turning,
-    "map F1, 5 cm": _shown("semantic_map.f1_5cm", 0.0),
-    "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
+    "turning in place": _turning_fractions,
+    "map F1, 5 cm": _optional_column("semantic_map.f1_5cm", 0.0),
+    "map F1, 10 cm": _optional_column("semantic_map.f1_10cm", 0.0),
     "people found": _people_found,
 }
 """For each column of a table, a function that returns each entry's values, or an empty list to omit the column."""

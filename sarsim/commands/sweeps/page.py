@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Values
 from pipeline.html_page import render, write_html
-from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
+from sarsim.commands.sweeps.leaderboard import END_KEYS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, fractions_at
 
-AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
+AXES = {"time_s": ("time, s", END_KEYS["time"]), "way_m": ("path length, m", END_KEYS["way"])}
 """Axes of the plots: for each field of a curve, the axis's label and the report key of its value at the end."""
 SAMPLES = 101
 """Number of points along an axis at which fractions are drawn, a hundredth of the axis apart."""
@@ -42,7 +42,7 @@ Curves = Mapping[str, Sequence[ExploredCurve]]
 def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
     """Write the page of entries for the same arenas and seeds; InputError if it cannot be written."""
     strokes = dict(zip(curves, _strokes(), strict=False))
-    plots = drawing(entries, curves, strokes)
+    plots = plots_svg(entries, curves, strokes)
     found = list(boards(entries))
     write_html(path, render("sarsim.commands.sweeps", "sweep.html", plots=plots, strokes=strokes, boards=found))
 
@@ -52,7 +52,7 @@ def _strokes() -> Iterator[Stroke]:
     return cycle(Stroke(colour, dashes) for dashes, colour in product(DASHES, OKABE_ITO))
 
 
-def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> str:
+def plots_svg(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> str:
     """The plots over time and distance as an SVG element; equal arguments give equal bytes."""
     svg, figure = StringIO(), Figure(figsize=(11, 5), layout="constrained")
     with rc_context({"svg.hashsalt": "sweep", "svg.fonttype": "none"}):

@@ -47,13 +47,13 @@ def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Es
     The values for an arena's seeds differ only if the method or the robot draws random numbers; otherwise, resampling
     the seeds changes nothing.
     """
-    means = np.sort(mean(values.ravel()[_drawn(*values.shape)]))
+    means = np.sort(mean(values.ravel()[_resampled_indices(*values.shape)]))
     out = round(BOOTSTRAP_SAMPLES * (1 - CONFIDENCE_LEVEL) / 2)
     return Estimate(float(mean(values.ravel())), float(means[out]), float(means[-1 - out]))
 
 
 @cache
-def _drawn(arenas: int, seeds: int) -> NDArray[np.int64]:
+def _resampled_indices(arenas: int, seeds: int) -> NDArray[np.int64]:
     """(BOOTSTRAP_SAMPLES, arenas × seeds) flat indices of arenas, and seeds in each, drawn with replacement."""
     rng = np.random.default_rng(0)
     arena = rng.integers(arenas, size=(BOOTSTRAP_SAMPLES, arenas, 1))

@@ -7,7 +7,7 @@ from PIL import Image
 
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.things.thing import things_of
-from sarsim.commands.export_arena import ExportArena, export_arena
+from sarsim.commands.export_arena import ExportArenaConfig, export_arena
 from sarsim.commands.settings import run_with_settings
 from tests.sarsim.arenas.sdf.worlds import PLANE, box, model, write
 
@@ -20,7 +20,7 @@ RAF = (
 def exported(tmp_path, *flags):
     """An arena as the command wrote it."""
     out = tmp_path / "out.xml"
-    run_with_settings(export_arena, ExportArena, ["--out", str(out), *flags])
+    run_with_settings(export_arena, ExportArenaConfig, ["--out", str(out), *flags])
     assert sorted(p.name for p in out.parent.glob("*.part")) == []
     return mujoco.MjModel.from_xml_path(str(out))
 

@@ -7,7 +7,7 @@ import h5py
 import pytest
 
 from sarsim.commands import export_dataset, generate_dataset
-from sarsim.commands.generate_dataset import GenerateDataset
+from sarsim.commands.generate_dataset import GenerateDatasetConfig
 from sarsim.commands.generate_dataset import generate_dataset as command
 from sarsim.commands.settings import run_with_settings
 from tests.refusal import refusal
@@ -18,7 +18,7 @@ def test_the_command_says_where_the_dataset_lies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess(toys=True))
-    run_with_settings(command, GenerateDataset, ["--out", str(tmp_path / "[b]data"), "--scenes", "2"])
+    run_with_settings(command, GenerateDatasetConfig, ["--out", str(tmp_path / "[b]data"), "--scenes", "2"])
     captured = capsys.readouterr()
     assert f"2 scenes in {tmp_path / '[b]data'}" in captured.out
     assert (tmp_path / "[b]data" / "index.html").exists()

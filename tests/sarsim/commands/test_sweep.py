@@ -54,7 +54,7 @@ def test_a_method_that_fails_costs_its_own_episodes_alone(
     assert len(rows) == 4 and sum(row["failed"] is None for row in rows) == 2
     assert {row["checksum"] for row in rows} == {"c"}
     entries = [read_entry(file) for file in (settings.out / "entries").iterdir()]
-    assert len(entries) == 2 and len({entry.board for entry in entries}) == 1
+    assert len(entries) == 2 and len({entry.comparison_key for entry in entries}) == 1
     again = replace(settings, out=settings.out.with_name("[b]again"))
     sweep(again)
     for name in ("episodes.parquet", "sweep.html"):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from sarsim.commands import generate_dataset
-from sarsim.commands.generate_dataset import GenerateDataset
+from sarsim.commands.generate_dataset import GenerateDatasetConfig
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.manifest import sha256_of
 from tests.refusal import refusal
@@ -23,7 +23,7 @@ from tests.sarsim.dataset.small import InProcess
 KILLS = int(os.environ.get("KILLS", "1"))
 SCRIPT = Path(__file__).parents[3] / "scripts" / "generate_dataset.py"
 FLAGS = "--scenes 2 --frames 2 --workers 1 --seed 2 --width 160 --height 120 --arenas nist_6x4"
-COMMAND = generate_dataset.generate_dataset, GenerateDataset
+COMMAND = generate_dataset.generate_dataset, GenerateDatasetConfig
 LONGEST = 12.0
 """s, latest time of a kill; a run takes about as long."""
 WORKERS_KILLED = 2

@@ -15,7 +15,7 @@ import pytest
 from pipeline.errors import InputError
 from sarsim import jobs
 from sarsim.commands import generate_dataset
-from sarsim.commands.generate_dataset import GenerateDataset
+from sarsim.commands.generate_dataset import GenerateDatasetConfig
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import Manifest, scene_path
@@ -54,7 +54,7 @@ def test_a_command_that_is_interrupted_is_completed_by_the_next(
     assert whole
     assert all(data == reference[name] for name, data in whole.items())
     monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
-    run_with_settings(generate_dataset.generate_dataset, GenerateDataset, ["--out", str(folder), *FLAGS])
+    run_with_settings(generate_dataset.generate_dataset, GenerateDatasetConfig, ["--out", str(folder), *FLAGS])
     assert files(folder) == reference
     assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
 

@@ -13,7 +13,7 @@ import tyro
 
 from pipeline.errors import InputError
 from pipeline.plugin import Plugin
-from sarsim.commands.cli import guarded
+from sarsim.commands.cli import run_guarded
 from sarsim.commands.settings import save_settings, settings_from
 from sarsim.methods import plugins
 from sarsim.methods.plugins import make_plugins
@@ -110,7 +110,7 @@ def test_what_a_file_may_not_ask_for_is_refused(
     text: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "config.yaml").write_text(text)
-    assert fault in refusal(capsys, guarded, lambda: asked("--config", str(tmp_path / "config.yaml")))
+    assert fault in refusal(capsys, run_guarded, lambda: asked("--config", str(tmp_path / "config.yaml")))
 
 
 def test_a_plugin_that_the_installation_does_not_know_yet_is_a_line() -> None:

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands.sweeps.leaderboard import FIRST, TABLE_COLUMNS, Entry, boards, entry_of, read_entry, write_entry
+from sarsim.commands.sweeps.leaderboard import (
+    SORT_COLUMN,
+    TABLE_COLUMNS,
+    Entry,
+    boards,
+    entry_of,
+    read_entry,
+    write_entry,
+)
 
 ORIGIN = {"commit": "abc", "version": "1", "processor": "P", "processor_s": 2.0}
 ABOUT = ORIGIN | {"arenas": ("toys",), "seeds": (0, 1)}
@@ -44,7 +52,7 @@ def test_times_are_compared_pair_by_pair() -> None:
     ratios = TABLE_COLUMNS["T_99 over nearest_frontier"]([FAST, SLOW])
     assert ratios[0].tolist() == [[0.5, 1.0], [0.5, 1.0]]
     assert TABLE_COLUMNS["T_99 over nearest_frontier"]([FAST]) == []
-    assert TABLE_COLUMNS[FIRST]([FAST])[0].tolist() == [[10, 20], [30, np.inf]]
+    assert TABLE_COLUMNS[SORT_COLUMN]([FAST])[0].tolist() == [[10, 20], [30, np.inf]]
 
 
 def test_shares_are_means_up_to_the_longest_end_of_all_entries() -> None:
@@ -57,7 +65,7 @@ def test_a_failed_episode_saw_nothing() -> None:
     lost = entry_of([{"arena": "a", "seed": s, "failed": "threw"} for s in (0, 1)], **(ABOUT | {"method": "lost"}))
     known = replace(FAST, rows=FAST.rows[:2])
     assert TABLE_COLUMNS["explored, mean over time"]([known, lost])[1].tolist() == [[0.0, 0.0]]
-    assert TABLE_COLUMNS[FIRST]([lost])[0].tolist() == [[np.inf, np.inf]]
+    assert TABLE_COLUMNS[SORT_COLUMN]([lost])[0].tolist() == [[np.inf, np.inf]]
 
 
 def test_people_are_a_share_of_those_in_the_arena_and_arenas_without_do_not_count() -> None:
@@ -95,8 +103,8 @@ def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() ->
     assert sorted([r[0] for r in table.rows] for table in tables) == [["fast"], ["fast", "nearest_frontier"]]
     (pair,) = (table for table in tables if len(table.rows) == 2)
     assert pair.title == "toys: 2 arenas, seeds 0 1"
-    assert "path over oracle" not in pair.heads and "map F1, 10 cm" not in pair.heads
-    assert pair.rows[0][pair.heads.index(FIRST)].startswith("25 (")
+    assert "path over oracle" not in pair.headings and "map F1, 10 cm" not in pair.headings
+    assert pair.rows[0][pair.headings.index(SORT_COLUMN)].startswith("25 (")
     assert pair.rows[0][-2:] == ("0", "abc, P")
 
 

@@ -16,7 +16,7 @@ from sarsim.scoring.progress import ExploredCurve
 
 ABOUT = {"arenas": ("toys",), "seeds": (0, 1), "commit": "c", "version": "1", "processor": "P", "processor_s": 1.0}
 PLACES = np.array([0.0, 9.0, 10.0, 99.0])
-NOTHING = EpisodeResult.of_nothing({}).curve
+NOTHING = EpisodeResult.of_failure({}).curve
 
 
 def curve(share: float) -> ExploredCurve:
@@ -83,6 +83,6 @@ def test_names_are_shown_as_they_are_and_no_more(tmp_path: Path) -> None:
 def test_the_table_is_the_leaderboard_s(tmp_path: Path) -> None:
     (board,) = boards([entry("m"), entry("nearest_frontier")])
     text = page(tmp_path, ["m", "nearest_frontier"])
-    assert re.findall("<th.*?>(.*?)</th>", text) == list(board.heads)
+    assert re.findall("<th.*?>(.*?)</th>", text) == list(board.headings)
     assert re.findall("<td>(.*?)</td>", text) == [cell for row in board.rows for cell in row]
     assert board.title in text

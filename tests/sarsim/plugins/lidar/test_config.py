@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pipeline.errors import InputError
-from sarsim.commands.cli import guarded
+from sarsim.commands.cli import run_guarded
 from sarsim.commands.settings import settings_from
 from sarsim.plugins.lidar.config import PRESETS, LidarConfig
 from sarsim.settings import EpisodeConfig
@@ -71,7 +71,7 @@ def test_the_planar_scanner_has_a_beam_every_quarter_degree():
     ],
 )
 def test_what_is_no_lidar_is_a_line(words, fault, capsys):
-    line = refusal(capsys, guarded, lambda: settings_from(EpisodeConfig, words))
+    line = refusal(capsys, run_guarded, lambda: settings_from(EpisodeConfig, words))
     assert line.startswith("error: --lidar")
     assert fault in line
 

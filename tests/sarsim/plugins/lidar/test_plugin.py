@@ -18,8 +18,8 @@ from pipeline.plugin import RunContext
 from pipeline.robot import Velocity
 from pipeline.sink import Result
 from sarsim.arenas.load import load_arena
-from sarsim.commands.cli import guarded
-from sarsim.commands.generate_dataset import GenerateDataset, generate_dataset
+from sarsim.commands.cli import run_guarded
+from sarsim.commands.generate_dataset import GenerateDatasetConfig, generate_dataset
 from sarsim.dataset.generate import generate
 from sarsim.dataset.scene_file import Scene
 from sarsim.methods.plugins import make_plugins
@@ -124,8 +124,8 @@ def test_commands_without_a_simulated_robot_refuse_it():
 
 
 def test_datasets_refuse_plugins_that_add_nothing_to_them(tmp_path, capsys):
-    config = GenerateDataset(out=tmp_path / "out", plugins={"finds": None})
-    assert "--finds: this command has no use for it" in refusal(capsys, guarded, lambda: generate_dataset(config))
+    config = GenerateDatasetConfig(out=tmp_path / "out", plugins={"finds": None})
+    assert "--finds: this command has no use for it" in refusal(capsys, run_guarded, lambda: generate_dataset(config))
     assert not (tmp_path / "out").exists()
 
 

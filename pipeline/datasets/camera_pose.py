@@ -19,24 +19,30 @@ from pipeline.transforms import inverse
 
 MAX_FRAMES, MAX_VIEWS = 30, 8  # Maximum numbers of frames and of views if any of them shows the vertical
 MIN_TRANSLATION, MIN_ROTATION = (0.1, 0.1)  # m or rad, minimum motion since the last view for a new view
-STEEPEST = np.cos(np.radians(45))  # Minimum cosine of the angle between the vertical and the image's upward direction
-ALONG, ACROSS = np.cos(np.radians(4)), np.sin(np.radians(4))  # Tolerance of 4° for level and upright surfaces
-CANDIDATES = 200  # Maximum number of normals of nearly level surfaces that are tried as the vertical
-OTHER = np.cos(np.radians(6))  # Cosine of the angle beyond which two directions are different candidates
-DISAGREE = 0.7  # Minimum support of another direction that may be the vertical, as a fraction of the largest support
-LAYER = 0.05  # m, thickness of the layers in which level surfaces are counted
-MIN_LEVEL = 0.25  # Minimum number of points in the floor's layer, as a fraction of the number in the largest layer
+MIN_UPWARD_COS = np.cos(np.radians(45))
+"""Minimum cosine of the angle between the vertical and the image's upward direction."""
+MIN_LEVEL_COS, MAX_UPRIGHT_COS = np.cos(np.radians(4)), np.sin(np.radians(4))
+"""Limits of the cosine of the angle between the vertical and the normals of level and upright surfaces: 4° of
+tolerance."""
+MAX_CANDIDATES = 200  # Maximum number of normals of nearly level surfaces that are tried as the vertical
+SAME_DIRECTION_COS = np.cos(np.radians(6))  # Cosine of the angle beyond which two directions are different candidates
+MIN_OTHER_SUPPORT = 0.7
+"""Minimum support of another direction that may be the vertical, as a fraction of the largest support."""
+LAYER_THICKNESS = 0.05  # m, thickness of the layers in which level surfaces are counted
+MIN_FLOOR_FRACTION = 0.25
+"""Minimum number of points in the floor's layer, as a fraction of the number in the largest layer."""
 
 
 class CameraPoseEstimate(NamedTuple):
     """An estimated pose of a camera above the floor.
 
     Attributes:
-        T: pose of ``camera_optical`` above the floor, see :func:`~pipeline.localisation.vertical.T_level_camera`.
+        T_level_camera: pose of ``camera_optical`` above the floor, see
+            :func:`~pipeline.localisation.vertical.T_level_camera`.
         other: pose above another surface that may be the floor; None if there is no such surface.
     """
 
-    T: Pose
+    T_level_camera: Pose
     other: Pose | None
 
 
@@ -63,15 +69,15 @@ def find_pose_above_floor(
     seen, candidates = _seen(frames, pose, config)
     if seen is None or not candidates:
         return None
-    level = seen.normals[-seen.normals[:, 1] > STEEPEST]
-    drawn = level[np.random.default_rng(0).permutation(len(level))[:CANDIDATES]]
+    level = seen.normals[-seen.normals[:, 1] > MIN_UPWARD_COS]
+    drawn = level[np.random.default_rng(0).permutation(len(level))[:MAX_CANDIDATES]]
     ups = np.concatenate([np.array(candidates), drawn])
     support = np.array([_support(seen.normals, up) for up in ups])
     up = _refined(seen.normals, ups[support.argmax()])
-    apart = ups @ up < OTHER
+    apart = ups @ up < SAME_DIRECTION_COS
     second = np.where(apart, support, 0)
     T = T_level_camera(up, _floor(seen, up))
-    if second.max(initial=0) < DISAGREE * support.max():
+    if second.max(initial=0) < MIN_OTHER_SUPPORT * support.max():
         return CameraPoseEstimate(T, None)
     other = _refined(seen.normals, ups[second.argmax()])
     return CameraPoseEstimate(T, T_level_camera(other, _floor(seen, other)))
@@ -113,13 +119,13 @@ def _is_near(T: Pose, other: Pose) -> bool:
 def _support(normals: Directions, up: Direction) -> int:
     """Number of points on surfaces that are level or upright if ``up`` is the vertical."""
     along = normals @ up
-    return int(np.count_nonzero(along > ALONG) + np.count_nonzero(np.abs(along) < ACROSS))
+    return int(np.count_nonzero(along > MIN_LEVEL_COS) + np.count_nonzero(np.abs(along) < MAX_UPRIGHT_COS))
 
 
 def _refined(normals: Directions, up: Direction) -> Direction:
     """The vertical relative to which the surfaces that support ``up`` are closest to level or upright."""
     along = normals @ up
-    level, upright = normals[along > ALONG], normals[np.abs(along) < ACROSS]
+    level, upright = normals[along > MIN_LEVEL_COS], normals[np.abs(along) < MAX_UPRIGHT_COS]
     _, directions = np.linalg.eigh(upright.T @ upright - level.T @ level)
     return directions[:, 0] * np.sign(directions[:, 0] @ up)
 
@@ -127,11 +133,11 @@ def _refined(normals: Directions, up: Direction) -> Direction:
 def _floor(seen: _Surfaces, up: Direction) -> float:
     """Coordinate along ``up``, m, of the lowest large level surface, or of the lowest points if there is none."""
     heights: Values = seen.points @ up
-    level = np.sort(heights[seen.normals @ up > ALONG])
+    level = np.sort(heights[seen.normals @ up > MIN_LEVEL_COS])
     if not len(level):
         return float(np.quantile(heights, 0.02))
-    layer = np.searchsorted(level, level + LAYER) - np.arange(len(level))  # points in the layer above each
-    lowest = int(np.argmax(layer >= MIN_LEVEL * layer.max()))
+    layer = np.searchsorted(level, level + LAYER_THICKNESS) - np.arange(len(level))  # points in the layer above each
+    lowest = int(np.argmax(layer >= MIN_FLOOR_FRACTION * layer.max()))
     first = level[lowest : lowest + layer[lowest]]
-    around = level[np.abs(level - np.median(first)) < LAYER]
+    around = level[np.abs(level - np.median(first)) < LAYER_THICKNESS]
     return float(np.median(around))

@@ -21,7 +21,7 @@ INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 EXTRINSIC = re.compile(r"(?P<stream>(?P<device>/device_\d+)/sensor_\d+/\w+)/tf/(?P<reference>\d+)")
 EXTRINSIC_TYPE = "geometry_msgs/msg/Transform"
 TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # image_transport's suffixes of topic names
-SAME_PLACE = 1e-3  # Maximum difference between the poses of two frames that coincide, m and rad
+COINCIDENCE_TOLERANCE = 1e-3  # Maximum difference between the poses of two frames that coincide, m and rad
 
 
 class ImageSource(NamedTuple):
@@ -40,10 +40,10 @@ class ImageSource(NamedTuple):
 
 def is_rectified(topic: str) -> bool:
     """Whether a topic's name, such as ``image_rect`` or ``image_rect_color``, indicates rectified images."""
-    return "rect" in _raw(topic)[-1].lower()
+    return "rect" in _name_parts(topic)[-1].lower()
 
 
-def _raw(topic: str) -> list[str]:
+def _name_parts(topic: str) -> list[str]:
     """The parts of a topic's name without image_transport's suffix."""
     parts = topic.strip("/").split("/")
     return parts[:-1] if parts[-1] in TRANSPORTS and len(parts) > 1 else parts
@@ -66,8 +66,8 @@ def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
         name: shared
         for name, kind in kinds.items()
         if kind == INFO_TYPE
-        and (shared := _shared(name, topic)) > 0
-        and all(_shared(name, other) <= shared for other in images)
+        and (shared := _count_shared_parts(name, topic)) > 0
+        and all(_count_shared_parts(name, other) <= shared for other in images)
     }
     nearest = [name for name, shared in near.items() if shared == max(near.values())]
     return nearest[0] if len(nearest) == 1 else None
@@ -89,9 +89,9 @@ def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
     return found["stream"].strip("/"), f"{found['device'].strip('/')}/reference_{found['reference']}", inverse(T)
 
 
-def _shared(info: str, image: str) -> int:
+def _count_shared_parts(info: str, image: str) -> int:
     """The number of leading parts that two topics' names share."""
-    pairs = zip(info.strip("/").split("/"), _raw(image), strict=False)
+    pairs = zip(info.strip("/").split("/"), _name_parts(image), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
@@ -140,7 +140,7 @@ class RgbdCamera:
         """Find the transform with which depth must be registered to colour, unless depth is already registered."""
         named = frame_tree.named
         T = frame_tree.between(named(of_colour), named(of_depth)) if of_colour and of_depth else None
-        is_one = self._depth.is_like(self._colour)
+        is_one = self._depth.has_same_intrinsics(self._colour)
         if is_one and (T is None or _is_same(frame_tree, of_depth, of_colour)):
             return
         cameras = f"depth is from {_name(of_depth, self._depth)}, colour from {_name(of_colour, self._colour)}"
@@ -150,7 +150,7 @@ class RgbdCamera:
             self.note = f"{cameras}; registering depth to colour with camera_info and {means}"
             return
         found = f"{cameras}; depth is not registered to colour, and no transform connects them"
-        if not self._depth.fits(self._colour):
+        if not self._depth.has_same_size(self._colour):
             raise InputError(f"{self._path}: {found}; record registered depth or the transform")
         self.note = f"{found}; using the images as they are"
 
@@ -179,7 +179,7 @@ class RgbdCamera:
 def _is_same(frame_tree: FrameTree, frame: str, other: str) -> bool:
     """Whether two frames are known to coincide."""
     T = frame_tree.between(frame_tree.named(frame), frame_tree.named(other))
-    return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
+    return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=COINCIDENCE_TOLERANCE)
 
 
 def _name(frame: str, camera: ImageRectifier) -> str:
@@ -214,6 +214,8 @@ def _covered(
     row: np.ndarray, column: np.ndarray, z: np.ndarray, k: Intrinsics, target: Intrinsics, T: Pose
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pixels of the target image that the projections of pixels with depths ``z`` (N,), m, cover.
+
+    ``T``: pose of the depth camera in the frame of the target camera.
 
     Returns:
         (2, N) first column and row, (2, N) column and row after the last, both clipped to the image, and (N,) m,

@@ -11,7 +11,8 @@ from pipeline.sensor import STRUCTURED_LIGHT, DepthNoise, SensorModel
 
 FARTHEST = 8.0  # m: the maps keep points up to 8.19 m away from the robot along each axis
 MAX_NOISE = 0.1  # m, maximum standard deviation of depth at 1 m, six times the value of the noisiest camera below
-SUBPIXEL = 0.08  # pixels, noise of a RealSense's disparity on a textured surface (Intel's guide to tuning the D400)
+DISPARITY_NOISE = 0.08
+"""Noise of a RealSense's disparity on a textured surface, pixels (Intel's guide to tuning the D400)."""
 
 
 class KnownCamera(NamedTuple):
@@ -28,7 +29,7 @@ class KnownCamera(NamedTuple):
     sensor: SensorModel
 
 
-def stereo(focal_length: float, baseline: float, subpixel: float = SUBPIXEL) -> DepthNoise:
+def stereo_noise(focal_length: float, baseline: float, subpixel: float = DISPARITY_NOISE) -> DepthNoise:
     """The noise of a stereo camera, whose standard deviation is ``depth² · subpixel / (focal length · baseline)``.
 
     Args:
@@ -43,29 +44,31 @@ def _camera(name: str, pattern: str, nearest: float, farthest: float, noise: Dep
 
 
 # Ranges of stereo cameras end where the noise reaches 5 cm, half a voxel; focal lengths are for 848 × 480 pixels.
-KNOWN = (
+KNOWN_CAMERAS = (
     # Range: Microsoft. Noise, for surfaces seen head-on: Fankhauser et al., ICAR 2015.
     _camera("a Kinect v2", r"kinect[-_]?(2|v2|one)|\bk4w2\b", 0.5, 4.5, DepthNoise(0.00129, 0.0003, 0.83)),
     # Range and noise in the narrow mode, binned: Microsoft's hardware specification.
     _camera("an Azure Kinect", r"azure[-_]?kinect|k4a|femto", 0.5, 5.46, DepthNoise(0.017, 0.0)),
     # Nearest depths, fields of view and baselines of RealSense cameras: Intel's data sheet of the D400 family.
-    _camera("a RealSense D455", r"(?<![a-z])d45[0-9]", 0.5, 5.1, stereo(447, 0.095)),
-    _camera("a RealSense D415", r"(?<![a-z])d41[0-9]", 0.3, 4.8, stereo(665, 0.055)),
-    _camera("a RealSense D435", r"(?<![a-z])d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo(424, 0.05)),
+    _camera("a RealSense D455", r"(?<![a-z])d45[0-9]", 0.5, 5.1, stereo_noise(447, 0.095)),
+    _camera("a RealSense D415", r"(?<![a-z])d41[0-9]", 0.3, 4.8, stereo_noise(665, 0.055)),
+    _camera(
+        "a RealSense D435", r"(?<![a-z])d43[0-9]|realsense|/device_\d+/sensor_", 0.2, 3.6, stereo_noise(424, 0.05)
+    ),
     # Range: Khoshelham & Elberink, Sensors 2012. All these cameras have the same chip or a copy of it.
     _camera(
         "a Kinect or Xtion", r"kinect|xtion|primesense|openni|astra|freiburg[123]", *(0.5, 5.0, STRUCTURED_LIGHT)
     ),
 )
 """Known cameras. The first camera whose pattern matches a name is used; an unspecified RealSense matches the D435."""
-UNNAMED = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
+DEFAULT_SENSOR = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
 """Sensor model that is used if a recording does not name its camera."""
 
 
 def camera_named(names: Iterable[str]) -> tuple[KnownCamera, str] | None:
     """The first known camera whose pattern matches one of the names, and that name; None if there is no match."""
     words = list(names)
-    return next(((camera, word) for camera in KNOWN for word in words if camera.pattern.search(word)), None)
+    return next(((camera, word) for camera in KNOWN_CAMERAS for word in words if camera.pattern.search(word)), None)
 
 
 def measured_by(sensor: SensorModel, frame: Frame) -> Frame:
@@ -76,19 +79,19 @@ def measured_by(sensor: SensorModel, frame: Frame) -> Frame:
     return replace(frame, depth=sensor.in_range(frame.depth), sensor=sensor.precise)
 
 
-def with_flags(
+def with_overrides(
     sensor: SensorModel,
     depth_range: tuple[float, float] | None = None,
     depth_noise: float | None = None,
     names: tuple[str, str] = ("--depth-range", "--depth-noise"),
 ) -> SensorModel:
-    """A sensor model with the range and the noise that the user has given.
+    """A sensor model whose range and noise are replaced by those that the user has given, if any.
 
     Args:
         sensor: sensor model that provides the values that the user has not given.
         depth_range: nearest and farthest depth, m.
         depth_noise: standard deviation at a depth of 1 m, m; it grows with the square of depth.
-        names: names of the two flags, for error messages.
+        names: names of the two flags or settings, for error messages.
 
     Raises:
         InputError: a value is out of bounds, or the range is too short for the noise.

@@ -16,18 +16,17 @@ from pipeline.localisation.trajectory import MIN_SINCE_1970, in_seconds
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 DEPTH, COLOUR = ("depth",), ("rgb", "color")  # Names of lists and of folders
-NUMBER = re.compile(
-    r"(?<![\d.])\d+\.\d+(?!\.?\d)|\d+"
-)  # In file names: a decimal that is not part of 1.2.3, or a whole number
+NUMBER = re.compile(r"(?<![\d.])\d+\.\d+(?!\.?\d)|\d+")
+"""A number in a file name: a decimal that is not part of text such as 1.2.3, or a whole number."""
 ROW = re.compile(r"(?P<time>[^\s,]+)[\s,]+(?P<file>\S.*)")
 TWO_ROWS = re.compile(r"(?P<time>\S+) (?P<file>\S.*?\.[A-Za-z]\w*) (?P<other_time>[-+.\deE]+) (?P<other_file>\S.*)")
-OWN = "keyframes.txt", "label.txt"  # Files that only sarsim writes, whose times are in s
+OWN_FILES = "keyframes.txt", "label.txt"  # Files that only sarsim writes, whose times are in s
 MAX_STEP = 2.0  # s, maximum plausible median interval between images whose times have no date
 MAX_STEP_OF_DATES = 3600.0  # s, maximum median interval between dates; numbers farther apart are not dates
 UNITS = {1.0: "s", 1e3: "ms", 1e6: "µs", 1e9: "ns"}
 """Names of units of time, by the number of units in a second."""
-Key = tuple[float, ...]
-Note = Callable[[str], None]
+Key = tuple[float, ...]  # Numbers in the name of an image by which it is paired with another image
+Note = Callable[[str], None]  # Function that receives a line about an assumption
 
 
 class Pair(NamedTuple):
@@ -72,7 +71,7 @@ def _seconds(file: Path, times: Values, fps: float | None, note: Note) -> Values
     dates, step = _dates(times), float(np.median(np.diff(np.unique(times)))) if np.ptp(times) else 0.0
     if dates is not None:
         return dates
-    if any((file.parent / name).exists() for name in OWN):
+    if any((file.parent / name).exists() for name in OWN_FILES):
         return times
     if step == 1 and not np.any(times % 1):
         if fps is not None:
@@ -94,7 +93,11 @@ def _dates(times: Values) -> Values | None:
 
 
 def holds_images(path: Path) -> bool:
-    """Whether a folder has depth images, a list of depth images, or a file of associations."""
+    """Whether a folder has depth images, a list of depth images, or a file of associations.
+
+    Raises:
+        InputError: a line of a file of associations is malformed.
+    """
     listed = any((path / f"{name}.txt").exists() or _files(path / name) for name in DEPTH)
     return listed or bool(_association_rows(path))
 
@@ -122,7 +125,7 @@ def _association_rows(path: Path) -> tuple[Path, list[tuple[str, str, str]]] | N
     None if there is no such file.
 
     Raises:
-        InputError: a line does not have this format.
+        InputError: a line does not have the form TIME FILE TIME FILE.
     """
     for file in sorted(path.glob("assoc*.txt")):
         lines = [
@@ -263,13 +266,13 @@ def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -
             raise InputError(
                 f"{depth.files[0].parent}: the images have no timestamps; give the frame rate with --fps"
             )
-        times = _places(keys, others) / fps
+        times = _frame_numbers(keys, others) / fps
     by_key = dict(zip(others, colour.files, strict=True))
     found = zip(times.tolist(), keys, depth.files, strict=True)
     return [Pair(time, file, by_key.get(key)) for time, key, file in found]
 
 
-def _places(keys: list[Key], others: list[Key]) -> Values:
+def _frame_numbers(keys: list[Key], others: list[Key]) -> Values:
     """(N,) number of images taken before the image of each key, including lost images, inferred from the keys."""
     every = sorted({*keys, *others})
     if len(every[0]) > 1 or len(every[-1]) > 1:

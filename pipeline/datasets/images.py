@@ -12,8 +12,8 @@ from pipeline.datasets.messages import Message
 from pipeline.errors import InputError
 from pipeline.frame import decoded
 
-MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
-DEPTHS = (*MILLIMETRES, "32FC1")  # Encodings of depth, of which the last is in m
+MILLIMETRE_ENCODINGS = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
+DEPTH_ENCODINGS = (*MILLIMETRE_ENCODINGS, "32FC1")  # Encodings of depth, of which the last is in m
 TO_RGB = {
     "rgb8": (3, None),
     "bgr8": (3, cv2.COLOR_BGR2RGB),
@@ -34,25 +34,24 @@ TO_RGB = {
 
 OpenCV names Bayer patterns from pixel (1, 1).
 """
-DEEP = {"rgb16": "rgb8", "bgr16": "bgr8", "rgba16": "rgba8", "bgra16": "bgra8"}
+SIXTEEN_BIT = {"rgb16": "rgb8", "bgr16": "bgr8", "rgba16": "rgba8", "bgra16": "bgra8"}
 """Encodings with 16 bits per channel, and the encodings of the upper 8 bits."""
-CONFIG = struct.Struct("<iff")
+COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
 UNREADABLE = "is damaged, too large or not supported"
 LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
-MIN_CLIPPED, CLIP_GAP = (
-    0.01,
-    0.1,
-)  # Minimum fraction of pixels with the depth that stands for no return; minimum relative gap below this depth
-LARGEST = float(np.finfo(np.float16).max)  # m; depths of at least this value stand for "no return" (65504 in AirSim)
+MIN_CLIPPED_FRACTION = 0.01  # Minimum fraction of pixels with the depth that stands for no return
+MIN_CLIP_GAP = 0.1  # Minimum gap below this depth, as a fraction of this depth
+MIN_NO_RETURN = float(np.finfo(np.float16).max)
+"""Value from which on floats stand for no return, such as 65504 in AirSim."""
 
 
 def is_depth(message: Message) -> bool:
     """Whether an image holds depth, by its encoding or, if it is compressed, by its format or its content."""
     if not hasattr(message, "format"):
-        return message.encoding in DEPTHS
-    if "compressedDepth" in message.format or message.format.startswith(DEPTHS):
+        return message.encoding in DEPTH_ENCODINGS
+    if "compressedDepth" in message.format or message.format.startswith(DEPTH_ENCODINGS):
         return True
     try:
         pixels = decoded(message.data, cv2.IMREAD_UNCHANGED)
@@ -65,11 +64,13 @@ def depth_of(message: Message) -> Depth:
     """The depth in a depth image, m; InputError if the image is broken or not encoded as depth."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
-    if message.encoding in MILLIMETRES:
+    if message.encoding in MILLIMETRE_ENCODINGS:
         return metres(_pixels(message, np.dtype(np.uint16), 1), 1000.0)
     if message.encoding == "32FC1":
         return metres(_pixels(message, np.dtype(np.float32), 1))
-    raise InputError(f"depth images in {message.encoding!r} are not supported; use {', '.join(MILLIMETRES)} or 32FC1")
+    raise InputError(
+        f"depth images in {message.encoding!r} are not supported; use {', '.join(MILLIMETRE_ENCODINGS)} or 32FC1"
+    )
 
 
 def metres(pixels: NDArray, units: float = 1.0) -> Depth:
@@ -78,7 +79,7 @@ def metres(pixels: NDArray, units: float = 1.0) -> Depth:
     Values that are not positive or not finite mean no return. The maximum of an integer type, and values of at least
     the maximum of half precision, also mean no return, because some drivers write these values instead.
     """
-    nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else LARGEST
+    nothing = np.iinfo(pixels.dtype).max if np.issubdtype(pixels.dtype, np.integer) else MIN_NO_RETURN
     is_return = (pixels > 0) & (pixels < nothing)
     return np.where(is_return, pixels / np.float32(units), 0).astype(np.float32)
 
@@ -86,13 +87,14 @@ def metres(pixels: NDArray, units: float = 1.0) -> Depth:
 def clip_of(depths: Sequence[Depth]) -> float | None:
     """The depth, m, that a recorder writes for no return, such as the far end of its range; None if not recognised.
 
-    This depth is the largest in most images, a whole number of decimetres, frequent, and far from all other depths.
+    This depth is the largest in the images, frequent in most of them, a whole number of decimetres, and far above all
+    other depths.
     """
     most = float(max((depth.max() for depth in depths), default=0.0))
     equal = np.array([np.mean(depth == np.float32(most)) for depth in depths])
     others = max((depth[depth < np.float32(most)].max(initial=0.0) for depth in depths), default=0.0)
     is_round = most > 0 and abs(10 * most - round(10 * most)) < 1e-4
-    is_clip = is_round and np.median(equal) > MIN_CLIPPED and 0 < others < (1 - CLIP_GAP) * most
+    is_clip = is_round and np.median(equal) > MIN_CLIPPED_FRACTION and 0 < others < (1 - MIN_CLIP_GAP) * most
     return most if is_clip else None
 
 
@@ -106,11 +108,11 @@ def colour_of(message: Message) -> Rgb:
                 f"a colour image with format {message.format!r} {UNREADABLE}; use intact JPEG or PNG images"
             ) from error
     encoding = message.encoding.lower()
-    if encoding not in (*TO_RGB, *DEEP):
-        accepted = f"{', '.join((*TO_RGB, *DEEP))} or compressed images"
+    if encoding not in (*TO_RGB, *SIXTEEN_BIT):
+        accepted = f"{', '.join((*TO_RGB, *SIXTEEN_BIT))} or compressed images"
         raise InputError(f"colour images in {message.encoding!r} are not supported; use {accepted}")
-    channels, code = TO_RGB[DEEP.get(encoding, encoding)]
-    if encoding in DEEP:
+    channels, code = TO_RGB[SIXTEEN_BIT.get(encoding, encoding)]
+    if encoding in SIXTEEN_BIT:
         pixels = (_pixels(message, np.dtype(np.uint16), channels) >> 8).astype(np.uint8)
     else:
         pixels = _pixels(message, np.dtype(np.uint8), channels)
@@ -125,7 +127,11 @@ def label_of(message: Message) -> NDArray[np.uint8]:
 
 
 def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
-    """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped."""
+    """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped.
+
+    Raises:
+        InputError: the image is empty or truncated.
+    """
     height, width, step = message.height, message.width, message.step
     row = width * channels * kind.itemsize
     size = f"{width} × {height} pixels in {message.encoding!r}"
@@ -146,11 +152,14 @@ def _compressed_depth(message: Message) -> Depth:
 
     The message holds an image file of depth in mm or m, or a header of compressed_depth_image_transport followed by
     an image file. This file then contains depth in mm, or inverse depth scaled with the header's two parameters.
+
+    Raises:
+        InputError: the image is broken, lossy or of another type.
     """
     data, a, b, is_inverse = message.data, 0.0, 0.0, False
-    if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:
-        _, a, b = CONFIG.unpack(data[: CONFIG.size].tobytes())
-        data, is_inverse = data[CONFIG.size :], "32FC1" in message.format
+    if "compressedDepth" in message.format and len(data) > COMPRESSED_DEPTH_HEADER.size and data[:4].tobytes() != PNG:
+        _, a, b = COMPRESSED_DEPTH_HEADER.unpack(data[: COMPRESSED_DEPTH_HEADER.size].tobytes())
+        data, is_inverse = data[COMPRESSED_DEPTH_HEADER.size :], "32FC1" in message.format
     if data[:2].tobytes() == JPEG:
         lossy = "are not supported, because JPEG alters depth"
         raise InputError(f"depth images in {message.format!r} {lossy}; use {LOSSLESS}")

@@ -14,7 +14,7 @@ TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is an olde
 FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
 BASES = BASE, FOOTPRINT
 """Names of a robot's own frame (REP 105 and 120), the preferred one first."""
-STILL = 1e-3  # Maximum change of a transform's elements that is attributed to rounding, not to motion
+MOTION_TOLERANCE = 1e-3  # Maximum change of a transform's elements that is attributed to rounding, not to motion
 
 
 class CameraMount(NamedTuple):
@@ -78,7 +78,7 @@ class FrameTree:
             poses.append((seconds(message.header.stamp) or time, T))
         if not np.isfinite(T).all():
             return
-        if not np.allclose(self._first.setdefault((child, parent), T), T, rtol=0, atol=STILL):
+        if not np.allclose(self._first.setdefault((child, parent), T), T, rtol=0, atol=MOTION_TOLERANCE):
             self._moving.add(child)
         self.set_transform(child, parent, T)
 
@@ -94,21 +94,21 @@ class FrameTree:
 
     def _driven(self, camera: str) -> str:
         """The child of ``odom`` that carries the camera, or else the only child; empty if there is none."""
-        above = [name for name, _ in self._above(self.named(camera)) if name in self._odometry]
+        above = [name for name, _ in self._with_ancestors(self.named(camera)) if name in self._odometry]
         return next(iter(above or (self._odometry if len(self._odometry) == 1 else ())), "")
 
     @property
-    def moves(self) -> bool:
+    def has_moving_frames(self) -> bool:
         """Whether any frame has moved relative to its parent."""
         return bool(self._moving)
 
     def knows(self, frame: str) -> bool:
         """Whether a frame is known by a given name, or by a name that differs only in a leading namespace."""
-        return self.named(frame) in self._known()
+        return self.named(frame) in self._known_frames()
 
     def mount(self, camera: str) -> CameraMount:
         """The pose of a camera on the robot, with a note if a frame has an unexpected name."""
-        named, base, expected = self.named(camera), self._base(camera), self._expected(camera)
+        named, base, expected = self.named(camera), self._base(camera), self._expected_base(camera)
         T = self.between(base, named)
         if T is None:
             wanted = f"no transform connects {expected} to the camera frame {camera or '(unnamed)'}"
@@ -121,42 +121,42 @@ class FrameTree:
                 parents = " and ".join(sorted(self._links[name]))
                 taken.append(f"the frame {name} has the parents {parents} by turns; using {self._parent(name)}")
         taken += [f"the frame {name} moves relative to the robot; using its last pose" for name in moving]
-        ground = self._ground(base)
+        ground = self._T_base_ground(base)
         return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
 
     def T_base(self, frame: str, camera: str) -> Pose | None:
         """Pose of a frame in ``base_link`` of the robot that carries a camera; None if no transforms connect them."""
         base = self._base(camera)
         T = self.between(base, self.named(frame))
-        return None if T is None else inverse(self._ground(base)) @ T
+        return None if T is None else inverse(self._T_base_ground(base)) @ T
 
-    def _ground(self, base: str) -> Pose:
+    def _T_base_ground(self, base: str) -> Pose:
         """Pose of ``base_footprint`` in the robot's frame if it is fixed to the robot; otherwise the identity."""
-        feet = [name for name in self._known() if _matches(name, FOOTPRINT)]
-        rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
+        feet = [name for name in self._known_frames() if _matches(name, FOOTPRINT)]
+        rigid = [T for name in feet if (T := self._rigid_transform(base, name)) is not None]
         return rigid[0] if len(rigid) == 1 else np.eye(4)
 
-    def _rigid(self, frame: str, other: str) -> Pose | None:
+    def _rigid_transform(self, frame: str, other: str) -> Pose | None:
         """Pose of ``other`` in ``frame`` if one frame is an ancestor of the other and fixed to it; otherwise None."""
-        ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
+        ways = [[name for name, _ in self._with_ancestors(end)] for end in (frame, other)]
         for way, top in zip(ways, (other, frame), strict=True):
             if top in way and not self._moving & set(way[: way.index(top)]):
                 return self.between(frame, other)
         return None
 
-    def _expected(self, camera: str) -> str:
+    def _expected_base(self, camera: str) -> str:
         """The expected name of the robot's frame: from the odometry messages, from transforms, or ``base_link``."""
         return self.base.strip("/") or self._driven(camera) or BASE
 
     def _base(self, camera: str) -> str:
         """The robot's frame that carries the camera: the expected frame, or else the topmost with a usual name."""
-        expected, named = self.named(self._expected(camera)), self.named(camera)
+        expected, named = self.named(self._expected_base(camera)), self.named(camera)
         if self.between(expected, named) is not None:
             return expected
-        above = [name for name, _ in self._above(named)][::-1]
+        above = [name for name, _ in self._with_ancestors(named)][::-1]
         return next((name for usual in BASES for name in above if _matches(name, usual)), expected)
 
-    def _known(self) -> set[str]:
+    def _known_frames(self) -> set[str]:
         return self._links.keys() | {parent for parents in self._links.values() for parent in parents}
 
     def _parent(self, child: str) -> str:
@@ -169,20 +169,20 @@ class FrameTree:
         """Whether a frame or one of its ancestors is the robot's own, on a path that does not contain ``child``."""
         passed, ahead = {child}, {frame}
         while ahead:
-            if any(self._is_robots(name) for name in ahead):
+            if any(self._is_robot_frame(name) for name in ahead):
                 return True
             passed |= ahead
             ahead = {parent for name in ahead for parent in self._links.get(name, {})} - passed
         return False
 
-    def _is_robots(self, frame: str) -> bool:
+    def _is_robot_frame(self, frame: str) -> bool:
         is_driven = frame == self.base.strip("/") or frame in self._odometry
         return is_driven or any(_matches(frame, name) for name in BASES)
 
     def named(self, frame: str) -> str:
         """The known name of a frame: its given name, or the only name that differs only in a leading namespace."""
         frame = frame.strip("/")
-        known = self._known()
+        known = self._known_frames()
         alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
         return alike[0] if frame and frame not in known and len(alike) == 1 else frame
 
@@ -194,19 +194,19 @@ class FrameTree:
         """Pose of ``other`` in ``frame``; None without a common ancestor in which ``frame`` does not move."""
         frame, other = frame.strip("/"), other.strip("/")
         above: dict[str, Pose] = {}
-        for name, T in self._above(frame):
+        for name, T in self._with_ancestors(frame):
             above[name] = T
             if name in self._moving:
                 break
-        found = next(((name, T) for name, T in self._above(other) if name in above), None)
+        found = next(((name, T) for name, T in self._with_ancestors(other) if name in above), None)
         return None if found is None else inverse(above[found[0]]) @ found[1]
 
     def _names_up_to(self, base: str, frame: str) -> list[str]:
         """The names of a frame and its ancestors below the robot's frame."""
-        names = [name for name, _ in self._above(frame)]
+        names = [name for name, _ in self._with_ancestors(frame)]
         return names[: names.index(base)] if base in names else names
 
-    def _above(self, frame: str) -> Iterator[tuple[str, Pose]]:
+    def _with_ancestors(self, frame: str) -> Iterator[tuple[str, Pose]]:
         """The names of a frame and of its ancestors, and the frame's pose in each."""
         name, T = frame.strip("/"), np.eye(4)
         yield name, T

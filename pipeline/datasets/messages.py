@@ -13,7 +13,7 @@ from pipeline.transforms import from_rotation
 Message = Any  # A message of rosbags: an instance of one of the dataclasses in the store
 STORE = get_typestore(Stores.ROS2_JAZZY)
 CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
-NS_PER_S = 10**9
+NS_PER_S = 10**9  # Number of nanoseconds in a second
 
 
 def seconds(stamp: Message) -> float:

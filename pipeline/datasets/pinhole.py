@@ -12,7 +12,7 @@ from pipeline.errors import InputError, required
 from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 
 MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second name is RealSense's
-SAME = 1e-3  # Maximum relative difference between the intrinsics of one camera on two topics
+INTRINSICS_TOLERANCE = 1e-3  # Maximum relative difference between the intrinsics of one camera on two topics
 
 
 class ImageRectifier:
@@ -56,11 +56,13 @@ class ImageRectifier:
             self._distortion = K, d
             self._undistortion_maps((1, 1))  # to raise an error as early as possible
 
-    def is_like(self, other: "ImageRectifier") -> bool:
+    def has_same_intrinsics(self, other: "ImageRectifier") -> bool:
         """Whether another camera has the same intrinsics, and images of the same size."""
-        return self.fits(other) and bool(np.allclose(self._values, other._values, rtol=SAME, atol=0.5))
+        return self.has_same_size(other) and bool(
+            np.allclose(self._values, other._values, rtol=INTRINSICS_TOLERANCE, atol=0.5)
+        )
 
-    def fits(self, other: "ImageRectifier") -> bool:
+    def has_same_size(self, other: "ImageRectifier") -> bool:
         """Whether another camera's images have the same size; True if one of the sizes is unknown."""
         return None in (self._size, other._size) or self._size == other._size
 
@@ -111,7 +113,7 @@ def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[n
     K, P = K.reshape(3, 3), P.reshape(3, 4)
     if is_rectified:
         K, d = P[:, :3] if P.any() else K, np.zeros(0)
-    return _window(info) @ K, d
+    return _sensor_to_image(info) @ K, d
 
 
 def _binning(info: Message) -> tuple[int, int]:
@@ -125,7 +127,7 @@ def _size(info: Message) -> tuple[int, int]:
     return (roi.height or info.height) // down, (roi.width or info.width) // across
 
 
-def _window(info: Message) -> NDArray[np.float64]:
+def _sensor_to_image(info: Message) -> NDArray[np.float64]:
     """(3, 3) transform from pixels of the full sensor, which a camera_info describes, to pixels of the images.
 
     Pixel centres are at integers, so an image begins at -0.5.

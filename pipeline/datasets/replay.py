@@ -30,11 +30,13 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 correction, which are odometry or true poses."""
 
 
-NEAREST, FARTHEST = 0.35, 15.0  # m, usual range of the median depth of an image
-OFF_CENTRE = 0.12  # Maximum usual distance of a principal point from the middle, as a fraction of the image's size
-WIDEST = 20.0  # Maximum size of an image in focal lengths, which corresponds to a field of view of 169°
+MIN_MEDIAN_DEPTH, MAX_MEDIAN_DEPTH = 0.35, 15.0  # m, usual range of the median depth of an image
+MAX_OFF_CENTRE = (
+    0.12  # Maximum usual distance of a principal point from the middle, as a fraction of the image's size
+)
+MAX_RELATIVE_WIDTH = 20.0  # Maximum size of an image in focal lengths, which corresponds to a field of view of 169°
 CLIP_FRAMES = 10  # Number of frames at the start in which a depth that stands for no return is sought
-SAME_AXES = np.radians(1.0)  # Maximum angle between two poses of the camera on the robot that agree
+MAX_AXES_ANGLE = np.radians(1.0)  # Maximum angle between two poses of the camera on the robot that agree
 POSELESS = "frames without a known pose"
 
 
@@ -71,19 +73,19 @@ class Replay:
     def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
         """Replay with a source of poses.
 
-        ``T_base_camera`` overrides the recorded pose of the camera. Without either, the pose above the floor is
-        estimated.
+        ``T_base_camera`` overrides the recorded pose of the camera. If neither pose is known, the camera's pose above
+        the floor is estimated.
 
         Raises:
             InputError: the recording lacks the poses of this source.
         """
-        self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
+        self.recording, self.mapper, self._config = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
         self._is_on_ground = T_base_camera is not None or recording.has_camera_pose
         mapper.knows_camera = self._is_on_ground
         self._given = self._given_poses(poses)
         robot = mapper.elevation_map.robot
-        self._most_tilt = robot.max_tilt
+        self._max_tilt = robot.max_tilt
         self._truth: Trajectory | None = None
         self._odometry: DepthOdometry | None = None
         self._has_begun = False
@@ -114,8 +116,8 @@ class Replay:
                 self.recording.leave_out(POSELESS)
                 continue
             frame = replace(frame, T_odom_base=T)
-            truth = self._truth.at(frame.time, self._numbers.trajectory) if self._truth else None
-            yield Replayed(frame, self._take(frame), truth)
+            truth = self._truth.at(frame.time, self._config.trajectory) if self._truth else None
+            yield Replayed(frame, self._make_keyframe_if_due(frame), truth)
 
     def _frames(self) -> Iterator[Frame]:
         """The recording's frames, with depths that are out of range or stand for no return set to 0."""
@@ -137,26 +139,26 @@ class Replay:
     def _T_odom_base(self, frame: Frame) -> Pose | None:
         if self._odometry is not None:
             return self._odometry.pose(self.mapper.clean(frame))
-        return self._given.at(frame.time, self._numbers.trajectory) if self._given else None
+        return self._given.at(frame.time, self._config.trajectory) if self._given else None
 
     def _begin(self, frame: Frame) -> bool:
         """Find the poses of camera and robot from the first frame; False if it is blank or its pose is unknown."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the start")
             return False
-        if self._given is not None and self._given.at(frame.time, self._numbers.trajectory) is None:
+        if self._given is not None and self._given.at(frame.time, self._config.trajectory) is None:
             self.recording.leave_out(POSELESS)
             return False
         self._has_begun = True
         self._check_camera(frame)
         if not self._is_on_ground:
-            self._T_base_camera = self._above_floor(frame)
-            self.recording.note(_measured(self._T_base_camera))
+            self._T_base_camera = self._pose_above_floor(frame)
+            self.recording.note(_estimate_note(self._T_base_camera))
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
         T_map_base = from_rotation(rotation_from_up(up / np.linalg.norm(up)), np.zeros(3))
         if self._given is None:
-            self._odometry = DepthOdometry(T_map_base, config=self._numbers)
+            self._odometry = DepthOdometry(T_map_base, config=self._config)
         else:
             self._given = self._upright(self._given.of_base(T_base_camera), up, T_map_base, frame.time)
         truth = self.recording.truth
@@ -168,17 +170,17 @@ class Replay:
         k, depth = frame.intrinsics, float(np.median(frame.depth[frame.returns]))
         usual = "of metres (floats) or mm (whole numbers); give the units per metre with --depth-scale"
         said = f"the median depth is {depth:.3g} m; depth images must be {usual}"
-        if not NEAREST / 10 < depth < 10 * FARTHEST:
+        if not MIN_MEDIAN_DEPTH / 10 < depth < 10 * MAX_MEDIAN_DEPTH:
             raise InputError(f"{self.recording.path}: {said}")
-        if not NEAREST < depth < FARTHEST:
+        if not MIN_MEDIAN_DEPTH < depth < MAX_MEDIAN_DEPTH:
             self.recording.note(said)
         off = max(abs(k.cx / k.width - 0.5), abs(k.cy / k.height - 0.5))
         wide = max(k.width / k.fx, k.height / k.fy)
         camera = f"fx fy cx cy = {k.fx:.4g} {k.fy:.4g} {k.cx - 0.5:.4g} {k.cy - 0.5:.4g}"
         doubt = f"{camera} do not look like intrinsics of images of {k.width} × {k.height} pixels"
-        if off > 0.5 or wide > WIDEST:
+        if off > 0.5 or wide > MAX_RELATIVE_WIDTH:
             raise InputError(f"{self.recording.path}: {doubt}; give those of this size with --intrinsics")
-        if off > OFF_CENTRE:
+        if off > MAX_OFF_CENTRE:
             self.recording.note(f"{doubt}, as the principal point is far from the middle")
 
     def _upright(self, given: Trajectory, up: Direction, T_map_base: Pose, time: float) -> Trajectory:
@@ -191,12 +193,12 @@ class Replay:
             up: the vertical in ``base_link`` at ``time``, s.
             T_map_base: pose at ``time`` in a ``map`` whose origin is at this position.
         """
-        T = required(given.at(time, self._numbers.trajectory))
-        if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
+        T = required(given.at(time, self._config.trajectory))
+        if T[2, :3] @ up >= np.cos(self._max_tilt) * np.linalg.norm(up):
             return given
         return given.moved(T_map_base @ inverse(T))
 
-    def _above_floor(self, first: Frame) -> Pose:
+    def _pose_above_floor(self, first: Frame) -> Pose:
         """Pose of the first frame's camera above the floor, from the accelerometer or else the surfaces in view.
 
         Raises:
@@ -206,22 +208,22 @@ class Replay:
             return T_lowest_camera(first, self.recording.up)
         left_out = dict(self.recording.left_out)
         frames = (self.mapper.clean(f) for f in dropwhile(lambda f: f.time < first.time, self._frames()))
-        mounted = find_pose_above_floor(frames, self._camera_poses(), self._numbers)
+        mounted = find_pose_above_floor(frames, self._camera_pose_function(), self._config)
         self.recording.left_out = left_out  # These frames are counted when they are mapped
         if mounted is not None:
             if mounted.other is not None:
                 doubt = "two surfaces in view may be the floor; if it is the other, the camera is"
                 self.recording.note(f"{doubt} {_described(mounted.other)}; to set it, use --camera-pose")
-            return mounted.T
+            return mounted.T_level_camera
         unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
         raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera-pose")
 
-    def _camera_poses(self) -> Callable[[Frame], Pose | None]:
+    def _camera_pose_function(self) -> Callable[[Frame], Pose | None]:
         """A function that returns the pose of a frame's camera, from given poses or else from registration."""
         given = self._given
         if given is None or not given.of_camera:
-            return DepthOdometry(np.eye(4), config=self._numbers).pose
-        return lambda frame: given.at(frame.time, self._numbers.trajectory)
+            return DepthOdometry(np.eye(4), config=self._config).pose
+        return lambda frame: given.at(frame.time, self._config.trajectory)
 
     def _up_by_accelerometer(self, frame: Frame, T_base_camera: Pose) -> Direction | None:
         """The vertical in ``base_link`` from the accelerometer; None without one, or if its axes are in doubt."""
@@ -229,7 +231,7 @@ class Replay:
         if up is None or not self.recording.has_camera_pose:
             return None if up is None else T_base_camera[:3, :3] @ up
         turned = Rotation.from_matrix(frame.T_base_camera[:3, :3].T @ T_base_camera[:3, :3]).magnitude()
-        if turned < SAME_AXES:
+        if turned < MAX_AXES_ANGLE:
             return up
         doubt = "it may be mounted on the camera, whose recorded pose is turned otherwise than the given one"
         self.recording.note(f"ignoring the accelerometer: {doubt}")
@@ -240,10 +242,10 @@ class Replay:
         felt = self._up_by_accelerometer(frame, T_base_camera)
         if felt is not None:
             return felt
-        up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)
+        up = vertical(replace(frame, T_base_camera=T_base_camera), self._config)
         return np.array([0.0, 0.0, 1.0]) if up is None else up
 
-    def _take(self, frame: Frame) -> Keyframe | None:
+    def _make_keyframe_if_due(self, frame: Frame) -> Keyframe | None:
         """Make a keyframe of the frame if a keyframe is due; return the keyframe, or None if none was made."""
         self._track.append(frame.T_odom_base)
         labelled = self._is_labelled(frame)
@@ -276,7 +278,7 @@ class Replay:
         self._track.clear()
 
 
-def _measured(T_base_camera: Pose) -> str:
+def _estimate_note(T_base_camera: Pose) -> str:
     """A note which states that the camera's pose on the robot was estimated."""
     pose = _described(T_base_camera)
     return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera-pose"

@@ -23,7 +23,7 @@ from pipeline.datasets.cameras import (
     stream_of,
 )
 from pipeline.datasets.config import DatasetsConfig
-from pipeline.datasets.images import DEPTHS, colour_of, depth_of, is_depth, label_of
+from pipeline.datasets.images import DEPTH_ENCODINGS, colour_of, depth_of, is_depth, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
 from pipeline.datasets.messages import CAMERA, NS_PER_S, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
@@ -34,11 +34,11 @@ from pipeline.localisation.trajectory import Trajectory
 from pipeline.sensor import XTION
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
-TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
+TRUTH_TOPIC, LABEL_TOPIC = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
 POSE_TYPE = "geometry_msgs/msg/PoseStamped"  # Type of the keyframes and the true poses in sarsim's own bags
 DEVICE_TYPE = "diagnostic_msgs/msg/KeyValue"  # Camera properties recorded by RealSense's viewer, such as the name
 MAX_DELAY = 3.0  # s, maximum delay of an image in a bag relative to images of the same time
-INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # Found in the names of topics with infrared images
+INFRARED_PATTERN = re.compile("/(infra|ir/)", re.IGNORECASE)  # Found in the names of topics with infrared images
 
 
 def read_ros_bag(
@@ -85,7 +85,7 @@ def read_ros_bag(
         recording.take_sensor([*non_image_data.devices, chosen.depth, *frames, path.resolve().name])
     for line in filter(None, (*chosen.notes, *non_image_data.notes, camera.note, mount.note)):
         recording.note(line)
-    if recording.odometry is None and non_image_data.frame_tree.moves:
+    if recording.odometry is None and non_image_data.frame_tree.has_moving_frames:
         found = f"neither nav_msgs/Odometry nor transforms from odom, only {non_image_data.frame_tree}"
         recording.note(f"no odometry: the bag contains {found}")
     return recording
@@ -117,7 +117,7 @@ class Topics:
 
     Attributes:
         kinds: the types of all topics with messages, by name.
-        first: the first message of each topic of images or of camera_info, by name.
+        first_messages: the first message of each topic of images or of camera_info, by name.
         depth: topic of the depth images.
         colour, odometry, imu: topics of the colour images, the odometry and the IMU data; None without such data.
         transforms: topics of the robot's transforms.
@@ -137,30 +137,34 @@ class Topics:
             raise InputError(
                 f"{path}: no messages on {' or '.join(unknown)} (--topics); the bag's topics are {self._listed}"
             )
-        self.first = {
+        self.first_messages = {
             name: _first(reader, name) for name, kind in self.kinds.items() if kind in (*IMAGE_TYPES, INFO_TYPE)
         }
         self.depth, self.colour = self._images()
-        self.odometry = self._one("odometry", self._of("nav_msgs/msg/Odometry"))
+        self.odometry = self._select("odometry", self._of_type("nav_msgs/msg/Odometry"))
         self.imu = self._imu()
         self.transforms = self._transforms()
 
     def _images(self) -> tuple[str, str | None]:
         """The topics of the depth and colour images, which are distinguished by their encodings."""
-        images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
-        depths = [name for name in images if is_depth(self.first[name])]
+        images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABEL_TOPIC]
+        depths = [name for name in images if is_depth(self.first_messages[name])]
         if not depths:
             found = ", ".join(f"{name} ({self._encoding(name)})" for name in images)
             found = f"its images are {found}" if found else f"its topics are {self._listed}"
-            raise InputError(f"{self._path}: no depth images ({', '.join(DEPTHS)} or compressedDepth); {found}")
-        depths = self._usable(depths, lambda name: not INFRARED.search(name))
-        colours = self._usable([name for name in images if name not in depths and not is_depth(self.first[name])])
-        colours = [name for name in colours if name in self._named or not INFRARED.search(name)]
+            raise InputError(
+                f"{self._path}: no depth images ({', '.join(DEPTH_ENCODINGS)} or compressedDepth); {found}"
+            )
+        depths = self._usable(depths, lambda name: not INFRARED_PATTERN.search(name))
+        colours = self._usable(
+            [name for name in images if name not in depths and not is_depth(self.first_messages[name])]
+        )
+        colours = [name for name in colours if name in self._named or not INFRARED_PATTERN.search(name)]
         if len(depths) > 1:
             depths = self._preferred(depths, colours, lambda name: "depth" in name.lower())
         if len(colours) > 1:
             colours = self._preferred(colours, depths, lambda name: "depth" not in name.lower())
-        depth, colour = self._one("depth images", depths), self._one("colour images", colours)
+        depth, colour = self._select("depth images", depths), self._select("colour images", colours)
         if colour is None:
             self.notes.append("no colour images; all surfaces are black, and people are not detected")
         return required(depth), colour
@@ -191,12 +195,12 @@ class Topics:
         name = info_topic(topic, self.kinds)
         if name is None:
             return None
-        info = self.first[name]
+        info = self.first_messages[name]
         K = info.k if hasattr(info, "k") else info.K
         return (info.width, info.height, *np.round(K, 1).tolist())
 
     def _encoding(self, name: str) -> str:
-        image = self.first[name]
+        image = self.first_messages[name]
         return image.format if hasattr(image, "format") else image.encoding
 
     @property
@@ -204,9 +208,9 @@ class Topics:
         return ", ".join(sorted(self.kinds)) or "none"
 
     def _imu(self) -> str | None:
-        imus = self._of("sensor_msgs/msg/Imu")
+        imus = self._of_type("sensor_msgs/msg/Imu")
         if len(imus) == 1 or set(imus) & set(self._named):
-            return self._one("IMU data", imus)
+            return self._select("IMU data", imus)
         if imus:
             self.notes.append(f"ignoring IMU data on several topics ({', '.join(imus)}); choose one with --topics")
         return None
@@ -221,10 +225,10 @@ class Topics:
             )
         return used
 
-    def _of(self, kind: str) -> list[str]:
+    def _of_type(self, kind: str) -> list[str]:
         return [name for name, found in self.kinds.items() if found == kind]
 
-    def _one(self, what: str, names: list[str]) -> str | None:
+    def _select(self, what: str, names: list[str]) -> str | None:
         """The topic to use, which is the named topic or else the raw topic; None if there is no topic.
 
         Raises:
@@ -250,18 +254,18 @@ class _NonImageData:
         self.frame_tree = FrameTree()
         self._accelerations: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
-        self._first = topics.first
+        self._first_messages = topics.first_messages
         self._streams = [
             s for name, kind in topics.kinds.items() if kind == EXTRINSIC_TYPE and (s := stream_of(name))
         ]
         for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
             self.frame_tree.set_transform(*extrinsic(name, _first(reader, name)))
         self.devices: list[str] = []
-        self._infos = {name: topics.first[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
+        self._infos = {name: topics.first_messages[name] for name, kind in topics.kinds.items() if kind == INFO_TYPE}
         self._imu_stream = self._stream(topics.imu) if topics.imu else ""
         poses: dict[str, Callable[[Any, float], None]] = {
             KEYFRAME_TOPIC: lambda message, time: self.keyframes.append(time),
-            TRUTH: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
+            TRUTH_TOPIC: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
         }
         takers: dict[str | None, Callable[[Any, float], None]] = {
             topics.odometry: self._take_odometry,
@@ -286,7 +290,7 @@ class _NonImageData:
         return depth, self._source(topics.colour, topics) if topics.colour else None
 
     def _source(self, topic: str, topics: Topics) -> ImageSource:
-        header = self._first[topic].header
+        header = self._first_messages[topic].header
         name = info_topic(topic, topics.kinds)
         if name is None:
             same = [name for name, info in self._infos.items() if info.header.frame_id == header.frame_id]
@@ -296,7 +300,7 @@ class _NonImageData:
         info = None if name is None else self._infos[name]
         if stream := self._stream(topic):
             return ImageSource(topic, info, stream)
-        frames = [m.header.frame_id for m in (info, self._first[topic]) if m is not None]
+        frames = [m.header.frame_id for m in (info, self._first_messages[topic]) if m is not None]
         return ImageSource(topic, info, next((frame for frame in frames if self.frame_tree.knows(frame)), frames[0]))
 
     def _stream(self, topic: str) -> str:
@@ -335,7 +339,7 @@ class _NonImageData:
     def up(self, camera: str, at_rest: float) -> Direction | None:
         """The vertical from the accelerations in the first ``at_rest`` s; None if it is unknown.
 
-        It is given in the robot's frame or, if the camera's pose on the robot is unknown, in the camera's frame.
+        It is a direction in ``base_link`` or, if the camera's pose on the robot is unknown, in the camera's frame.
         """
         felt = np.array(
             [a for time, a in self._accelerations if time <= self._accelerations[0][0] + at_rest]
@@ -379,7 +383,10 @@ def _pose(message: Message) -> Pose:
 def _frames(
     recording: Recording, topics: Topics, camera: RgbdCamera, T_base_camera: Pose | None, span: float, buffered: int
 ) -> Iterator[Frame]:
-    """Yield a frame for each depth image, in the order of their times, with the colour image nearest in time."""
+    """Yield a frame for each usable depth image, in the order of their times, with the colour image nearest in time.
+
+    ``span``: duration of the bag, s.
+    """
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics, buffered):
@@ -391,7 +398,7 @@ def _frames(
                 order = "with the same timestamp as another" if time == last else "that are out of order"
                 recording.leave_out(f"depth images {order}")
                 continue
-            colour, label = found(topics.colour), found(LABELS)
+            colour, label = found(topics.colour), found(LABEL_TOPIC)
             if topics.colour and colour is None:
                 recording.leave_out("depth images without a colour image")
                 continue
@@ -405,21 +412,22 @@ def _frames(
             yield Frame(time, rgb, metres, camera.intrinsics, place, np.eye(4), true)
 
 
-Found = Callable[[str | None], Message | None]
+ImageFinder = Callable[[str | None], Message | None]
+"""A function that returns the image of a topic that matches a depth image; None if there is none."""
 
 
-def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple[float, Message, Found]]:
+def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple[float, Message, ImageFinder]]:
     """Depth images with their times, each with a function that returns the matching image of another topic."""
-    names = topics.depth, topics.colour, LABELS
+    names = topics.depth, topics.colour, LABEL_TOPIC
     wanted = [c for c in reader.connections if c.topic in names and c.msgtype in IMAGE_TYPES]
     depths: list[tuple[float, int, Message]] = []
-    others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABELS: {}}
+    others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABEL_TOPIC: {}}
 
-    def finder(time: float) -> Found:
+    def finder_at(time: float) -> ImageFinder:
         def found(topic: str | None) -> Message | None:
             images = others.get(topic or "", {})
             nearest = min(images, key=lambda t: abs(t - time), default=np.inf)
-            return images[nearest] if abs(nearest - time) <= (0 if topic == LABELS else SAME_TIME) else None
+            return images[nearest] if abs(nearest - time) <= (0 if topic == LABEL_TOPIC else SAME_TIME) else None
 
         return found
 
@@ -433,10 +441,10 @@ def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple
         needed = late = time - MAX_DELAY
         while depths and (len(depths) > buffered or depths[0][0] < late):
             first, _, depth = heapq.heappop(depths)
-            yield first, depth, finder(first)
+            yield first, depth, finder_at(first)
             needed = max(needed, first)
         for images in others.values():
             for old in [t for t in images if t < needed - SAME_TIME]:
                 del images[old]
     for first, _, depth in (heapq.heappop(depths) for _ in range(len(depths))):
-        yield first, depth, finder(first)
+        yield first, depth, finder_at(first)

@@ -20,8 +20,9 @@ from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 from pipeline.sensor import XTION
 
-POSES = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)  # In names of files with poses
-READ = "groundtruth.txt", "odometry.txt"
+POSE_FILE_PATTERN = re.compile("pose|traj|odom|ground|freiburg|\\bgt\\b|\\.tum$", re.IGNORECASE)
+"""Found in the names of files that probably contain poses."""
+POSE_FILES = "groundtruth.txt", "odometry.txt"  # The files from which poses are read
 MIN_STEP = 5e-4  # s, minimum plausible median interval between poses
 
 
@@ -78,7 +79,9 @@ def read_tum_folder(
     span = pairs[0].time, pairs[-1].time
     recording.truth = _trajectory(path / "groundtruth.txt", recording, span, fps)
     recording.odometry = _trajectory(path / "odometry.txt", recording, span, fps)
-    if unread := sorted(file.name for file in path.iterdir() if POSES.search(file.name) and file.name not in READ):
+    if unread := sorted(
+        file.name for file in path.iterdir() if POSE_FILE_PATTERN.search(file.name) and file.name not in POSE_FILES
+    ):
         recording.note(f"not reading {', '.join(unread)}; poses are read from groundtruth.txt and odometry.txt")
     recording.up = _up(path / "accelerometer.txt", recording, config.at_rest)
     recording.check_clocks(*span)
@@ -113,7 +116,8 @@ def _trajectory(
 ) -> Trajectory | None:
     """The poses in a file; None if the file does not exist.
 
-    Their times, s, are converted from the unit with which they best fit the ``span`` of the images, s.
+    The times are converted to s. Their unit, which may be frame numbers at ``fps`` frames per second, is the one with
+    which they best fit ``span``, the times of the first and last images, s.
     """
     if not path.exists():
         return None
@@ -147,7 +151,7 @@ def _unit(times: Values, span: tuple[float, float], fps: float | None) -> float:
 def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
     """The vertical measured in the first ``at_rest`` s; None if it was not measured.
 
-    It is given in ``base_link`` or, if the camera's pose on the robot is unknown, in ``camera_optical``.
+    The vertical is given in ``base_link`` or, if the camera's pose on the robot is unknown, in ``camera_optical``.
     """
     if not path.exists():
         return None

@@ -79,7 +79,7 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
     Raises:
         InputError: the flags give a range or noise that no camera can have.
     """
-    from pipeline.datasets.depth_cameras import UNNAMED, with_flags
+    from pipeline.datasets.depth_cameras import DEFAULT_SENSOR, with_overrides
     from pipeline.sensor import XTION
     from sarsim.robots.model import robot_sensor
 
@@ -90,13 +90,13 @@ def set_sensor(recording: "Recording", config: MapRecordingConfig) -> None:
             depths = f"depths from {own.nearest:g} to {own.farthest:g} m"
             recording.note(f"using {depths}, as in the file of --robot; to change them, use --depth-range")
     if recording.sensor is None:
-        recording.sensor = robot_sensor(config.robot) or UNNAMED
+        recording.sensor = robot_sensor(config.robot) or DEFAULT_SENSOR
         if config.depth_range is None:
             depths = f"depths from {recording.sensor.nearest:g} to {recording.sensor.farthest:g} m"
             recording.note(
                 f"the recording does not name its camera; using {depths}; to change them, use --depth-range"
             )
-    recording.sensor = with_flags(recording.sensor, config.depth_range, config.depth_noise)
+    recording.sensor = with_overrides(recording.sensor, config.depth_range, config.depth_noise)
 
 
 def _is_scene(path: Path) -> bool:

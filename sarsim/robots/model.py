@@ -4,7 +4,7 @@ import sys
 from dataclasses import fields, replace
 from typing import TypeVar
 
-from pipeline.datasets.depth_cameras import with_flags
+from pipeline.datasets.depth_cameras import with_overrides
 from pipeline.errors import InputError
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION, SensorModel
@@ -56,7 +56,7 @@ def robot_sensor(robot: str = ROBOTS[0]) -> SensorModel | None:
     if len(given) != 2:
         raise InputError(f'--robot {robot}: <numeric name="{DEPTH_RANGE}"> needs two numbers; found {len(given)}')
     try:
-        return with_flags(XTION, (given[0], given[1]), names=(DEPTH_RANGE, "the noise"))
+        return with_overrides(XTION, (given[0], given[1]), names=(DEPTH_RANGE, "the noise"))
     except InputError as error:
         raise InputError(f"--robot {robot}: {error}") from error
 

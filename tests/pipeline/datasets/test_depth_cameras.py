@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pipeline.datasets.depth_cameras import KNOWN, UNNAMED, camera_named, stereo, with_flags
+from pipeline.datasets.depth_cameras import DEFAULT_SENSOR, KNOWN_CAMERAS, camera_named, stereo_noise, with_overrides
 from pipeline.errors import InputError
 from pipeline.sensor import XTION, DepthNoise
 
@@ -46,21 +46,21 @@ def test_other_names_give_none(name: str) -> None:
 
 def test_the_noise_of_stereo_is_that_of_its_disparity() -> None:
     # At 2 m, 400 pixels and 10 cm give a disparity of 20 pixels; 0.1 pixels less give 2.01005 m.
-    camera = with_flags(UNNAMED, depth_noise=stereo(400, 0.1, 0.1).growth)
+    camera = with_overrides(DEFAULT_SENSOR, depth_noise=stereo_noise(400, 0.1, 0.1).growth)
     assert camera.sigma(2.0) == pytest.approx(400 * 0.1 / (20 - 0.1) - 2, rel=0.01)
 
 
 def test_every_camera_has_a_usable_range() -> None:
-    for camera in KNOWN:
+    for camera in KNOWN_CAMERAS:
         assert 0 < camera.sensor.nearest < camera.sensor.farthest - 2 * camera.sensor.margin
         assert 0 < camera.sensor.sigma(camera.sensor.farthest) < 0.06
 
 
 def test_flags_replace_what_they_give_and_nothing_else() -> None:
-    assert with_flags(XTION) is XTION
-    ranged = with_flags(XTION, depth_range=(0.4, 6.0))
+    assert with_overrides(XTION) is XTION
+    ranged = with_overrides(XTION, depth_range=(0.4, 6.0))
     assert (ranged.nearest, ranged.farthest, ranged.noise) == (0.4, 6.0, XTION.noise)
-    noisy = with_flags(XTION, depth_noise=0.004)
+    noisy = with_overrides(XTION, depth_noise=0.004)
     assert (noisy.nearest, noisy.farthest, noisy.noise) == (XTION.nearest, XTION.farthest, DepthNoise(0.0, 0.004))
     assert noisy.margin == pytest.approx(5 * 0.004 * XTION.farthest**2)
 
@@ -82,5 +82,5 @@ def test_flags_replace_what_they_give_and_nothing_else() -> None:
 )
 def test_what_no_camera_measures_is_refused(flags: dict, value: str) -> None:
     with pytest.raises(InputError, match=re.escape(value)) as raised:
-        with_flags(UNNAMED, **flags)
+        with_overrides(DEFAULT_SENSOR, **flags)
     assert "\n" not in str(raised.value)

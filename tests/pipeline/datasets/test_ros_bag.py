@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.datasets import ros_bag
 from pipeline.datasets.messages import seconds
 from pipeline.datasets.recording import Recording
-from pipeline.datasets.ros_bag import LABELS, read_ros_bag
+from pipeline.datasets.ros_bag import LABEL_TOPIC, read_ros_bag
 from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.plugins.ros import messages
@@ -232,7 +232,7 @@ def renamed(topic: Callable[[str], str], frame: Callable[[str], str] = str, *lef
     """Topics and frames of other names."""
 
     def change(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
-        if name.startswith("/ground_truth") or name == LABELS:
+        if name.startswith("/ground_truth") or name == LABEL_TOPIC:
             return [(name, time, message)]
         for part in (*getattr(message, "transforms", ()), message):
             if hasattr(part, "header"):
@@ -471,7 +471,7 @@ def rectified(name: str, time: float, message: Any) -> Iterable[tuple[str, float
             message.k * np.array([1.1, 1, 1, 1, 1, 1, 1, 1, 1]),
         )
     colours = "image_rect_color" if "color" in name else "image_rect"
-    return [(name if name == LABELS else name.replace("image_raw", colours), time, message)]
+    return [(name if name == LABEL_TOPIC else name.replace("image_raw", colours), time, message)]
 
 
 @pytest.mark.parametrize("images", ["32FC1", "32FC1-jpeg"])
@@ -602,7 +602,7 @@ def with_foreign(topic: str, foreign: Any) -> Change:
     return change
 
 
-@pytest.mark.parametrize("topic", ["/ground_truth/pose", "/keyframe", LABELS])
+@pytest.mark.parametrize("topic", ["/ground_truth/pose", "/keyframe", LABEL_TOPIC])
 def test_a_topic_of_sarsims_name_but_of_another_type_is_ignored(topic: str, tmp_path: Path) -> None:
     foreign = messages.velocity_stamped(0.0, Velocity())
     recording = read_ros_bag(write_bag(tmp_path / "room", change=with_foreign(topic, foreign)))

@@ -10,7 +10,7 @@ from scipy.constants import g
 
 from pipeline.arrays import Pose
 from pipeline.datasets.cameras import ImageSource, RgbdCamera
-from pipeline.datasets.depth_cameras import UNNAMED, camera_named, measured_by, with_flags
+from pipeline.datasets.depth_cameras import DEFAULT_SENSOR, camera_named, measured_by, with_overrides
 from pipeline.datasets.images import colour_of, depth_of
 from pipeline.datasets.links import FrameTree
 from pipeline.datasets.messages import ODOM, Message, pose_matrix, seconds, vector_of
@@ -143,8 +143,8 @@ class SensorReceiver:
         self._camera_frame = camera.frame
         named = camera_named([depth, of_depth.frame, of_colour.frame])
         if named is not None or any(self._given_sensor):
-            sensor = UNNAMED if named is None else named[0].sensor
-            self.sensor = with_flags(sensor, *self._given_sensor, names=SETTING_NAMES)
+            sensor = DEFAULT_SENSOR if named is None else named[0].sensor
+            self.sensor = with_overrides(sensor, *self._given_sensor, names=SETTING_NAMES)
         return camera
 
     def newest_frame_time(self, after: float) -> float | None:

@@ -25,7 +25,7 @@ from sarsim.arenas.random_furniture import (
     ON_WALLS,
     OTHER_WALLS,
     RAMPS,
-    SMALL,
+    SMALL_ELEMENTS,
     hang_on_walls,
     place_bulky,
     place_furniture,
@@ -127,7 +127,7 @@ def test_furniture_stands_hangs_and_replaces_walls(furnished):
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
     for sort in (
         standing,
-        set(SMALL),
+        set(SMALL_ELEMENTS),
         set(CHAIRS),
         set(BULKY),
         set(ON_WALLS),

@@ -123,7 +123,7 @@ def test_the_start_may_turn_in_any_way_and_lie_in_a_body(tmp_path, turn):
     np.testing.assert_allclose(wished, from_yaw(-1, 0, 0, np.pi / 4), atol=1e-3)
 
 
-MIN_HEIGHT_RANGE = '<mujoco><worldbody>{}<geom type="plane" size="3 3 1" user="2"/>{}</worldbody></mujoco>'
+FLAT = '<mujoco><worldbody>{}<geom type="plane" size="3 3 1" user="2"/>{}</worldbody></mujoco>'
 STEP = '<geom type="box" pos="1 0 0.2" size="1 1 0.2" user="2"/>'
 
 
@@ -140,7 +140,7 @@ STEP = '<geom type="box" pos="1 0 0.2" size="1 1 0.2" user="2"/>'
 )
 def test_a_marked_start_is_upright_on_the_ground(site, more, expected, said, tmp_path, caplog):
     path = tmp_path / "arena.xml"
-    path.write_text(MIN_HEIGHT_RANGE.format(f'<site name="start" {site}/>', more))
+    path.write_text(FLAT.format(f'<site name="start" {site}/>', more))
     np.testing.assert_allclose(load_arena(str(path)).T_world_start, expected, atol=1e-6)
     assert [said in line for line in caplog.messages] == [True] * bool(said)
 

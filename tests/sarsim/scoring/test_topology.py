@@ -10,7 +10,7 @@ from pipeline.labels import Label
 from pipeline.topological_map.cover_kernels import count_in
 from pipeline.topological_map.node_set import Node
 from sarsim.ground_truth.true_surface import GroundTruthSurface
-from sarsim.scoring.topology import MIN_GAIN, SIGHT, score_topology
+from sarsim.scoring.topology import MIN_GAIN, SIGHT_RANGE, score_topology
 from sarsim.scoring.topology_kernels import shortest_path_length
 
 
@@ -88,11 +88,13 @@ def test_the_greedy_cover_chooses_among_all_places():
     truth = GroundTruthSurface(grid, np.zeros(grid.shape), ~walls, walls)
     positions = rng.uniform((0.5, 0.5), (4, 4), (12, 2))
     area = np.zeros(grid.shape, np.bool_)
-    for window, corner in zip(*cells_in_sight(positions, ~walls, grid.origin, grid.cell, SIGHT, ~walls), strict=True):
+    for window, corner in zip(
+        *cells_in_sight(positions, ~walls, grid.origin, grid.cell, SIGHT_RANGE, ~walls), strict=True
+    ):
         area[tuple((np.argwhere(window) + corner).T)] = True
     cells = np.argwhere(truth.drivable)
     places = grid.centre_of(cells[(cells % 4 == 0).all(axis=1)])
-    seen, corners = cells_in_sight(places, area, grid.origin, grid.cell, SIGHT, ~walls)
+    seen, corners = cells_in_sight(places, area, grid.origin, grid.cell, SIGHT_RANGE, ~walls)
     missing, number = area.copy(), 0
     while (gain := count_in(seen, corners, missing)).max() * grid.cell**2 >= MIN_GAIN:
         best = gain.argmax()

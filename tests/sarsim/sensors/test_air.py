@@ -9,7 +9,7 @@ from scipy import stats
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from sarsim.sensors import air as air_module
-from sarsim.sensors.air import GREY, Air
+from sarsim.sensors.air import DUST_COLOUR, Air
 from sarsim.sensors.camera import LabelledImage
 from sarsim.sensors.lighting import Lighting, distances, radiance
 
@@ -107,16 +107,16 @@ def test_colours_blend_to_grey_by_distance() -> None:
     image = wall(2.0, Intrinsics(3, 3, 100.0, 100.0, 1.5, 1.5))
     seen = Air(0.5).veil(radiance(image, Lighting.normal), image, Lighting.normal)
     passing = np.exp(-0.5)
-    np.testing.assert_allclose(seen[1, 1], 0.4 * passing + GREY * (1 - passing), rtol=1e-5)
+    np.testing.assert_allclose(seen[1, 1], 0.4 * passing + DUST_COLOUR * (1 - passing), rtol=1e-5)
     sky = Air(0.5).veil(radiance(wall(0.0), Lighting.normal), wall(0.0), Lighting.normal)
-    np.testing.assert_allclose(sky, np.broadcast_to(GREY, sky.shape), rtol=1e-6)
+    np.testing.assert_allclose(sky, np.broadcast_to(DUST_COLOUR, sky.shape), rtol=1e-6)
 
 
 def test_the_lamp_loses_twice_and_shines_back() -> None:
     image = wall(2.0, Intrinsics(3, 3, 100.0, 100.0, 1.5, 1.5))
     clear = radiance(image, Lighting.dark)
     seen = Air(0.5).veil(clear, image, Lighting.dark)[1, 1]
-    veil = 0.5 * Lighting.dark.value.lamp * GREY * (1 - np.exp(-1.0))
+    veil = 0.5 * Lighting.dark.value.lamp * DUST_COLOUR * (1 - np.exp(-1.0))
     np.testing.assert_allclose(seen, clear[1, 1] * np.exp(-1.0) + veil, rtol=1e-5)
 
 

@@ -99,7 +99,7 @@ def test_large_pieces_are_seen_in_tiles(tmp_path):
     merged.export(tmp_path / "halls.stl")
     model_ = Compiled(write(tmp_path, PLANE, model("m", mesh("halls.stl")))).model
     is_seen = (model_.geom_contype == 0) & (model_.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
-    assert is_seen.sum() >= count and model_.geom_rbound[is_seen].max() < 2 * build.TILE
+    assert is_seen.sum() >= count and model_.geom_rbound[is_seen].max() < 2 * build.CUBE_SIDE
 
 
 def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():

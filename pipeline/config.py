@@ -10,7 +10,7 @@ from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
 from pipeline.segments.config import SegmentsConfig
 from pipeline.semantic_map.config import SemanticMapConfig
-from pipeline.topological_map.config import MAX_REACH, TopologicalMapConfig
+from pipeline.topological_map.config import MAX_SIGHT_CELLS, TopologicalMapConfig
 from pipeline.tracks.config import TracksConfig
 from pipeline.victims.config import VictimsConfig
 
@@ -70,8 +70,8 @@ class PipelineConfig:
 
     def __post_init__(self) -> None:
         cell, sight = self.elevation_map.cell, self.topological_map.sight
-        if not sight / cell <= MAX_REACH:
+        if not sight / cell <= MAX_SIGHT_CELLS:
             raise InputError(
-                f"topological_map.sight = {sight:g}: must be at most {MAX_REACH} times elevation_map.cell = {cell:g}"
-                "; reduce the sight or enlarge the cells"
+                f"topological_map.sight = {sight:g}: must be at most {MAX_SIGHT_CELLS} times "
+                f"elevation_map.cell = {cell:g}; reduce the sight or enlarge the cells"
             )

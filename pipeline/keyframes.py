@@ -31,8 +31,8 @@ from pipeline.geometry.moving_kernels import moved
 from pipeline.geometry.thinning import VoxelCloud
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.semantic_map.top_two_classes import TopTwoClasses
 from pipeline.transforms import POSE, are_poses, transform_places, yaw_of
 
 UNIT = 2.5e-4
@@ -58,7 +58,7 @@ class KeyframeObservation:
         dropout_hits: (M,) uint8 number of pixels averaged in each dropout, at most 255.
         rays: (R, 3) int16 lowest points, in ``base_link``, in ``UNIT``, of the rays that passed over ground without
             returns.
-        shares: class shares of the points; None if the frame was not labelled.
+        top_two_classes: the two most probable classes of the points; None if the frame was not labelled.
     """
 
     depth: NDArray[np.uint16]
@@ -70,7 +70,7 @@ class KeyframeObservation:
     dropouts: NDArray[np.int16]
     dropout_hits: NDArray[np.uint8]
     rays: NDArray[np.int16]
-    shares: ClassShares | None = None
+    top_two_classes: TopTwoClasses | None = None
 
     @classmethod
     def of(
@@ -96,7 +96,7 @@ class KeyframeObservation:
         """
         half = config.cell / 2
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
-        shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
+        top_two_classes = None if probabilities is None else TopTwoClasses.of(cloud.means(probabilities)[near])
         T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
         dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, turning_radius(robot))
         missing, missing_near = kept_cloud(dropouts, half)
@@ -114,14 +114,14 @@ class KeyframeObservation:
             dropouts=_packed(missing.points[missing_near]),
             dropout_hits=_count(missing.hits[missing_near]),
             rays=_packed(rays),
-            shares=shares,
+            top_two_classes=top_two_classes,
         )
 
     @property
     def nbytes(self) -> int:
         """Size of the arrays in bytes."""
         arrays = self.depth, self.points, self.hits, self.above, self.dropouts, self.dropout_hits, self.rays
-        return sum(array.nbytes for array in arrays) + (self.shares.nbytes if self.shares else 0)
+        return sum(array.nbytes for array in arrays) + (self.top_two_classes.nbytes if self.top_two_classes else 0)
 
     @property
     def frame(self) -> Frame:
@@ -153,8 +153,8 @@ class KeyframeObservation:
 
     def add_to_semantic_map(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
         """Add any labelled points to the semantic map for a pose of the robot; ``number``: index of the keyframe."""
-        if self.shares is not None:
-            semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
+        if self.top_two_classes is not None:
+            semantic_map.update(self.points_at(T_map_base), self.top_two_classes.probabilities, self.hits, number)
 
     def add_to_elevation_map(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the returns, dropouts, rays and robot's footprint to the elevation map for a pose of the robot."""

@@ -26,7 +26,7 @@ from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.segment import Member
-from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.semantic_map.top_two_classes import TopTwoClasses
 from pipeline.tracks.find import VICTIM, Reading, is_find_kind
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import POSE, are_poses
@@ -283,7 +283,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
     bounds = np.searchsorted(surfaces.owner, np.arange(len(keyframes) + 1))
     for k, seen in enumerate(keyframes.seen):
         camera, own = seen.intrinsics, slice(bounds[k], bounds[k + 1])
-        shares = seen.shares or ClassShares(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
+        top_two_classes = seen.top_two_classes or TopTwoClasses(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
         yield {
             **vars(seen),
             "depth": seen.depth.ravel(),
@@ -291,8 +291,8 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
             "T_map_base": surfaces.poses[k],  # The estimated pose; the pose in the maps may differ unnoticeably
             "up": surfaces.ups[k],
-            "is_labelled": seen.shares is not None,
-            **vars(shares),
+            "is_labelled": seen.top_two_classes is not None,
+            **vars(top_two_classes),
             "surfaces": surfaces.points[own],
             "normals": surfaces.normals[own],
             "order": order[id(seen)],
@@ -313,11 +313,11 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
             raise ValueError("a keyframe has different numbers of points and classes")
         depth = row["depth"].reshape(row["depth_shape"])
         height, width = depth.shape
-        shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
+        top_two_classes = TopTwoClasses(row["classes"], row["share"]) if row["is_labelled"] else None
         seen = KeyframeObservation(
             **_fields_of(KeyframeObservation, row | {"depth": depth}),
             intrinsics=Intrinsics(width, height, *row["camera"].tolist()),
-            shares=shares,
+            top_two_classes=top_two_classes,
         )
         keyframes.add(seen, row["T_map_base"])
         found.append((row["order"], k, seen))

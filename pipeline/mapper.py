@@ -190,7 +190,7 @@ class Mapper:
     def is_label_due(self) -> bool:
         """Whether the policy requires a label for the next keyframe of a drive."""
         since = max(0, len(self.keyframes) + 1 - self.policy.labelled_every)
-        return all(seen.shares is None for seen in self.keyframes.seen[since:])
+        return all(seen.top_two_classes is None for seen in self.keyframes.seen[since:])
 
     def localise(self, frame: Frame) -> LocalisedFrame:
         """Remove isolated returns from a new frame and localise it; LostError if its pose is unknown."""
@@ -402,7 +402,7 @@ class Mapper:
 
     def _rebuild_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
-        if not any(keyframes.seen[k].shares for k in np.flatnonzero(moving)):
+        if not any(keyframes.seen[k].top_two_classes for k in np.flatnonzero(moving)):
             return
         with self.stopwatch("correction_semantic_map"), self.semantic_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):

@@ -61,7 +61,7 @@ class PlanningGraph(Protocol):
         """The nodes by id."""
         ...
 
-    def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
+    def drive_costs_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
         """Costs, s, of straight drives from a position ``xy`` (2,), m, to nodes, by node id."""
         ...
 
@@ -191,7 +191,7 @@ def _nodes_between(topology: PlanningGraph, traversability: Traversability, star
     graph = topology.graph.copy()
     for name, xy in (("start", start), ("goal", goal)):
         graph.add_node(name)
-        graph.add_weighted_edges_from((name, n, s) for n, s in topology.links_from(xy, traversability).items())
+        graph.add_weighted_edges_from((name, n, s) for n, s in topology.drive_costs_from(xy, traversability).items())
     try:
         return nx.dijkstra_path(graph, "start", "goal")[1:-1]
     except nx.NetworkXNoPath:

@@ -12,18 +12,21 @@ class RuleConfig:
 
     Attributes:
         wall_tilt: minimum tilt of a wall, rad.
-        deck: minimum height of a deck, m, above the ground where the robot was set down.
-        ceiling: minimum height of a ceiling, m, above the ground where the robot was set down.
+        min_deck_height: minimum height of a deck, m, above the ground where the robot was set down.
+        min_ceiling_height: minimum height of a ceiling, m, above the ground where the robot was set down.
     """
 
     wall_tilt: float = radians(60)
-    deck: float = 0.08
-    ceiling: float = 2.0
+    min_deck_height: float = 0.08
+    min_ceiling_height: float = 2.0
 
     def __post_init__(self) -> None:
-        require_positive("semantic_map.rules", self, "wall_tilt", "deck")
-        if self.ceiling <= self.deck:
-            raise InputError(f"semantic_map.rules.ceiling = {self.ceiling}: must be greater than deck = {self.deck}")
+        require_positive("semantic_map.rules", self, "wall_tilt", "min_deck_height")
+        if self.min_ceiling_height <= self.min_deck_height:
+            raise InputError(
+                f"semantic_map.rules.min_ceiling_height = {self.min_ceiling_height}: must be greater than "
+                f"min_deck_height = {self.min_deck_height}"
+            )
 
 
 @dataclass(frozen=True)

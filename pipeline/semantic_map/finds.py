@@ -78,7 +78,7 @@ def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, s
     objects = around[np.isin(labels[around], (Label.VICTIM, Label.CLUTTER))]
     part_of = part_numbers(points[objects] - points[objects].min(axis=0), skin)
     own = objects[np.isin(part_of, part_of[np.isin(objects, person)])]
-    if 2 * np.count_nonzero(labels[own] == Label.CLUTTER) <= len(own) or _stands(points, points[own], step):
+    if 2 * np.count_nonzero(labels[own] == Label.CLUTTER) <= len(own) or _is_standing(points, points[own], step):
         return nothing
     walls = _within(points, points[own], skin)
     walls = walls[labels[walls] == Label.WALL]
@@ -94,7 +94,7 @@ def _in_hull(points: Points, own: Points, skin: float) -> Mask:
     return (points @ faces[:, :3].T + faces[:, 3] <= skin).all(axis=1)
 
 
-def _stands(points: Points, own: Points, step: float) -> bool:
+def _is_standing(points: Points, own: Points, step: float) -> bool:
     """Whether most points below an object are within ``step`` m of its bottom; True if no points are below it."""
     bottom = own[:, 2].min()
     heights = points[_in_box(points, own[:, :2].min(axis=0), own[:, :2].max(axis=0)), 2]

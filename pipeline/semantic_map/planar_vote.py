@@ -18,24 +18,29 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.segments.planar_regions import planar_regions
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
+from pipeline.semantic_map.planar_vote_kernels import (
+    log_probabilities_of_possible,
+    mean_logs,
+    normalised_products,
+    planes_of_pixels,
+)
 
-ANGLE = radians(6)
+MAX_NORMAL_ANGLE = radians(6)
 """Maximum angle between the normals of a surfel and its region, rad; small, because labels do not separate planes."""
-SHIFT, NOISE = 0.02, 0.008
-"""A pixel is less than ``SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
-WINDOW = 2
+MAX_SHIFT, NOISE = 0.02, 0.008
+"""A pixel is less than ``MAX_SHIFT + NOISE · depth²`` from its plane along the optical axis; m, 1/m."""
+MAX_NEIGHBOUR_DISTANCE = 2
 """Maximum distance, in rows and columns, of the neighbours that help to choose the plane of a pixel that fits
 several."""
 MIN_PROBABILITY = 1e-3
 """Lower limit of a class's probability, which limits the evidence against the class."""
-LEAN = radians(15)
+MAX_LEAN = radians(15)
 """Maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or deck side to the vertical, rad."""
 MIN_RAMP = radians(4)
 """Minimum tilt of an inclined ramp, rad."""
 
 
-def planar_vote(
+def vote_on_planes(
     frame: Frame, T_map_camera: Pose, probabilities: NDArray[np.float32], weight: float
 ) -> NDArray[np.float32]:
     """Let the points of every plane vote.
@@ -53,13 +58,15 @@ def planar_vote(
     Returns:
         (N, 6) float32 probabilities.
     """
-    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, ANGLE)
+    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, MAX_NORMAL_ANGLE)
     plane = planes_of_pixels(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.neighbours, found.plane_of_surfel,
-        found.planes, SHIFT, NOISE, WINDOW,
+        found.planes, MAX_SHIFT, NOISE, MAX_NEIGHBOUR_DISTANCE,
     )[frame.returns]  # fmt: skip
     possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])
-    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), MIN_PROBABILITY)
+    logs = log_probabilities_of_possible(
+        probabilities, plane, possible, CLASSES.index(Label.CLUTTER), MIN_PROBABILITY
+    )
     evidence = weight * mean_logs(logs, plane, len(found.planes))
     return normalised_products(probabilities, logs, evidence, plane)
 
@@ -67,7 +74,7 @@ def planar_vote(
 def possible_classes(cosines: Values) -> NDArray[np.bool_]:
     """(P, 6) which of ``CLASSES`` each plane may have, given the (P,) cosines between normals and the vertical."""
     lean = np.arccos(np.abs(cosines).clip(max=1))
-    level, upright = lean < LEAN, lean > np.pi / 2 - LEAN
+    level, upright = lean < MAX_LEAN, lean > np.pi / 2 - MAX_LEAN
     possible = {
         Label.WALL: upright,
         Label.TERRAIN: level,

@@ -68,7 +68,7 @@ def shift(z, ray, plane):
 
 
 @njit(cache=True)
-def possible_logs(probabilities, plane, possible, clutter, floor):
+def log_probabilities_of_possible(probabilities, plane, possible, clutter, floor):
     """(N, C) float32 log probabilities, after moving the probabilities of impossible classes to possible ones.
 
     The possible classes gain in proportion to their probabilities, except ``clutter``, because a plane that cannot be
@@ -120,7 +120,7 @@ def normalised_products(probabilities, logs, evidence, plane):
     """(N, C) float32: normalised exp(``logs`` + the plane's ``evidence``); ``probabilities`` for points on no plane.
 
     Args:
-        probabilities, logs: (N, C) float32, and :func:`possible_logs` of them.
+        probabilities, logs: (N, C) float32, and :func:`log_probabilities_of_possible` of them.
         evidence: (P, C) float64 logarithms for every plane.
         plane: (N,) int32 plane of every point, or NONE.
     """

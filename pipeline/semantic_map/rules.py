@@ -39,8 +39,8 @@ def _labels(points: Points, config: RuleConfig) -> Indices:
         (tilt > config.wall_tilt, Label.WALL),
         (roughness > ROUGHNESS, Label.CLUTTER),
         (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
-        (points[:, 2] > config.ceiling, Label.CEILING),
-        (points[:, 2] > config.deck, Label.STRAIGHT_RAMP),
+        (points[:, 2] > config.min_ceiling_height, Label.CEILING),
+        (points[:, 2] > config.min_deck_height, Label.STRAIGHT_RAMP),
     ]
     return np.select([rule for rule, _ in rules], [label for _, label in rules], Label.TERRAIN)
 

@@ -38,14 +38,14 @@ class SemanticMap:
         """Start with an empty map, whose labels are not revised yet."""
         self.config = config
         self._revision: Revision | None = None
-        self._known_labels: Labels | None = None
+        self._cached_labels: Labels | None = None
         self._blocks, self._size, self._frames = 0, 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
         self._rows = np.empty((0, 4 + len(Label)), np.float32)
-        self._born = np.empty(0, np.int64)
+        self._first_hit = np.empty(0, np.int64)
         self._free = np.empty(0, np.int32)
-        self._known_order: Indices | None = None
+        self._cached_order: Indices | None = None
         self._columns = EVERYWHERE
         self._reserve(1)
 
@@ -85,10 +85,10 @@ class SemanticMap:
         self._frames = max(self._frames, number + 1)
         self._blocks, self._size, left = accumulate(
             points, probabilities, unit, counts, 1 / self.config.voxel, self._slots, self._block_of_slot, self._shift,
-            self._block_keys, self._voxels, self._rows, self._born, number << 32, self._columns, self._free,
+            self._block_keys, self._voxels, self._rows, self._first_hit, number << 32, self._columns, self._free,
             (self._blocks, self._size, len(self._free)),
         )  # fmt: skip
-        self._free, self._known_order, self._known_labels = self._free[:left], None, None
+        self._free, self._cached_order, self._cached_labels = self._free[:left], None, None
 
     @contextmanager
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
@@ -102,9 +102,9 @@ class SemanticMap:
         columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
         within, meets = columns.touched(boxes)
         self._columns = columns.low, within
-        blocks, born = slice(self._blocks), self._born[: self._size]
-        gone = forget(self._block_keys[blocks], self._voxels[blocks], born, self._columns)
-        self._free, self._known_order, self._known_labels = np.concatenate([self._free, gone]), None, None
+        blocks, first_hit = slice(self._blocks), self._first_hit[: self._size]
+        gone = forget(self._block_keys[blocks], self._voxels[blocks], first_hit, self._columns)
+        self._free, self._cached_order, self._cached_labels = np.concatenate([self._free, gone]), None, None
         try:
             yield meets
         finally:
@@ -113,14 +113,16 @@ class SemanticMap:
     @property
     def _order(self) -> Indices:
         """The rows of the voxels in the order in which they were first hit."""
-        if self._known_order is None:
-            rows = np.flatnonzero(self._born[: self._size] != GONE)
-            self._known_order = rows[np.argsort(self._born[rows], kind="stable")]
-        return self._known_order
+        if self._cached_order is None:
+            rows = np.flatnonzero(self._first_hit[: self._size] != GONE)
+            self._cached_order = rows[np.argsort(self._first_hit[rows], kind="stable")]
+        return self._cached_order
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` blocks and voxels; doubling keeps the amortised cost of growth constant."""
-        self._rows, self._born = (ensure_capacity(values, self._size, more) for values in (self._rows, self._born))
+        self._rows, self._first_hit = (
+            ensure_capacity(values, self._size, more) for values in (self._rows, self._first_hit)
+        )
         if self._blocks + more <= len(self._block_keys):
             return
         self._block_keys = ensure_capacity(self._block_keys, self._blocks, more)
@@ -137,17 +139,17 @@ class SemanticMap:
 
     def revise(self, revision: Revision) -> None:
         """Make the labels of present and future points consistent with the other maps."""
-        self._revision, self._known_labels = revision, None
+        self._revision, self._cached_labels = revision, None
 
     def labels(self) -> Labels:
         """The most probable class of every voxel (the lower id wins a tie), as last revised."""
-        if self._known_labels is None:
+        if self._cached_labels is None:
             labels = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8)
             revision = self._revision
-            self._known_labels = (
+            self._cached_labels = (
                 labels if revision is None else revision.revised(self.points(), labels, self.config.voxel)
             )
-        return self._known_labels
+        return self._cached_labels
 
     def probabilities(self) -> Probabilities:
         """The class probabilities of every voxel: the mean over all its returns."""

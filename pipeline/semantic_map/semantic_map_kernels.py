@@ -10,12 +10,12 @@ BLOCK = 4
 COLUMN = 4
 """Number of blocks along each side of a column, which is as high as the map."""
 GONE = np.iinfo(np.int64).max
-"""Value of ``born`` for a voxel that was removed."""
+"""Value of ``first_hit`` for a voxel that was removed."""
 
 
 @njit(cache=True, nogil=True)
 def accumulate(
-    points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, born, first,
+    points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, first_hit, first,
     columns, free, size,
 ):  # fmt: skip
     """Add points to the voxels that contain them; return the numbers of blocks, rows and free rows afterwards.
@@ -32,7 +32,7 @@ def accumulate(
         block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 rows of its voxels,
             EMPTY for voxels without points. B exceeds the number of blocks so far by at least N.
         rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
-        born: (M,) int64, for every voxel the serial number of the first point that hit it.
+        first_hit: (M,) int64, for every voxel the serial number of the first point that hit it.
         first: serial number of points[0].
         columns: (2,) index of the first column, and (nx, ny) bool mask of the chosen columns; an empty mask chooses
             all columns.
@@ -65,7 +65,7 @@ def accumulate(
         if blocks[block, cell] == EMPTY:
             new = free[left - 1] if left else used
             blocks[block, cell] = new
-            rows[new], born[new] = 0.0, first + n
+            rows[new], first_hit[new] = 0.0, first + n
             left, used = (left - 1, used) if left else (left, used + 1)
         row = rows[blocks[block, cell]]
         row[0] += counts[n]
@@ -86,24 +86,24 @@ def _is_chosen(i, j, columns):
 
 
 @njit(cache=True, nogil=True)
-def forget(block_keys, blocks, born, columns):
+def forget(block_keys, blocks, first_hit, columns):
     """Empty the ``blocks`` (B, 64) of the chosen columns; mark their voxels as GONE, and return the voxels' rows.
 
     For the arguments, see :func:`accumulate`.
     """
-    index, free, size = unpacked(block_keys), np.empty(len(born), np.int32), 0
+    index, free, size = unpacked(block_keys), np.empty(len(first_hit), np.int32), 0
     for b in range(len(blocks)):
         if _is_chosen(index[b, 0], index[b, 1], columns):
             for cell in range(blocks.shape[1]):
                 if blocks[b, cell] != EMPTY:
-                    born[blocks[b, cell]], free[size] = GONE, blocks[b, cell]
+                    first_hit[blocks[b, cell]], free[size] = GONE, blocks[b, cell]
                     size += 1
             blocks[b] = EMPTY
     return free[:size].copy()
 
 
 @njit(cache=True, nogil=True)
-def spread(classes, share, whole, size):
+def class_fractions(classes, share, whole, size):
     """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), ``whole - share`` for the second."""
     result = np.zeros((len(share), size), np.uint8)
     for n in range(len(share)):

@@ -17,7 +17,7 @@ from scipy import ndimage
 from pipeline.arrays import Indices, Labels, Layer, Mask, MaskLayer, Points
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
+from pipeline.semantic_map.uprights_kernels import directions, is_on_long_run
 
 REACH = 2
 """Distance up to which points around a cell determine the direction of a wall, cells.
@@ -102,9 +102,11 @@ def with_whole_walls(plan: TopDownProjection, labels: Labels, width: float, gap:
     # Cells of one run stay in line across a gap: over the gap's length, their directions diverge by at most a cell.
     tolerance, max_gap = plan.cell / gap, int(gap / plan.cell)
     reaches = REACH, length // 2
-    wide = [on_long_runs(directions(walls, reach), length, max_gap, tolerance) for reach in reaches]
-    whole = ndimage.binary_dilation(np.logical_or(*wide), _square(REACH))
-    mostly = ndimage.convolve(walls, _square(1)) > ndimage.convolve(plan.counts(is_clutter), _square(1))
+    wide = [is_on_long_run(directions(walls, reach), length, max_gap, tolerance) for reach in reaches]
+    whole = ndimage.binary_dilation(np.logical_or(*wide), _square_of_ones(REACH))
+    mostly = ndimage.convolve(walls, _square_of_ones(1)) > ndimage.convolve(
+        plan.counts(is_clutter), _square_of_ones(1)
+    )
     result = labels.copy()
     result[is_wall & ~plan.at_points(whole)] = Label.CLUTTER
     result[is_clutter & plan.at_points(whole & mostly)] = Label.WALL
@@ -120,14 +122,14 @@ def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float
     low, high = plan.span(is_ramp)
     is_deck = 2 * plan.counts(labels == Label.STRAIGHT_RAMP) > plan.counts(is_ramp)
     is_filled, is_level = low <= high, high - low <= plan.cell
-    top = _broad(is_filled & is_level & is_deck) | _broad(is_filled & is_level & ~is_deck)
+    top = _broad_parts(is_filled & is_level & is_deck) | _broad_parts(is_filled & is_level & ~is_deck)
     if not top.any():
         return labels
     distance, (i, j) = ndimage.distance_transform_edt(~top, return_indices=True)
-    surface, _ = ndimage.label(is_filled, _square(1))
+    surface, _ = ndimage.label(is_filled, _square_of_ones(1))
     narrow = (surface == surface[i, j]) & ~top & (high - low < headroom)
     # A side ends at the height of the highest top around it.
-    edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(BLUR)))
+    edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square_of_ones(BLUR)))
     side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= BLUR)
     is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side)
     label = np.where(is_deck[i, j], Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
@@ -143,11 +145,11 @@ def _ends_at(edge: Layer, low: Layer, high: Layer, step: float, headroom: float)
     return (height > step) & (height < headroom) & (np.abs(high - edge) <= step)
 
 
-def _broad(layer: MaskLayer) -> MaskLayer:
+def _broad_parts(layer: MaskLayer) -> MaskLayer:
     """Cells of a layer that belong to a filled square of 3 × 3 cells, in which single cells may be missing."""
-    return layer & ndimage.binary_opening(ndimage.binary_closing(layer, _square(1)), _square(1))
+    return layer & ndimage.binary_opening(ndimage.binary_closing(layer, _square_of_ones(1)), _square_of_ones(1))
 
 
-def _square(reach: int) -> NDArray[np.int32]:
+def _square_of_ones(reach: int) -> NDArray[np.int32]:
     """A square of ones that extends ``reach`` cells from its centre along each axis."""
     return np.ones((2 * reach + 1, 2 * reach + 1), np.int32)

@@ -26,7 +26,7 @@ def directions(counts, reach):
 
 
 @njit(cache=True, nogil=True)
-def on_long_runs(direction, length, gap, tolerance):
+def is_on_long_run(direction, length, gap, tolerance):
     """(nx, ny) bool: the cells in a run of ``length`` or more cells that share one direction and lie along it.
 
     Args:
@@ -38,17 +38,17 @@ def on_long_runs(direction, length, gap, tolerance):
     result = np.zeros(direction.shape, np.bool_)
     for i, j in np.argwhere(~np.isnan(direction)):
         angle = direction[i, j]
-        ahead = farthest(direction, i, j, angle, length, gap, tolerance)
-        behind = farthest(direction, i, j, angle + np.pi, length, gap, tolerance)
+        ahead = run_length(direction, i, j, angle, length, gap, tolerance)
+        behind = run_length(direction, i, j, angle + np.pi, length, gap, tolerance)
         result[i, j] = ahead + behind + 1 >= length
     return result
 
 
 @njit(cache=True, nogil=True)
-def farthest(direction, i, j, angle, length, gap, tolerance):
+def run_length(direction, i, j, angle, length, gap, tolerance):
     """Number of cells from (i, j) along ``angle``, rad, to the last cell of a run.
 
-    For the other arguments, see :func:`on_long_runs`.
+    For the other arguments, see :func:`is_on_long_run`.
     """
     last, step = 0, 1
     while step - last <= gap + 1 and last < length:

@@ -52,8 +52,8 @@ class NodeCover:
     def _layers(self) -> GridMap:
         """The layers, created with the first ground, which determines the size of the cells."""
         mask = Layer(np.bool_)
-        count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
-        kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
+        counts, unworthy = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
+        kinds = {"target": mask, "standable": mask, "walls": mask, "view_counts": counts, "unworthy": unworthy}
         return GridMap(self.traversability.grid.cell, kinds)
 
     @property
@@ -82,7 +82,7 @@ class NodeCover:
         layers.write("walls", traversability.tall | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         if changed.any():
-            layers["left"][box_around(changed, 2 * self._reach)] = False
+            layers["unworthy"][box_around(changed, 2 * self._reach)] = False
         for node, visible in list(self._seen_by.items()):
             if changed[self._window(visible)].any():
                 self.remove(node)
@@ -105,23 +105,23 @@ class NodeCover:
         return self._layers["standable"]
 
     @property
-    def count(self) -> NDArray[np.int32]:
+    def view_counts(self) -> NDArray[np.int32]:
         """(nx, ny) number of nodes that see each target cell."""
-        return self._layers["count"]
+        return self._layers["view_counts"]
 
     @property
     def missing(self) -> MaskLayer:
         """Target cells that no node sees."""
-        return self.target & (self.count == 0)
+        return self.target & (self.view_counts == 0)
 
     @property
     def wanted(self) -> MaskLayer:
         """Missing cells, except cells marked as not worth a node since the ground around them last changed."""
-        return self.missing & ~self._layers["left"]
+        return self.missing & ~self._layers["unworthy"]
 
     def mark_missing_as_unworthy(self) -> None:
         """Mark the cells that no node sees as not worth a node."""
-        self._layers["left"][:] = self.missing
+        self._layers["unworthy"][:] = self.missing
 
     def visible_from(self, places: Places) -> VisibleCells:
         """The cells that are seen from (K, 2) positions, m."""
@@ -133,11 +133,11 @@ class NodeCover:
     def add(self, node: int, place: Place) -> None:
         """Count the cells that a new node at ``place``, (2,) m, sees."""
         self._seen_by[node] = self.visible_from(place[None])
-        self._count(node, 1)
+        self._add_to_counts(node, 1)
 
     def remove(self, node: int) -> None:
         """Remove a node, and no longer count the cells that it sees."""
-        self._count(node, -1)
+        self._add_to_counts(node, -1)
         del self._seen_by[node]
 
     def gains(self, visible: VisibleCells) -> Indices:
@@ -148,7 +148,7 @@ class NodeCover:
         """(N, 2) cells that only the given nodes see, outermost first."""
         seen = np.concatenate([self._seen_by[n].seen for n in nodes])
         corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
-        cells = kernels.only_seen_by(seen, corners, self.count)
+        cells = kernels.only_seen_by(seen, corners, self.view_counts)
         if not len(cells):
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
@@ -182,13 +182,13 @@ class NodeCover:
         corner = np.array([side.start for side in window])
         return self.grid.centre_of(corner + best_of_blocks(room, BLOCK))
 
-    def _count(self, node: int, by: int) -> None:
+    def _add_to_counts(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""
         visible = self._seen_by[node]
         window = self._window(visible)
         corner = visible.corners[0] - self.grid.low
         i, j = (slice(w.start - c, w.stop - c) for w, c in zip(window, corner, strict=True))
-        self.count[window] += by * visible.seen[0][i, j]
+        self.view_counts[window] += by * visible.seen[0][i, j]
 
     def _window(self, visible: VisibleCells) -> CellWindow:
         """The part of the first position's window that lies on the grid."""

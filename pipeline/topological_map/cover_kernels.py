@@ -6,7 +6,11 @@ from numba import njit
 
 @njit(cache=True)
 def count_in(seen, corners, mask):
-    """(K,) int64, number of cells of a mask (nx, ny) seen from each of K positions, given their windows (K, S, S)."""
+    """(K,) int64, number of cells of a mask (nx, ny) seen from each of K positions.
+
+    ``seen`` (K, S, S): which cells of each position's window are seen. ``corners`` (K, 2): indices of the windows'
+    first cells in the mask.
+    """
     counts = np.zeros(len(seen), np.int64)
     size = seen.shape[1]
     for k in range(len(seen)):
@@ -21,9 +25,10 @@ def count_in(seen, corners, mask):
 
 @njit(cache=True)
 def only_seen_by(seen, corners, counts):
-    """(K, 2) int64, the cells that only M nodes see, given the nodes' windows (M, S, S).
+    """(K, 2) int64, the cells that only M nodes see.
 
-    ``counts`` (nx, ny): number of nodes that see each cell, these M nodes included.
+    ``seen`` (M, S, S) and ``corners`` (M, 2): the nodes' windows, as for :func:`count_in`. ``counts`` (nx, ny):
+    number of nodes that see each cell, these M nodes included.
     """
     size, number = seen.shape[1], 0
     cells = np.empty((seen.sum(), 2), np.int64)
@@ -47,7 +52,10 @@ def only_seen_by(seen, corners, counts):
 
 @njit(cache=True)
 def see_all(seen, corners, cells, spare):
-    """(K,) bool, whether all cells (M, 2) but at most ``spare`` are seen from positions with windows (K, S, S)."""
+    """(K,) bool, whether all but at most ``spare`` of the cells (M, 2) are seen from each of K positions.
+
+    ``seen`` and ``corners``: see :func:`count_in`.
+    """
     result = np.empty(len(seen), np.bool_)
     size = seen.shape[1]
     for k in range(len(seen)):

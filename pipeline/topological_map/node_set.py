@@ -74,10 +74,10 @@ class NodeSet:
         nodes: the nodes by id.
         drive_graph: networkx graph of all straight drives between nodes, with ``weight``, s, and ``length``, m.
         cover: which cells the nodes see.
-        links: which straight lines can be driven.
+        straight_drives: which straight lines can be driven.
     """
 
-    links: StraightDrives
+    straight_drives: StraightDrives
 
     def __init__(self, config: TopologicalMapConfig) -> None:
         self._config = config
@@ -88,31 +88,31 @@ class NodeSet:
         self._moved: list[Place] = []
 
     def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
-        """Adapt the nodes to the ground: move a node where the robot cannot turn by up to ``snap`` m, or remove it.
+        """Adapt the nodes to the ground, and return the cells that changed, including those of moved nodes.
 
-        See :meth:`NodeCover.update` for the arguments. The cells that changed are returned, cells of moved nodes
-        included.
+        A node at which the robot cannot turn is moved by up to ``max_snap_distance`` m, or removed. See
+        :meth:`NodeCover.update` for the arguments.
         """
         changed = self.cover.update(traversability, reachable, walls)
         changed |= self.cover.grid.mask_of(np.reshape(self._moved, (-1, 3)))
         self._moved.clear()
-        self.links = StraightDrives(traversability, walls)
+        self.straight_drives = StraightDrives(traversability, walls)
         nodes = list(self.nodes.values())
         stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
         for k in np.flatnonzero(~stand):
-            self._settle(nodes[k])
-        self._retest(changed)
+            self._relocate(nodes[k])
+        self._retest_drives(changed)
         return changed
 
-    def _settle(self, node: Node) -> None:
+    def _relocate(self, node: Node) -> None:
         """Move a node to where the robot can turn, or else remove it, unless this would disconnect other nodes."""
         cover = self.cover
-        xy = cover.grid.nearest(cover.standable, node.position, self._config.snap)
-        parts = len(self.parts())
+        xy = cover.grid.nearest(cover.standable, node.position, self._config.max_snap_distance)
+        parts = len(self.components())
         self.remove(node.id)
         if xy is not None:
             self._put(node.id, node.label, xy)
-        if len(self.parts()) > parts and cover.grid.at(cover.target, node.position):
+        if len(self.components()) > parts and cover.grid.at(cover.target, node.position):
             if xy is not None:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
@@ -144,10 +144,10 @@ class NodeSet:
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
         starts = self.cover.traversability.on_ground(places)
-        free = self.links.are_free(np.repeat(starts, len(ids), axis=0), np.tile(ends, (len(places), 1)))
+        free = self.straight_drives.are_free(np.repeat(starts, len(ids), axis=0), np.tile(ends, (len(places), 1)))
         return [[ids[k] for k in np.flatnonzero(row)] for row in free.reshape(len(places), len(ids))]
 
-    def parts(self, without: Collection[int] = ()) -> list[set[int]]:
+    def components(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
         # This code does not use networkx, which takes twenty times as long if nodes are left out.
         near = dict(self.drive_graph.adjacency())
@@ -164,13 +164,14 @@ class NodeSet:
         return sorted(parts, key=lambda part: (-len(part), min(part)))
 
     def _put(self, node: int, label: Label, xy: Place) -> None:
+        """Add a node with a given id at a position (2,), m, and its edges."""
         linked = self.links_from(xy[None])[0]
         self.nodes[node] = Node(node, label, self.cover.traversability.on_ground(xy[None])[0])
         self.cover.add(node, xy)
         self.drive_graph.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
-    def _retest(self, changed: MaskLayer) -> None:
+    def _retest_drives(self, changed: MaskLayer) -> None:
         """Test drives again if their bounding boxes overlap the bounding box of the ``changed`` cells."""
         if not changed.any() or len(self.nodes) < 2:
             return
@@ -183,7 +184,7 @@ class NodeSet:
         i, j = np.triu_indices(len(ids), 1)
         touched = (np.maximum(places[i], places[j])[:, :2] >= low).all(axis=1)
         touched &= (np.minimum(places[i], places[j])[:, :2] <= high).all(axis=1)
-        free = self.links.are_free(places[i[touched]], places[j[touched]])
+        free = self.straight_drives.are_free(places[i[touched]], places[j[touched]])
         pairs = np.stack([ids[i[touched]], ids[j[touched]]], axis=1)
         self.drive_graph.remove_edges_from(pairs[~free].tolist())
         self._add_edges(pairs[free])
@@ -191,6 +192,6 @@ class NodeSet:
     def _add_edges(self, pairs: Cells) -> None:
         starts, ends = (np.array([self.nodes[n].position for n in side]).reshape(-1, 3) for side in pairs.T)
         length = np.linalg.norm((ends - starts)[:, :2], axis=1)
-        seconds = drive_seconds(self.links.traversability, starts, ends)
+        seconds = drive_seconds(self.straight_drives.traversability, starts, ends)
         for (a, b), m, s in zip(pairs.tolist(), length, seconds, strict=True):
             self.drive_graph.add_edge(a, b, weight=float(s), length=float(m))

@@ -40,7 +40,7 @@ class Passages:
         part = links.traversability.part(box_around(mask, round(self._sight / grid.cell)))
         here = {n: node for n, node in nodes.items() if part.grid.holds(part.grid.cell_of(node.position))}
         kept = {pair: edge for pair, edge in self._edges.items() if all(nodes.get(n) is before[n] for n in pair)}
-        self._edges = _free(kept, nodes, links) | _between(here, links, drives, part)
+        self._edges = _free_edges(kept, nodes, links) | _edges_between(here, links, drives, part)
 
     def add_to(self, drives: nx.Graph) -> None:
         """Add the passages between nodes that no straight drive joins to a graph of straight drives.
@@ -50,7 +50,7 @@ class Passages:
         drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
 
 
-def _free(
+def _free_edges(
     edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: StraightDrives
 ) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges whose paths are still free of obstacles."""
@@ -61,7 +61,7 @@ def _free(
     return {pair: edge for k, (pair, edge) in enumerate(edges.items()) if k not in blocked}
 
 
-def _between(
+def _edges_between(
     nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, part: Traversability
 ) -> dict[tuple[int, int], dict[str, Any]]:
     """The edges of passages between nodes on a part of the ground, by the lower and the higher node id."""
@@ -69,9 +69,9 @@ def _between(
     if len(nodes) < 2:
         return edges
     paths = PosePaths(part, [nodes[n].position for n in sorted(nodes)])
-    for p, q in _meetings(paths):
+    for p, q in _border_crossings(paths):
         there, back = (paths.path_to(part.grid.centre_of(cell)) for cell in (p, q))
-        a, b = (_nearest(nodes, way[0]) for way in (there, back))
+        a, b = (_nearest_node(nodes, way[0]) for way in (there, back))
         if a > b:
             a, b, there, back = b, a, back, there
         if a == b or drives.has_edge(a, b):
@@ -86,11 +86,12 @@ def _between(
     return edges
 
 
-def _nearest(nodes: Mapping[int, Node], xy: Place) -> int:
+def _nearest_node(nodes: Mapping[int, Node], xy: Place) -> int:
+    """The id of the node nearest to a position (2,), m."""
     return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
 
 
-def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
+def _border_crossings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
     """For each pair of touching regions, the two cells where the cheapest path between the nodes crosses over."""
     source = paths.sources()
     cells = []

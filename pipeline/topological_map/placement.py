@@ -23,13 +23,13 @@ from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.node_set import NodeSet
 
-LINKED = 0.7
+MIN_LINKED_GAIN = 0.7
 """Fraction of the greatest gain above which a position is preferred if a straight drive joins it to a node."""
-JOINT = 0.6
+MAX_JOINT_DISTANCE = 0.6
 """Distance from a path between two groups of nodes within which a single position that joins them is sought, m."""
-SAME_LEVEL = 0.12
+MAX_LEVEL_DIFFERENCE = 0.12
 """Maximum difference in height between a segment and ground that belongs to it, m."""
-LARGE_RAMP = 1.8
+LONG_DECK = 1.8
 """Length above which a deck has a node in each half, m."""
 
 
@@ -53,49 +53,52 @@ def thesis_places(
 
     Positions without such ground nearby are left out.
     """
-    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot, config)]
+    wanted = [(p, s.label) for s in segments for p in segment_node_positions(s, cover.traversability.robot, config)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
-        level = np.abs(cover.traversability.elevation - place[2]) < SAME_LEVEL
-        xy = cover.grid.nearest(cover.standable & level, place, config.snap)
+        level = np.abs(cover.traversability.elevation - place[2]) < MAX_LEVEL_DIFFERENCE
+        xy = cover.grid.nearest(cover.standable & level, place, config.max_snap_distance)
         if xy is not None:
             places.append(NodePlace(xy, label))
     return places
 
 
 def label_at(point: Place, segments: Segments) -> Label:
-    """The label of a node at a point on the ground: straight ramp within ``SAME_LEVEL`` of a deck, else terrain."""
+    """The label of a node at a point on the ground: straight ramp on a deck, otherwise terrain.
+
+    A point is on a deck if it is at most ``MAX_LEVEL_DIFFERENCE`` m away from it.
+    """
     for segment in segments.of(Label.STRAIGHT_RAMP):
-        if segment.tree.query(point)[0] <= SAME_LEVEL:
+        if segment.tree.query(point)[0] <= MAX_LEVEL_DIFFERENCE:
             return Label.STRAIGHT_RAMP
     return Label.TERRAIN
 
 
-def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
+def segment_node_positions(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
     """(N, 3) m, positions for the nodes of a straight or inclined ramp; other segments have no nodes.
 
     Ramps that are smaller than the robot or too steep to drive on, such as the sides of ramps, have no nodes either.
     """
     if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
-            return _middles(segment)
+            return _centres(segment)
         if segment.label is Label.INCLINED_RAMP:
-            return _bottom(segment, robot.half_length + config.before_ramp)[None]
+            return _front_of_ramp(segment, robot.half_length + config.before_ramp)[None]
     return np.zeros((0, 3))
 
 
-def _middles(segment: Segment) -> Places:
-    """(N, 3) m, the centre of a deck, or the centres of the halves of a deck longer than ``LARGE_RAMP``."""
+def _centres(segment: Segment) -> Places:
+    """(N, 3) m, the centre of a deck, or the centres of the halves of a deck longer than ``LONG_DECK``."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
-    if extent[long] <= LARGE_RAMP:
+    if extent[long] <= LONG_DECK:
         return T[None, :3, 3]
     quarter = T[:3, long] * extent[long] / 4
     return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
 
 
-def _bottom(segment: Segment, distance: float) -> Place:
+def _front_of_ramp(segment: Segment, distance: float) -> Place:
     """The position ``distance`` m in front of the bottom edge of an inclined ramp, where the robot stands level."""
     box = segment.box
     downhill = np.array([*segment.plane.normal[:2], 0.0])
@@ -117,8 +120,8 @@ class Placement:
         self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the thesis's positions that show at least ``place_gain`` m² of ground that no node sees."""
-        least = self._config.place_gain / self._cover.grid.cell**2
+        """Add nodes at the thesis's positions that see at least ``min_place_gain`` m² of ground that no node sees."""
+        least = self._config.min_place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
@@ -139,7 +142,7 @@ class Placement:
     def _best(self, places: Places, gains: Indices) -> int:
         """Index of the position with the greatest gain, or of one with slightly less gain and a link to a node."""
         order = np.argsort(-gains, kind="stable")
-        for k in order[gains[order] >= LINKED * gains.max()]:
+        for k in order[gains[order] >= MIN_LINKED_GAIN * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
                 return int(k)
         return int(order[0])
@@ -147,13 +150,13 @@ class Placement:
     def join(self) -> None:
         """Add nodes near the cheapest path between groups of nodes that straight drives do not connect."""
         for _ in range(len(self._nodes.nodes)):
-            parts = self._nodes.parts()
+            parts = self._nodes.components()
             if len(parts) < 2:
                 return
             joints = self._joints(parts[0], parts[1:])
             for xy in joints:
                 self._nodes.add(self._label(xy), xy)
-            if len(self._nodes.parts()) >= len(parts):
+            if len(self._nodes.components()) >= len(parts):
                 return
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
@@ -167,7 +170,7 @@ class Placement:
         if nearest is None:
             return np.zeros((0, 2))
         way = paths.path_to(targets[nearest])
-        places = self._cover.candidates(self._cover.grid.mask_of(way), JOINT)
+        places = self._cover.candidates(self._cover.grid.mask_of(way), MAX_JOINT_DISTANCE)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
@@ -182,7 +185,7 @@ class Placement:
         # with the least such ground come first.
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.max_uncovered_cells
-            if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
+            if is_spare and len(self._nodes.components({n})) <= len(self._nodes.components()):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
@@ -206,11 +209,11 @@ class Placement:
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
-        good = self._stand_ins(pair, candidates)
+        good = self._replacements(pair, candidates)
         if not len(good):
             return None
-        rest = self._nodes.parts(pair)
-        parts = len(self._nodes.parts())
+        rest = self._nodes.components(pair)
+        parts = len(self._nodes.components())
         for xy in good:
             links = self._nodes.links_from(xy[None], pair)[0]
             if 1 + sum(not part & set(links) for part in rest) <= parts:
@@ -219,7 +222,7 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
+    def _replacements(self, pair: tuple[int, int], places: Places) -> Places:
         """(K, 2) m, positions of nodes that can replace two nodes.
 
         The thesis's positions come first; within both groups, positions that see the most cells come first.

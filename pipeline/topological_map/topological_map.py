@@ -40,7 +40,7 @@ class TopologicalMap:
         self._config = config
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set = NodeSet(config)
+        self._node_set = NodeSet(config)
         self._passages = Passages(config.sight)
         self._places = AnchoredPlaces.joined([])
         self._bends = dict[tuple[int, int], AnchoredPlaces]()
@@ -48,7 +48,7 @@ class TopologicalMap:
     @property
     def nodes(self) -> Mapping[int, Node]:
         """The nodes by id."""
-        return self._set.nodes
+        return self._node_set.nodes
 
     def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: PosePaths) -> None:
         """Update the map with a keyframe.
@@ -59,7 +59,7 @@ class TopologicalMap:
             paths: cheapest paths over the ground from the robot's pose.
         """
         # Adapt the nodes to the ground where it changed.
-        nodes = self._set
+        nodes = self._node_set
         changed = nodes.renew(paths.traversability, self._reachable(paths), segments.of(Label.WALL))
         # Place nodes by the thesis's rules, then for ground that no node sees, then to connect groups, and thin
         # them out.
@@ -75,7 +75,7 @@ class TopologicalMap:
         self.graph = self.tree
         if self.kind == "roadmap" and len(nodes.nodes) > 1:
             drives = nodes.drive_graph.copy()
-            self._passages.renew(nodes.nodes, nodes.links, nodes.drive_graph, changed)
+            self._passages.renew(nodes.nodes, nodes.straight_drives, nodes.drive_graph, changed)
             self._passages.add_to(drives)
             self.graph = roadmap(self.tree, drives, self._config.max_detour)
 
@@ -91,7 +91,7 @@ class TopologicalMap:
 
     def place(self, poses: Poses, moving: Mask) -> None:
         """Move nodes and bends with the keyframes that are ``moving`` (K,); the next :meth:`update` adapts both."""
-        self._set.place(self._places.at(poses), moving[self._places.keyframe])
+        self._node_set.place(self._places.at(poses), moving[self._places.keyframe])
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 
@@ -100,14 +100,14 @@ class TopologicalMap:
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
-    def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
+    def drive_costs_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
         """Costs of the straight drives from a point (2,), m, to nodes, s, by node id."""
         ends = np.array([node.position[:2] for node in self.nodes.values()]).reshape(-1, 2)
         seconds = drive_seconds(traversability, xy[None], ends)
         return {n: float(s) for n, s in zip(self.nodes, seconds, strict=True) if np.isfinite(s)}
 
     def save(self, path: Path) -> None:
-        """Write nodes and edges as JSON."""
+        """Write nodes and edges as JSON; InputError if the file cannot be written."""
         nodes = [
             {"id": n.id, "label": n.label.name.lower(), "position": n.position.round(3).tolist()}
             for n in self.nodes.values()
@@ -164,11 +164,11 @@ def roadmap(tree: nx.Graph, drives: nx.Graph, max_detour: float) -> nx.Graph:
     for a, b, data in sorted(drives.edges(data=True), key=lambda d: (d[2]["weight"], *sorted(d[:2]))):
         if way[row[a], row[b]] > max_detour * data["weight"]:
             graph.add_edge(a, b, **data)
-            _open(way, row[a], row[b], data["weight"])
+            _update_shortest_paths(way, row[a], row[b], data["weight"])
     return graph
 
 
-def _open(lengths: NDArray[np.float64], i: int, j: int, weight: float) -> None:
+def _update_shortest_paths(lengths: NDArray[np.float64], i: int, j: int, weight: float) -> None:
     """Update the lengths (N, N) of all shortest paths for a new edge between i and j."""
     through = lengths[:, i, None] + (lengths[j] + weight)
     np.minimum(lengths, np.minimum(through, through.T), out=lengths)

@@ -111,7 +111,7 @@ def _clouds(
 
     datasets = [Dataset(folder) for folder in settings.data]
     clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
-    with progress(disable=not worker.leads) as bars:
+    with progress(disable=not worker.is_leader) as bars:
         for entry, scene in bars.track(chain(*datasets), total=sum(map(len, datasets)), description="scenes"):
             for index in range(0, len(scene) if entry.split != "test" else 0, settings.stride):
                 pose = scene.T_world_camera(index)
@@ -121,7 +121,7 @@ def _clouds(
         raise InputError(f"--data {folders}: the {absent[0]} split has no scenes; generate at least 5 scenes")
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
-    if missing and worker.leads:
+    if missing and worker.is_leader:
         learned = "this label" if len(missing) == 1 else "these labels"
         warning = (
             f"--data {folders}: the train split has no points labelled {' or '.join(missing)},"
@@ -133,7 +133,7 @@ def _clouds(
 
 def _train(training: "Training", settings: TrainPointsConfig) -> None:
     """Train with a progress bar; Ctrl-C ends the training after the current step."""
-    leads = training.worker.leads
+    leads = training.worker.is_leader
     if leads:
         save_settings(settings, training.out.with_suffix(".yaml"))
     write_events = _event_writer(settings.tensorboard) if leads and settings.tensorboard else None

@@ -10,10 +10,10 @@ from pipeline.geometry.thinning import VoxelCloud
 from pipeline.keyframes import Keyframes, kept_cloud
 from pipeline.labels import THESIS_FOUR, Label
 from pipeline.mapper import Keyframe
-from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.scores import iou
 from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.semantic_map.top_two_classes import TopTwoClasses
 
 F1_DISTANCES = {"f1_5cm": 0.05, "f1_10cm": 0.1}
 """Distance within which a point is correct, m, by the name of the figure."""
@@ -31,7 +31,9 @@ class KeyframeTruth:
         """
         self._voxel = voxel
         self._keyframes = keyframes
-        self._shares: dict[int, ClassShares | None] = {k: None for k, s in enumerate(keyframes.seen) if s.shares}
+        self._top_two_classes: dict[int, TopTwoClasses | None] = {
+            k: None for k, s in enumerate(keyframes.seen) if s.top_two_classes
+        }
 
     def add(self, keyframe: Keyframe) -> None:
         """Store the true labels of a keyframe, thinned to voxels as in the robot's map."""
@@ -39,12 +41,12 @@ class KeyframeTruth:
         if frame.label is not None:
             cloud, near = kept_cloud(frame.points(frame.T_base_camera), self._voxel)
             shares = cloud.means(np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]])
-            self._shares[keyframe.index] = ClassShares.of(shares[near])
+            self._top_two_classes[keyframe.index] = TopTwoClasses.of(shares[near])
 
     def map(self) -> SemanticMap:
         """The semantic map with the true labels at the keyframes' current poses."""
         truth, keyframes = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
-        for k, shares in self._shares.items():
+        for k, shares in self._top_two_classes.items():
             seen, T = keyframes.seen[k], keyframes.poses[k]
             if shares is not None:
                 truth.update(seen.points_at(T), shares.probabilities, seen.hits)

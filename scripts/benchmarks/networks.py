@@ -19,7 +19,7 @@ from pipeline.semantic_map.networks.blocks import CHANNELS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
-from pipeline.semantic_map.planar_vote import planar_vote
+from pipeline.semantic_map.planar_vote import vote_on_planes
 from sarsim.commands.cli import tracked
 from scripts.benchmarks.common import Result, at_least, seconds
 from scripts.benchmarks.labelled_drives import (
@@ -89,7 +89,9 @@ def frames_by_group(settings: NetworksSettings) -> dict[str, dict[str, int]]:
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
     """(N, 8) probabilities of a frame's points after the planar vote, from the ``given`` (N, 8) probabilities."""
     result = given.copy()
-    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], NetworkConfig().plane_weight)
+    result[:, CLASSES] = vote_on_planes(
+        frame.frame, frame.T_map_camera, given[:, CLASSES], NetworkConfig().plane_weight
+    )
     return result
 
 

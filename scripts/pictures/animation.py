@@ -137,9 +137,9 @@ def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
 
 def labelled(seen: KeyframeObservation, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """(N, 3) points of a keyframe in ``map``, m, except the ceiling, and their labels (N,); empty without labels."""
-    if seen.shares is None:
+    if seen.top_two_classes is None:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
-    labels = seen.shares.classes[:, 0].astype(np.int64)
+    labels = seen.top_two_classes.classes[:, 0].astype(np.int64)
     kept = labels != Label.CEILING
     return seen.points_at(T)[kept], labels[kept]
 

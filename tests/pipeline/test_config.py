@@ -155,7 +155,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (ElevationConfig, "cell", 0.0),
         (TraversabilityConfig, "leniency", -0.1),
         (PathCosts, "turn_pace", 0.0),
-        (RuleConfig, "ceiling", 0.01),
+        (RuleConfig, "min_ceiling_height", 0.01),
         (NetworkConfig, "grids", 0),
         (DetectorConfig, "size", (100, 96)),
         (DetectorConfig, "confidence", 1),

@@ -19,7 +19,7 @@ from pipeline.semantic_map.networks.blocks import CHANNELS, COLOURED, BlockConfi
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
-from pipeline.semantic_map.planar_vote import planar_vote
+from pipeline.semantic_map.planar_vote import vote_on_planes
 
 MAX_FACTOR = 16
 """Maximum factor between the settings in a file's :class:`BlockConfig` and the defaults; with a larger factor, a
@@ -66,7 +66,7 @@ class NetworkClassifier(PointClassifier):
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
         if self._vote:
-            of_points = planar_vote(frame, T_map_camera, of_points, self._config.plane_weight)
+            of_points = vote_on_planes(frame, T_map_camera, of_points, self._config.plane_weight)
         probabilities = np.zeros((len(points), len(Label)), np.float32)
         probabilities[:, CLASSES] = of_points
         probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear
 
-from pipeline.semantic_map.networks.layers import largest, largest_of_blocks, to_points
-from pipeline.semantic_map.networks.network import MAX_CHANNELS, PointNetwork, whole
+from pipeline.semantic_map.networks.layers import broadcast_to_points, max_over_blocks, max_over_edges
+from pipeline.semantic_map.networks.network import MAX_CHANNELS, PointNetwork, whole_number
 
 SLOPE = 0.2
 """Slope of LeakyReLU below 0."""
@@ -34,7 +34,7 @@ class EdgeConv(nn.Module):
 
     def forward(self, x: Tensor, neighbours: Tensor) -> Tensor:
         """(P, C') features of points with (P, C) features and (P, k) neighbours."""
-        return largest(edge_features(x, neighbours), self.layers)
+        return max_over_edges(edge_features(x, neighbours), self.layers)
 
 
 class Dgcnn(PointNetwork):
@@ -72,7 +72,7 @@ class Dgcnn(PointNetwork):
         Raises:
             ValueError: the weights are not a DGCNN's, or k is out of range.
         """
-        k = whole(metadata.get("k", str(NEAREST_POINTS)))
+        k = whole_number(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MAX_NEIGHBOURS:
             text = metadata["k"]
             raise ValueError(
@@ -95,7 +95,7 @@ class Dgcnn(PointNetwork):
             )
         return cls(first[1] // 2, last[0], k)
 
-    def about(self) -> dict[str, str]:
+    def metadata(self) -> dict[str, str]:
         """The number of neighbours, which does not follow from the shape of any tensor."""
         return {"k": str(self.k)}
 
@@ -128,9 +128,9 @@ class Dgcnn(PointNetwork):
         x2 = self.edge_conv2(x1, nearest(x1, sizes, self.k))
         x3 = self.edge_conv3(x2, nearest(x2, sizes, self.k))
         local = torch.cat((x1, x2, x3), dim=1)
-        everything = largest_of_blocks(self.embedding(local), sizes)
+        everything = max_over_blocks(self.embedding(local), sizes)
         of_block, of_point = cast(Tensor, self.head1[0].weight).split([GLOBAL, local.shape[1]], dim=1)
-        x = linear(local, of_point) + to_points(linear(everything, of_block), sizes)
+        x = linear(local, of_point) + broadcast_to_points(linear(everything, of_block), sizes)
         return self.classifier(self.dropout(self.head2(self.head1[1:](x))))
 
 

@@ -21,10 +21,10 @@ def for_inference(network: PointNetwork, threads: int | None = None) -> BlockCla
     """The network, prepared to classify on ``threads`` threads, by default as many as PyTorch uses."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(deepcopy(network).cpu(), threads)
-    return AsWritten(network, threads)
+    return TorchBlockClassifier(network, threads)
 
 
-class AsWritten:
+class TorchBlockClassifier:
     """A network whose own forward pass is fast enough for inference."""
 
     def __init__(self, network: PointNetwork, threads: int | None = None) -> None:
@@ -33,7 +33,7 @@ class AsWritten:
         self._network, self._threads = deepcopy(network).eval(), Threads(threads or torch.get_num_threads())
         for layers in self._network.modules():
             if isinstance(layers, nn.Sequential):
-                _fold(layers)
+                _fold_batch_norms(layers)
         self._device = next(network.parameters()).device
         self.classes, self.min_points = network.classes, network.min_points
 
@@ -47,7 +47,7 @@ class AsWritten:
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
         """The logits of every block; each thread computes several blocks at once."""
-        return chain.from_iterable(self._threads.each(_together(blocks), self._logits))
+        return chain.from_iterable(self._threads.each(_grouped(blocks), self._logits))
 
     def _logits(self, blocks: list[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
         for points in blocks:
@@ -57,7 +57,7 @@ class AsWritten:
         return np.split(logits.cpu().numpy(), np.cumsum(sizes)[:-1])
 
 
-def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
+def _grouped(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
     """Group successive blocks, so that each group has at least as many points as a single block may have.
 
     With fewer points at once, threads wait for Python's global interpreter lock; many more points do not fit into the
@@ -73,7 +73,7 @@ def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np
         yield some
 
 
-def _fold(layers: nn.Sequential) -> None:
+def _fold_batch_norms(layers: nn.Sequential) -> None:
     """Fold batch norms into the linear maps before them."""
     for place, (layer, after) in enumerate(pairwise(layers)):
         if isinstance(layer, nn.Linear) and isinstance(after, nn.BatchNorm1d):

@@ -16,7 +16,7 @@ def mlp(*widths: int) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def largest(edges: Tensor, layers: nn.Module) -> Tensor:
+def max_over_edges(edges: Tensor, layers: nn.Module) -> Tensor:
     """(Q, C') maximum over the K edges of the output of ``layers`` for (Q, K, C) features of edges."""
     count, k, _ = edges.shape
     features = layers(edges.flatten(end_dim=1)).view(count, k, -1)
@@ -24,17 +24,19 @@ def largest(edges: Tensor, layers: nn.Module) -> Tensor:
     return features.max(dim=1).values if torch.is_grad_enabled() else features.amax(dim=1)
 
 
-def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
+def max_over_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
     """(B, C) maximum over each block of (P, C) features of points, in blocks of ``sizes`` points."""
     return torch.stack([block.max(dim=0).values for block in features.split(list(sizes))])
 
 
-def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
+def broadcast_to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
     """(P, C) features of points, each of which gets the features of its block from ``of_blocks`` (B, C)."""
     return of_blocks.repeat_interleave(torch.tensor(sizes, device=of_blocks.device), dim=0)
 
 
-def linear_of_both(layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
+def linear_of_points_and_blocks(
+    layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]
+) -> Tensor:
     """``layer`` applied to (P, C) features of points, each joined with the (B, D) features of its block."""
     own, common = layer.weight.split([features.shape[1], of_blocks.shape[1]], dim=1)
-    return linear(features, own, layer.bias) + to_points(linear(of_blocks, common), sizes)
+    return linear(features, own, layer.bias) + broadcast_to_points(linear(of_blocks, common), sizes)

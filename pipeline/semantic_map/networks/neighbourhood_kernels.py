@@ -23,7 +23,7 @@ def farthest_points(points, chosen):
             dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
             d, least = dx * dx + dy * dy + dz * dz, distance[i]
             distance[i] = d if d < least else least
-        farthest = place_of_largest(distance.view(np.int32))  # as integers, positive floats keep their order
+        farthest = index_of_max(distance.view(np.int32))  # as integers, positive floats keep their order
         if q == 0:
             # Distances from the mean determine only the first point: points near the mean may be chosen later.
             distance[:] = np.inf
@@ -32,7 +32,7 @@ def farthest_points(points, chosen):
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
-def place_of_largest(values):
+def index_of_max(values):
     """Index of the first maximum of (N,) int32 ``values``, none of which is negative."""
     largest, place = np.int32(-1), 0
     for start in range(0, len(values), CHUNK):

@@ -28,7 +28,7 @@ class PointFeatures:
     sizes: Sequence[int]
 
 
-def farthest(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
+def farthest_point_sample(cloud: PointFeatures, fraction: float) -> tuple[Tensor, list[int]]:
     """(Q,) int64 indices of a ``fraction`` of each block by farthest point sampling, and their number per block."""
     counts = [max(1, ceil(size * fraction)) for size in cloud.sizes]
 

@@ -45,13 +45,13 @@ class PointNetwork(nn.Module, ABC):
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network with the size of a file's ``tensors`` or ``metadata``; ValueError if the size is out of range."""
         for name, least in (("channels", 4), ("classes", 1)):
-            if not least <= whole(metadata.get(name, "")) <= MAX_CHANNELS:
+            if not least <= whole_number(metadata.get(name, "")) <= MAX_CHANNELS:
                 found = f"not {metadata[name]!r:.20}" if name in metadata else "but is missing"
                 limits = f"from {least} to {MAX_CHANNELS}"
                 raise ValueError(f"the number of {name} of {cls.NAME} must be a whole number {limits}, {found}")
-        return cls(whole(metadata["channels"]), whole(metadata["classes"]))
+        return cls(whole_number(metadata["channels"]), whole_number(metadata["classes"]))
 
-    def about(self) -> dict[str, str]:
+    def metadata(self) -> dict[str, str]:
         """The metadata that :meth:`for_weights` needs in addition to the weights."""
         return {"channels": str(self.channels), "classes": str(self.classes)}
 
@@ -65,7 +65,7 @@ class PointNetwork(nn.Module, ABC):
         return tensors
 
 
-def whole(text: str) -> int:
+def whole_number(text: str) -> int:
     """A whole number from a file's metadata; 0 if the text is not a whole number, or has too many digits."""
     try:
         return int(text) if text.isdecimal() else 0

@@ -12,7 +12,7 @@ from math import ceil
 import torch
 from torch import Tensor, nn
 
-from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, nearest
+from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest_point_sample, nearest
 from pipeline.semantic_map.networks.network import PointNetwork
 
 LEVEL_FEATURES = 128
@@ -140,7 +140,7 @@ class PointCnn(PointNetwork):
         for (_, _, share, _), convolution in zip(ENCODER, self.down, strict=True):
             positions, sizes = cloud.positions, cloud.sizes
             if share < 1:
-                index, sizes = farthest(cloud, share)
+                index, sizes = farthest_point_sample(cloud, share)
                 positions = positions[index]
             features = convolution(cloud, PointFeatures(positions, positions[:, :0], sizes))
             if len(levels) == len(ENCODER) - 1:

@@ -6,7 +6,7 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from pipeline.semantic_map.networks.layers import largest_of_blocks, linear_of_both, mlp
+from pipeline.semantic_map.networks.layers import linear_of_points_and_blocks, max_over_blocks, mlp
 from pipeline.semantic_map.networks.network import PointNetwork
 
 PENALTY = 1e-3
@@ -31,7 +31,7 @@ class TransformNet(nn.Module):
 
     def forward(self, features: Tensor, sizes: Sequence[int]) -> Tensor:
         """(B, size, size) matrices, one for the (P, C) features of each block."""
-        x = self.block(largest_of_blocks(self.points(features), sizes))
+        x = self.block(max_over_blocks(self.points(features), sizes))
         return self.matrix(x).view(-1, self.size, self.size)
 
 
@@ -59,8 +59,8 @@ class PointNet(PointNetwork):
         matrix = self.transform(local, sizes)
         self.penalty = PENALTY * _distance_from_orthogonal(matrix)
         local = _times(local, matrix, sizes)
-        everything = largest_of_blocks(self.points2(local), sizes)
-        x = self.head[1:](linear_of_both(cast(nn.Linear, self.head[0]), local, everything, sizes))
+        everything = max_over_blocks(self.points2(local), sizes)
+        x = self.head[1:](linear_of_points_and_blocks(cast(nn.Linear, self.head[0]), local, everything, sizes))
         return self.classifier(self.dropout(x))
 
 

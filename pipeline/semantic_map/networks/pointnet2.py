@@ -7,13 +7,18 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear
 
-from pipeline.semantic_map.networks.layers import largest, mlp
-from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, ball_query, farthest, interpolated
+from pipeline.semantic_map.networks.layers import max_over_edges, mlp
+from pipeline.semantic_map.networks.neighbourhoods import (
+    PointFeatures,
+    ball_query,
+    farthest_point_sample,
+    interpolated,
+)
 from pipeline.semantic_map.networks.network import PointNetwork
 
 T = TypeVar("T", int, float)
 ABSTRACTIONS = 4
-SHARE = 0.25
+CENTRE_FRACTION = 0.25
 """Fraction of a level's points that become ball centres, which are the next level's points: of 4,096, first 1,024,
 then 256, 64 and 16."""
 RADIUS = 0.1
@@ -41,7 +46,7 @@ class SetAbstraction(nn.Module):
     def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]))
-        return PointFeatures(centres.positions, largest(edges, self.layers[1:]), centres.sizes)
+        return PointFeatures(centres.positions, max_over_edges(edges, self.layers[1:]), centres.sizes)
 
 
 def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1.0) -> tuple[PointFeatures, Tensor]:
@@ -51,7 +56,7 @@ def balls(cloud: PointFeatures, radius: float, layer: nn.Linear, unit: float = 1
 
     The layer is linear, so it is applied to points and centres, which are fewer than the edges.
     """
-    index, sizes = farthest(cloud, SHARE)
+    index, sizes = farthest_point_sample(cloud, CENTRE_FRACTION)
     centres = PointFeatures(cloud.positions[index], cloud.features[index], sizes)
     near = ball_query(cloud, centres, radius, BALL_POINTS)
     of_points = layer(torch.cat((cloud.positions / unit, cloud.features), dim=1))

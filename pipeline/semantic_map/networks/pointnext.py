@@ -17,7 +17,7 @@ from typing import cast
 from torch import Tensor, nn
 from torch.nn.functional import relu
 
-from pipeline.semantic_map.networks.layers import largest, mlp
+from pipeline.semantic_map.networks.layers import max_over_edges, mlp
 from pipeline.semantic_map.networks.neighbourhoods import PointFeatures
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.pointnet2 import BALL_FEATURES, RADIUS, FeaturePropagation, balls, doubled
@@ -40,7 +40,7 @@ class ResidualSetAbstraction(nn.Module):
     def forward(self, cloud: PointFeatures) -> PointFeatures:
         """The centres, with the features of their balls."""
         centres, edges = balls(cloud, self.radius, cast(nn.Linear, self.layers[0]), self.radius)
-        features = relu(largest(edges, self.layers[1:]) + self.own(centres.features))
+        features = relu(max_over_edges(edges, self.layers[1:]) + self.own(centres.features))
         return PointFeatures(centres.positions, features, centres.sizes)
 
 

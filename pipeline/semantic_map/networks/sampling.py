@@ -20,12 +20,12 @@ class Batch:
 
     Attributes:
         points: (P, 6 or 9) float32 channels of every point.
-        shares: (P, 6) float32 fraction of every class in a point's voxel.
+        class_fractions: (P, 6) float32 fraction of every class in a point's voxel.
         sizes: number of points of every block.
     """
 
     points: Tensor
-    shares: Tensor
+    class_fractions: Tensor
     sizes: list[int]
 
 

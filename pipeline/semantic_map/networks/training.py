@@ -40,7 +40,7 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 
 SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
 """Scores of a validation: mean IoU over the thesis's four classes, and the IoU of each class."""
-RISE = 0.05
+WARMUP_FRACTION = 0.05
 """Fraction of the training during which the learning rate rises."""
 SAVE_EVERY = 50
 """Number of steps between checkpoints, in addition to those at validations; a killed process loses at most this many
@@ -75,7 +75,7 @@ class TrainingWorker:
         return cls(rank, count, device)
 
     @property
-    def leads(self) -> bool:
+    def is_leader(self) -> bool:
         """Whether this process validates and writes."""
         return self.rank == 0
 
@@ -101,7 +101,7 @@ class Training:
         worker: this process.
         network: the network that learns, in training mode, on the device of the worker.
         step: number of batches so far.
-        spent: processor time for these batches, excluding validations, s.
+        processor_time: processor time for these batches, excluding validations, s.
         rows: rows of the table, one for each validation: step, mean loss since the previous row, ``SCORES``.
     """
 
@@ -156,7 +156,7 @@ class Training:
         self._weights = class_weights(training_clouds).to(worker.device)
         self._optimizer = torch.optim.AdamW(network.parameters(), config.learning_rate)
         self.step = 0
-        self.spent = 0.0
+        self.processor_time = 0.0
         self.rows: list[list[float]] = []
         self._losses: list[float] = []
         # A checkpoint must come from a run with the same settings, number of processes, data and initial weights.
@@ -174,7 +174,7 @@ class Training:
         """Completed fraction of the steps or, if greater, of the time limit; at least 1 at the end."""
         if self.config.minutes is None:
             return self.step / self.config.steps
-        return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
+        return max(self.step / self.config.steps, self.processor_time / 60 / self.config.minutes)
 
     @property
     def score(self) -> float:
@@ -186,7 +186,7 @@ class Training:
 
         If ``report`` raises an exception, a checkpoint is written before the exception propagates.
         """
-        if self.progress >= 1 and self.worker.leads and not self.out.exists():
+        if self.progress >= 1 and self.worker.is_leader and not self.out.exists():
             self._write_weights()
         # The wrapper averages the gradients over all processes.
         shared = DistributedDataParallel(self.network) if self.worker.count > 1 else self.network
@@ -199,9 +199,9 @@ class Training:
                     coming = pool.submit(self._draw, self.step + 1)  # during this step
                     self._losses.append(self._learn(shared, batch))
                     self.step += 1
-                    self.spent = self.worker.broadcast(self.spent + process_time() - start)
+                    self.processor_time = self.worker.broadcast(self.processor_time + process_time() - start)
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
-                        if self.worker.leads:
+                        if self.worker.is_leader:
                             self._validate()
                         # Wait for process 0 by a broadcast, in which that process only sends. After a barrier, a
                         # process that leaves at once can interrupt another's last receive.
@@ -222,9 +222,13 @@ class Training:
     def _learn(self, network: nn.Module, batch: Batch) -> float:
         """Take a step along the gradient of a batch's loss, and return the loss."""
         for group in self._optimizer.param_groups:
-            group["lr"] = self.config.learning_rate * rate(min(self.progress + 1 / self.config.steps, 1))
+            group["lr"] = self.config.learning_rate * learning_rate_factor(
+                min(self.progress + 1 / self.config.steps, 1)
+            )
         logits = network(batch.points.to(self.worker.device), batch.sizes)
-        loss = cross_entropy(logits, batch.shares.to(self.worker.device), self._weights) + self.network.penalty
+        loss = (
+            cross_entropy(logits, batch.class_fractions.to(self.worker.device), self._weights) + self.network.penalty
+        )
         self._optimizer.zero_grad()
         loss.backward()
         self._optimizer.step()
@@ -245,15 +249,15 @@ class Training:
         self._save()
 
     def _write_weights(self) -> None:
-        now = {"step": self.step, "processor_s": round(self.spent, 1), SCORES[0]: self.score}
+        now = {"step": self.step, "processor_s": round(self.processor_time, 1), SCORES[0]: self.score}
         save_classifier(self.out, self.network, self._blocks, self._about | now | {"config": asdict(self.config)})
 
     def _save(self) -> None:
-        if self.worker.leads:
+        if self.worker.is_leader:
             on_gpu = [torch.cuda.get_rng_state(self.worker.device)] if self.worker.device.type == "cuda" else []
             state = {
                 "step": self.step,
-                "spent": self.spent,
+                "spent": self.processor_time,
                 "rows": self.rows,
                 "losses": self._losses,
                 "network": self.network.state_dict(),
@@ -279,7 +283,7 @@ class Training:
             for generator in on_gpu if self.worker.device.type == "cuda" else ():
                 torch.cuda.set_rng_state(generator.cpu(), self.worker.device)
             self.step = int(state["step"])
-            self.spent = float(state["spent"])
+            self.processor_time = float(state["spent"])
             self.rows = state["rows"]
             self._losses = state["losses"]
         except InputError:
@@ -296,15 +300,15 @@ def checksum(network: PointNetwork) -> str:
     return digest.hexdigest()
 
 
-def rate(progress: float) -> float:
+def learning_rate_factor(progress: float) -> float:
     """The learning rate of a step, as a fraction of the peak rate.
 
     The rate rises linearly, then falls to 0 along half a cosine. ``progress``: fraction of the training that is
     completed after the step.
     """
-    if progress < RISE:
-        return progress / RISE
-    return (1 + cos(pi * (progress - RISE) / (1 - RISE))) / 2
+    if progress < WARMUP_FRACTION:
+        return progress / WARMUP_FRACTION
+    return (1 + cos(pi * (progress - WARMUP_FRACTION) / (1 - WARMUP_FRACTION))) / 2
 
 
 def confusion_matrix(
@@ -324,7 +328,7 @@ def confusion_matrix(
 
 
 def cross_entropy(logits: Tensor, targets: Tensor, weights: Tensor) -> Tensor:
-    """Class-weighted mean cross entropy between (P, C) logits and the (P, C) class shares of the points."""
+    """Class-weighted mean cross entropy between (P, C) logits and the (P, C) class fractions of the points."""
     weighted = targets * weights
     return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
 

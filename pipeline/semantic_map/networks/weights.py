@@ -50,6 +50,6 @@ def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | N
             raise InputError(
                 f"{path}: {name} has values that are NaN or too large for half precision; lower the learning rate"
             )
-    content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
+    content = save(tensors, {"network": network.NAME} | network.metadata() | (metadata or {}))
     with atomic_write(path) as file:
         file.write_bytes(content)  # safetensors' own save_file creates files that only their owner may read

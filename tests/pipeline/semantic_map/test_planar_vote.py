@@ -8,8 +8,13 @@ from pipeline.labels import Label
 from pipeline.segments.surfels_kernels import NONE
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL
-from pipeline.semantic_map.planar_vote import planar_vote, possible_classes
-from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
+from pipeline.semantic_map.planar_vote import possible_classes, vote_on_planes
+from pipeline.semantic_map.planar_vote_kernels import (
+    log_probabilities_of_possible,
+    mean_logs,
+    normalised_products,
+    planes_of_pixels,
+)
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 
 EYE = pose(0.3, 0.4, 0.6, 0.6, 0.25)
@@ -25,7 +30,7 @@ def unsure(labels: np.ndarray) -> np.ndarray:
 
 def vote(frame: Frame, T: np.ndarray, given: np.ndarray) -> np.ndarray:
     """(N,) labels."""
-    return np.array(CLASSES)[planar_vote(frame, T, unsure(given), 2.0).argmax(axis=1)]
+    return np.array(CLASSES)[vote_on_planes(frame, T, unsure(given), 2.0).argmax(axis=1)]
 
 
 def test_speckles_are_outvoted() -> None:
@@ -76,7 +81,7 @@ def test_what_is_on_no_plane_keeps_its_probabilities() -> None:
     given = np.random.default_rng(0).dirichlet(np.ones(6), np.count_nonzero(frame.returns)).astype(np.float32)
     on_wall = frame.label[frame.returns] == Label.WALL
     assert 0 < on_wall.sum() < 10 * 2 * 8  # pixels of the fewest surfels of a plane
-    voted = planar_vote(frame, EYE, given, 2.0)
+    voted = vote_on_planes(frame, EYE, given, 2.0)
     assert np.array_equal(voted[on_wall], given[on_wall])
     assert voted.sum(axis=1) == pytest.approx(np.ones(len(voted)), abs=1e-5)
     assert not np.array_equal(voted[~on_wall], given[~on_wall])
@@ -98,13 +103,13 @@ def test_a_pixel_that_could_be_on_two_planes_goes_with_its_neighbours(window: in
 
 def test_a_frame_without_returns() -> None:
     frame = look([floor(90, 99, 90, 99)], EYE)
-    assert planar_vote(frame, EYE, np.empty((0, 6), np.float32), 2.0).shape == (0, 6)
+    assert vote_on_planes(frame, EYE, np.empty((0, 6), np.float32), 2.0).shape == (0, 6)
 
 
 def test_what_is_impossible_goes_to_what_is_possible_but_not_to_clutter() -> None:
     probabilities = np.array([(0.4, 0.3, 0.1, 0.2), (0.4, 0.3, 0.1, 0.2)], np.float32)
     plane, possible = np.array([0, NONE], np.int32), np.array([(False, True, True, True)])
-    shared, alone = np.exp(possible_logs(probabilities, plane, possible, 3, 1e-3))
+    shared, alone = np.exp(log_probabilities_of_possible(probabilities, plane, possible, 3, 1e-3))
     assert shared == pytest.approx([0, 0.6, 0.2, 0.2], abs=1e-6)
     assert alone == pytest.approx(probabilities[1], abs=1e-6)
 

@@ -11,7 +11,7 @@ from pipeline.semantic_map.uprights import (
     with_whole_uprights,
     with_whole_walls,
 )
-from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
+from pipeline.semantic_map.uprights_kernels import directions, is_on_long_run
 from sarsim.robots.skid_steered import robot_model
 
 WALL, CLUTTER, DECK, RAMP = Label.WALL, Label.CLUTTER, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP
@@ -119,7 +119,7 @@ def test_a_run_bridges_gaps_and_ends_where_the_direction_changes() -> None:
     direction = np.full((1, 20), np.nan, np.float32)
     direction[0, [0, 1, 4, 5]] = np.pi / 2
     direction[0, 6] = 0.0
-    bridged = on_long_runs(direction, 6, 2, 0.1)
+    bridged = is_on_long_run(direction, 6, 2, 0.1)
     assert np.flatnonzero(bridged[0]).tolist() == [0, 1, 4, 5]
-    assert not on_long_runs(direction, 7, 2, 0.1).any()
-    assert not on_long_runs(direction, 6, 1, 0.1).any()
+    assert not is_on_long_run(direction, 7, 2, 0.1).any()
+    assert not is_on_long_run(direction, 6, 1, 0.1).any()

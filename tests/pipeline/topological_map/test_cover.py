@@ -59,7 +59,7 @@ def test_a_wall_hides_and_distance_too(cover):
     cover.add(0, np.array([-0.975, -0.975]))
     x, y = np.moveaxis(cover.grid.centre_of(np.argwhere(cover.missing)), -1, 0)
     assert not ((x < -0.4) & (np.hypot(x + 1, y + 1) < 1.9)).any()
-    cells = cover.grid.centre_of(np.argwhere(cover.count > 0))
+    cells = cover.grid.centre_of(np.argwhere(cover.view_counts > 0))
     assert not (cells[:, 0] > 0.1).any()
     assert np.linalg.norm(cells - (-0.975, -0.975), axis=1).max() <= 2.001
 
@@ -92,7 +92,7 @@ def test_what_is_renewed_is_what_is_made_anew(cover):
     update(anew, *grown)
     for n, place in enumerate(places):
         anew.add(n, np.array(place))
-    np.testing.assert_array_equal(cover.count, anew.count)
+    np.testing.assert_array_equal(cover.view_counts, anew.view_counts)
 
 
 def test_only_what_is_new_has_changed(cover):

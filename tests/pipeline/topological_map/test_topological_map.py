@@ -11,7 +11,7 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.config import TopologicalMapConfig
-from pipeline.topological_map.placement import segment_nodes
+from pipeline.topological_map.placement import segment_node_positions
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
@@ -44,7 +44,7 @@ def ramp_world():
 def test_a_large_deck_has_a_node_in_each_half():
     segments = Segments()
     segments.update(ramp_patches(), 0, np.eye(4))
-    nodes = segment_nodes(segments.of(Label.STRAIGHT_RAMP)[0], PIONEER, CONFIG)
+    nodes = segment_node_positions(segments.of(Label.STRAIGHT_RAMP)[0], PIONEER, CONFIG)
     np.testing.assert_allclose(sorted(nodes[:, 0]), [RUN + 0.6, RUN + 1.8], atol=0.05)
     np.testing.assert_allclose(nodes[:, 1:], [[0, RISE]] * 2, atol=0.02)
 
@@ -54,14 +54,14 @@ def test_a_small_deck_has_one_in_its_middle():
     deck = ground_points(ramp_and_deck, (RUN, RUN + 1.6), (-0.6, 0.6))
     segments.update([patch(Label.STRAIGHT_RAMP, deck, (0, 0, 5))], 0, np.eye(4))
     np.testing.assert_allclose(
-        segment_nodes(next(iter(segments)), PIONEER, CONFIG), [[RUN + 0.8, 0, RISE]], atol=0.05
+        segment_node_positions(next(iter(segments)), PIONEER, CONFIG), [[RUN + 0.8, 0, RISE]], atol=0.05
     )
 
 
 def test_the_node_of_an_inclined_ramp_lies_before_its_bottom():
     segments = Segments()
     segments.update(ramp_patches(), 0, np.eye(4))
-    nodes = segment_nodes(segments.of(Label.INCLINED_RAMP)[0], PIONEER, CONFIG)
+    nodes = segment_node_positions(segments.of(Label.INCLINED_RAMP)[0], PIONEER, CONFIG)
     np.testing.assert_allclose(nodes, [[-0.45, 0, 0]], atol=0.03)
 
 
@@ -69,7 +69,7 @@ def test_the_side_of_a_ramp_has_no_node():
     segments = Segments()
     side = wall_points((0, -0.6), (RUN, -0.6), height=0.3)
     segments.update([patch(Label.INCLINED_RAMP, side, (0, -3, 1))], 0, np.eye(4))
-    assert len(segment_nodes(next(iter(segments)), PIONEER, CONFIG)) == 0
+    assert len(segment_node_positions(next(iter(segments)), PIONEER, CONFIG)) == 0
 
 
 def test_nodes_and_tree_lead_up_the_ramp(ramp_world):

@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.blocks import BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier, segment
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.weights import save_weights
-from pipeline.semantic_map.planar_vote import planar_vote
+from pipeline.semantic_map.planar_vote import vote_on_planes
 from tests.pipeline.polygon_scene import HALF, floor, look, pose, wall
 from tests.pipeline.semantic_map.networks.small_network import network, plain
 
@@ -60,7 +60,7 @@ def test_the_points_of_a_plane_vote(weights: Path) -> None:
     points = FRAME.points(EYE)
     own = classifier(weights, vote=False).classify(FRAME, points, EYE)
     voted = classifier(weights).classify(FRAME, points, EYE)[:, CLASSES]
-    assert voted == pytest.approx(planar_vote(FRAME, EYE, own[:, CLASSES], 2.0))
+    assert voted == pytest.approx(vote_on_planes(FRAME, EYE, own[:, CLASSES], 2.0))
     assert (voted != own[:, CLASSES]).any()
 
 

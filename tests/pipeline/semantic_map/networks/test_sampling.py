@@ -58,12 +58,12 @@ def test_a_batch_is_a_function_of_its_number(cloud) -> None:
 def test_a_batch_has_blocks_with_the_channels_of_the_robots_own(cloud) -> None:
     batch = sampler([cloud]).batch(0)
     assert len(batch.sizes) == 4
-    assert sum(batch.sizes) == len(batch.points) == len(batch.shares)
+    assert sum(batch.sizes) == len(batch.points) == len(batch.class_fractions)
     x, y, z, *normalized = batch.points.numpy().T
     assert np.abs(x).max() <= 0.5
     assert np.abs(y).max() <= 0.5
     assert z == pytest.approx(normalized[2] * 3.5 + 0.6, abs=1e-5)
-    assert batch.shares.sum(dim=1).numpy() == pytest.approx(np.ones(len(x)))
+    assert batch.class_fractions.sum(dim=1).numpy() == pytest.approx(np.ones(len(x)))
 
 
 def test_every_cloud_has_its_turn() -> None:
@@ -75,7 +75,7 @@ def test_every_cloud_has_its_turn() -> None:
 
 def test_rare_classes_are_drawn_more_often(cloud) -> None:
     def share(rare):
-        shares = sampler([cloud], 40, replace(CLEAR, rare=rare)).batch(0).shares
+        shares = sampler([cloud], 40, replace(CLEAR, rare=rare)).batch(0).class_fractions
         return float(shares[:, CLASSES.index(Label.WALL)].mean())
 
     assert share(1.0) > 2 * share(0.0)

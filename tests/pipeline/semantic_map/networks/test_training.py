@@ -17,7 +17,14 @@ from pipeline.semantic_map.networks import training as training_module
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-from pipeline.semantic_map.networks.training import RISE, Training, TrainingWorker, class_weights, cross_entropy, rate
+from pipeline.semantic_map.networks.training import (
+    WARMUP_FRACTION,
+    Training,
+    TrainingWorker,
+    class_weights,
+    cross_entropy,
+    learning_rate_factor,
+)
 from pipeline.semantic_map.networks.training_config import BlockAugmentation, TrainingConfig
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
@@ -152,9 +159,11 @@ def test_processor_time_ends_a_training(clouds, tmp_path: Path) -> None:
     training.run()
     assert training.step == 1
     assert training.progress >= 1
-    assert training.spent > 6e-5
+    assert training.processor_time > 6e-5
     with safe_open(out, "np") as file:
-        assert json.loads(file.metadata()["training"])["processor_s"] == pytest.approx(training.spent, abs=0.1)
+        assert json.loads(file.metadata()["training"])["processor_s"] == pytest.approx(
+            training.processor_time, abs=0.1
+        )
     again = trainer(clouds, out, replace(CONFIG, steps=1000, minutes=1e-6))
     again.run()
     assert again.step == 1
@@ -241,8 +250,8 @@ def test_cross_entropy_by_hand() -> None:
 
 
 def test_the_learning_rate_rises_and_falls() -> None:
-    rates = [rate(progress) for progress in np.linspace(0, 1, 101)]
-    top = round(100 * RISE)
+    rates = [learning_rate_factor(progress) for progress in np.linspace(0, 1, 101)]
+    top = round(100 * WARMUP_FRACTION)
     assert max(rates) == rates[top] == 1
     assert rates[0] == 0
     assert rates[100] == pytest.approx(0)

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Probabilities
 from pipeline.labels import Label
-from pipeline.semantic_map.semantic_map_kernels import spread
+from pipeline.semantic_map.semantic_map_kernels import class_fractions
 
 WHOLE = np.iinfo(np.uint8).max
 """Sum of the fractions of a point's two classes."""
 
 
 @dataclass(frozen=True, eq=False)
-class ClassShares:
+class TopTwoClasses:
     """The two most probable classes of each point.
 
     Attributes:
@@ -42,4 +42,4 @@ class ClassShares:
     @property
     def probabilities(self) -> NDArray[np.uint8]:
         """(N, 8) uint8 probability of every class, in units of 1/255."""
-        return spread(self.classes, self.share, WHOLE, len(Label))
+        return class_fractions(self.classes, self.share, WHOLE, len(Label))

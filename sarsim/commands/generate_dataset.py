@@ -12,7 +12,7 @@ from pipeline.files import check_folder
 from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig, check
+from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig, check_range
 from sarsim.flags import Given
 from sarsim.jobs import make_engine
 from sarsim.opengl import check_rendering, without_opengl
@@ -48,15 +48,15 @@ def generate_dataset(settings: GenerateDatasetConfig) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarderDatasetConfig):
         raise InputError("--config: a file must not set harder; give --harder as a flag")
-    check("scenes", settings.scenes, 1)
+    check_range("scenes", settings.scenes, 1)
     if settings.workers is not None:
-        check("workers", settings.workers, 1)
+        check_range("workers", settings.workers, 1)
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     with without_opengl():
         from sarsim.arenas.load import load_arena
         from sarsim.dataset.generate import generate
-        from sarsim.dataset.manifest import FILE
+        from sarsim.dataset.manifest import MANIFEST_FILE
         from sarsim.dataset.recipe import Recipe
         from sarsim.dataset.render import PLUGIN_HOOKS
         from sarsim.methods.plugins import make_plugins
@@ -64,7 +64,7 @@ def generate_dataset(settings: GenerateDatasetConfig) -> None:
     if settings.engine == "local":
         check_rendering()
     make_plugins(settings, PLUGIN_HOOKS)
-    check_folder(settings.out, [FILE])
+    check_folder(settings.out, [MANIFEST_FILE])
     for arena in {*settings.arenas} - {RANDOM}:
         load_arena(arena)
     recipe = Recipe(**{f.name: getattr(settings, f.name) for f in fields(DatasetConfig)})

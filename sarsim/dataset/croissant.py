@@ -10,11 +10,11 @@ from typing import Any
 
 from pipeline.files import atomic_write
 from pipeline.labels import Label
-from sarsim.dataset.manifest import FILE, Manifest, sha256_of
+from sarsim.dataset.manifest import MANIFEST_FILE, Manifest, sha256_of
 
 CROISSANT = "croissant.json"
 LICENSE_URL = "https://www.apache.org/licenses/LICENSE-2.0"
-FORMATS = {
+MEDIA_TYPES = {
     ".json": "application/json",
     ".csv": "text/csv",
     ".txt": "text/plain",
@@ -25,14 +25,16 @@ FORMATS = {
     ".png": "image/png",
 }
 """Media type of each file suffix; files with other suffixes are application/octet-stream."""
-OWN = "citeAs column conformsTo equivalentProperty extract field fileProperty fileObject fileSet format includes"
-OWN += " isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace"
-OWN += " samplingRate separator source subField transform"
+CROISSANT_TERMS = (
+    "citeAs column conformsTo equivalentProperty extract field fileProperty fileObject fileSet format includes"
+)
+CROISSANT_TERMS += " isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace"
+CROISSANT_TERMS += " samplingRate separator source subField transform"
 """Terms that Croissant itself defines."""
 CONTEXT: dict[str, Any] = {
     "@language": "en",
     "@vocab": "https://schema.org/",
-    **{term: f"cr:{term}" for term in OWN.split()},
+    **{term: f"cr:{term}" for term in CROISSANT_TERMS.split()},
     "conformsTo": "dct:conformsTo",
     "cr": "http://mlcommons.org/croissant/",
     "rai": "http://mlcommons.org/croissant/RAI/",
@@ -51,11 +53,16 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
         InputError: the file cannot be written.
     """
     scenes = [manifest.scenes[index] for index in sorted(manifest.scenes)]
-    files = [_file(FILE, sha256_of(folder / FILE)), *(_file(scene.file, scene.sha256) for scene in scenes)]
+    files = [
+        _file(MANIFEST_FILE, sha256_of(folder / MANIFEST_FILE)),
+        *(_file(scene.file, scene.sha256) for scene in scenes),
+    ]
     columns = {"index": int, "file": str, "split": str, "frames": int, "arena": str, "lighting": str, "sha256": str}
-    scene_records = _records("scenes", columns, lambda column: _source(FILE, {"jsonPath": f"$.scenes[*].{column}"}))
+    scene_records = _record_set(
+        "scenes", columns, lambda column: _source(MANIFEST_FILE, {"jsonPath": f"$.scenes[*].{column}"})
+    )
     # Inline, because readers treat all paths into one JSON file as columns of one table.
-    label_records = _records("labels", {"id": int, "name": str}, lambda column: {}) | {
+    label_records = _record_set("labels", {"id": int, "name": str}, lambda column: {}) | {
         "data": [{"labels/id": int(label), "labels/name": label.name.lower()} for label in Label]
     }
     description = f"Labelled RGB-D scenes of simulated rescue arenas, HDF5, made by {manifest.generator}."
@@ -74,7 +81,7 @@ def describe_export(folder: Path, name: str, layout: str, generator: str) -> Non
     sets = [_file_set(suffix) for suffix in below]
     columns = {"id": int, "name": str, "red": int, "green": int, "blue": int}
     description = f"{' '.join(layout.split())} Made by {generator}."
-    records = _records("labels", columns, lambda column: _source("labels.csv", {"column": column}))
+    records = _record_set("labels", columns, lambda column: _source("labels.csv", {"column": column}))
     _write(folder, name, description, generator, [*files, *sets], [records])
 
 
@@ -103,19 +110,19 @@ def _write(
 
 
 def _file(path: str, sha256: str) -> dict[str, Any]:
-    media = FORMATS.get(Path(path).suffix, "application/octet-stream")
+    media = MEDIA_TYPES.get(Path(path).suffix, "application/octet-stream")
     about = {"@type": "cr:FileObject", "@id": path, "name": path, "contentUrl": path}
     return about | {"encodingFormat": media, "sha256": sha256}
 
 
 def _file_set(suffix: str) -> dict[str, Any]:
     """The Croissant file set of all files with a suffix in subfolders."""
-    media = FORMATS.get(suffix, "application/octet-stream")
+    media = MEDIA_TYPES.get(suffix, "application/octet-stream")
     name = f"files{suffix}".replace(".", "-")
     return {"@type": "cr:FileSet", "@id": name, "name": name, "encodingFormat": media, "includes": f"**/*{suffix}"}
 
 
-def _records(name: str, columns: Mapping[str, type], source: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
+def _record_set(name: str, columns: Mapping[str, type], source: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
     """A record set with these columns; ``source`` returns the entries that locate a column's values."""
     kinds = {int: "sc:Integer", str: "sc:Text"}
     fields = [

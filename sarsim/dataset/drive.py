@@ -29,19 +29,21 @@ PERIOD = 0.3
 """Time between two poses of the drive, s."""
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
 """Standard deviations of roll and pitch (rad), and of height (m), that vibration causes at a keyframe."""
-CANDIDATES = 12
+GOAL_CANDIDATES = 12
 """Number of random goals drawn for a leg; the robot drives to the goal farthest from all visited places."""
 MAX_FAILURES = 50
 """Maximum number of consecutive legs without a keyframe."""
 WHEEL_RADIUS = 0.1105
 """Wheel radius, m; any value would do, because the wheel angles are computed from it as well."""
-AXLES = np.array([(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)])
+WHEEL_CENTRES = np.array(
+    [(0.135, 0.199, 0.111), (0.135, -0.199, 0.111), (-0.135, 0.199, 0.111), (-0.135, -0.199, 0.111)]
+)
 """(4, 3) centres of a P3-AT's wheels in ``base_link``, m: front left, front right, rear left, rear right."""
-RADIUS = 0.110  # m; a tyre with a radius of 0.111 m is compressed by 1 mm under the robot's weight
+LOADED_RADIUS = 0.110  # m, a P3-AT's tyre, whose radius of 0.111 m the robot's weight reduces by 1 mm
 CENTRE_OF_MASS = np.array([0.005, 0.0, 0.149])  # (3,) m in ``base_link``
 UNDERSIDE = np.array([(x, y, 0.08) for x in (-0.2, -0.1, 0.0, 0.1, 0.2) for y in (-0.1, 0.0, 0.1)])
 """(N, 3) lowest points of the chassis in ``base_link``, m."""
-CONTACT_REACH = 0.2  # m; a surface more than this above the ground at the robot's centre does not count as ground
+MAX_GROUND_OFFSET = 0.2  # m; a surface farther than this above the ground at the robot's centre is not ground
 
 
 class WheelContact:
@@ -63,8 +65,10 @@ class WheelContact:
         None if the robot cannot stand: a wheel has no ground below it, or the chassis would touch the ground.
         ``height``: height of the ground near (x, y), m.
         """
-        below = height + CONTACT_REACH
-        z, climb, rise = kernels.rest_pose(self._ground, x, y, yaw, below, AXLES, RADIUS, CENTRE_OF_MASS)
+        below = height + MAX_GROUND_OFFSET
+        z, climb, rise = kernels.rest_pose(
+            self._ground, x, y, yaw, below, WHEEL_CENTRES, LOADED_RADIUS, CENTRE_OF_MASS
+        )
         if not np.isfinite(z):
             return None
         R = kernels.attitude(yaw, climb, rise)
@@ -163,7 +167,7 @@ class EndlessDrive:
         cells = np.argwhere(paths.reachable & self._roads.turnable)
         if paths.start is None or not len(cells):
             return here[None]
-        places = self._roads.grid.centre_of(cells[self._rng.integers(len(cells), size=CANDIDATES)])
+        places = self._roads.grid.centre_of(cells[self._rng.integers(len(cells), size=GOAL_CANDIDATES)])
         been = np.array([here, *visited])
         nearest = np.linalg.norm(places[:, None] - been, axis=2).min(axis=1)
         path = simplify(paths.path_to(places[nearest.argmax()]), self._roads)

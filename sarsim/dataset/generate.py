@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.files import make_folder
 from sarsim.dataset.croissant import describe_dataset
-from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
+from sarsim.dataset.manifest import MANIFEST_FILE, SCENES_FOLDER, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import PLUGIN_HOOKS, make_scene
 from sarsim.dataset.summary import write_summary
@@ -29,11 +29,11 @@ def generate(
     Raises:
         InputError: a scene cannot be made, or the folder cannot be written or holds other files.
     """
-    make_folder(folder, [FILE])
+    make_folder(folder, [MANIFEST_FILE])
     manifest = Manifest.new(recipe)
     with locked(folder) as lock:
         # keep the scenes that are complete, if the folder holds the same dataset
-        if (folder / FILE).exists():
+        if (folder / MANIFEST_FILE).exists():
             earlier = Manifest.read(folder)
             earlier.check_same(manifest, folder)
             for index, entry in earlier.scenes.items():
@@ -55,7 +55,7 @@ def generate(
                     manifest.write(folder)
                     on_frames(len(manifest.scenes) * recipe.frames)
         finally:
-            for unfinished in (folder / SCENES).glob("*.part"):
+            for unfinished in (folder / SCENES_FOLDER).glob("*.part"):
                 with suppress(OSError):
                     unfinished.unlink()
         splits = {index: entry.split for index, entry in sorted(manifest.scenes.items())}

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.files import GOOD, check_regular, run_isolated
 
-FAST = {"compression": "gzip", "compression_opts": 1}
+FAST_COMPRESSION = {"compression": "gzip", "compression_opts": 1}
 """Options for fast compression. HDF5's other fast filter, LZF, does not give the same bytes for the same data."""
-SECONDS, MEMORY = 3, 1_000_000_000
+CHECK_SECONDS, CHECK_MEMORY = 3, 1_000_000_000
 """Limits of processor time, s, and memory, bytes, for checking a file; sarsim's files need 0.01 s and a few MB."""
-_RAW = -15  # zlib's ``wbits`` for a stream without header and checksum, with the largest window
+_RAW_WBITS = -15  # zlib's ``wbits`` for a stream without header and checksum, with the largest window
 _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
 
@@ -33,7 +33,7 @@ def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) ->
         image: (H, W) pixel values.
     """
     low, high = np.ascontiguousarray(image.astype("<u2").view(np.uint8).reshape(-1, 2).T)
-    keep, shrink = (zlib.compressobj(level, wbits=_RAW) for level in (0, 1))
+    keep, shrink = (zlib.compressobj(level, wbits=_RAW_WBITS) for level in (0, 1))
     stream = [_ZLIB_HEAD, keep.compress(low), keep.flush(zlib.Z_FULL_FLUSH), shrink.compress(high), shrink.flush()]
     checksum = zlib.adler32(high, zlib.adler32(low))
     dataset.id.write_direct_chunk((index, 0, 0), b"".join(stream) + checksum.to_bytes(4, "big"))
@@ -98,8 +98,8 @@ def open_file(path: Path) -> h5py.File:
             fill all memory.
     """
     check_regular(path)
-    if (said := run_isolated(_looked_through, path, seconds=SECONDS, memory=MEMORY)) != GOOD:
-        limits = f"{SECONDS} s or {MEMORY / 1e9:g} GB"
+    if (said := run_isolated(_check_file, path, seconds=CHECK_SECONDS, memory=CHECK_MEMORY)) != GOOD:
+        limits = f"{CHECK_SECONDS} s or {CHECK_MEMORY / 1e9:g} GB"
         raise InputError(f"{path}: {said or f'damaged: HDF5 crashed or needed more than {limits} to read it'}")
     try:
         return h5py.File(path, "r")
@@ -107,7 +107,7 @@ def open_file(path: Path) -> h5py.File:
         raise InputError(f"{path}: not a readable HDF5 file") from error
 
 
-def _looked_through(path: Path) -> str:
+def _check_file(path: Path) -> str:
     """The error in a file's attributes, datasets or chunk indices, or :data:`GOOD`; the data are not read."""
     try:
         with h5py.File(path, "r") as file:

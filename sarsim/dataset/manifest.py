@@ -14,8 +14,8 @@ from pipeline.labels import COLOURS, Label
 from sarsim.dataset.recipe import SPLIT_PERIOD, Recipe
 from sarsim.dataset.scene_file import Scene
 
-FILE = "dataset.json"
-SCENES = "scenes"
+MANIFEST_FILE = "dataset.json"
+SCENES_FOLDER = "scenes"
 DATASET_FORMAT = "sarsim-dataset"
 DATASET_VERSION = 1
 SPLITS = ("train", "val", "test")
@@ -75,9 +75,9 @@ class Manifest:
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read the manifest in a dataset's folder; InputError if there is no dataset of this version."""
-        path = folder / FILE
+        path = folder / MANIFEST_FILE
         if not path.exists():
-            raise InputError(f"{folder}: not a dataset: {FILE} is missing")
+            raise InputError(f"{folder}: not a dataset: {MANIFEST_FILE} is missing")
         try:
             content = json.loads(read_text(path))
         except InputError:
@@ -85,7 +85,7 @@ class Manifest:
         except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: not valid JSON: {error}; {_REMEDY}") from error
         if not isinstance(content, dict) or content.get("format") != DATASET_FORMAT:
-            raise InputError(f"{path}: not the {FILE} of a dataset: its format must be {DATASET_FORMAT!r}")
+            raise InputError(f"{path}: not the {MANIFEST_FILE} of a dataset: its format must be {DATASET_FORMAT!r}")
         if content.get("version") != DATASET_VERSION:
             raise InputError(
                 f"{path}: has format version {content.get('version')}; this version of sarsim reads only version"
@@ -112,7 +112,7 @@ class Manifest:
             ],
             "scenes": [asdict(self.scenes[index]) for index in sorted(self.scenes)],
         }
-        with atomic_write(folder / FILE) as partial:
+        with atomic_write(folder / MANIFEST_FILE) as partial:
             partial.write_text(json.dumps(content, indent=1) + "\n")
 
     def check_same(self, other: "Manifest", folder: Path) -> None:
@@ -157,7 +157,7 @@ class Dataset:
             # Check before HDF5 opens the file, because its library hangs on some damaged files.
             if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
                 raise InputError(
-                    f"{path}: its checksum differs from the one in {FILE};"
+                    f"{path}: its checksum differs from the one in {MANIFEST_FILE};"
                     " to generate the scene again, run sarsim-dataset with the original flags"
                 )
             with Scene(path) as scene:
@@ -192,7 +192,7 @@ def _entry(row: dict[str, Any]) -> SceneEntry:
 
 def scene_path(index: int) -> str:
     """Path of a scene's file, relative to the dataset's folder."""
-    return f"{SCENES}/{index:05d}.h5"
+    return f"{SCENES_FOLDER}/{index:05d}.h5"
 
 
 def split_of(index: int) -> str:

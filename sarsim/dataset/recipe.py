@@ -15,10 +15,10 @@ from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.xtion import Xtion
 
 SPLIT_PERIOD = 10  # Number of scenes after which their splits repeat
-PREFIX = "random:"  # Prefix of the names of random arenas; the seed follows
-LATERAL_SIGMA = (0.5, 1.0)
+RANDOM_PREFIX = "random:"  # Prefix of the names of random arenas; the seed follows
+LATERAL_SIGMA_RANGE = (0.5, 1.0)
 """Range of the Xtion's ``lateral_sigma``, pixels; a value is drawn uniformly for each scene."""
-DROPOUT = (0.0, 0.02)  # Range of the Xtion's ``dropout``, also drawn uniformly for each scene
+DROPOUT_RANGE = (0.0, 0.02)  # Range of the Xtion's ``dropout``, also drawn uniformly for each scene
 Purpose = Literal["conditions", "arena", "drive", "noise"]  # Uses of random numbers
 
 
@@ -67,7 +67,9 @@ class Recipe(DatasetConfig):
     def conditions(self, index: int) -> Conditions:
         """The light, the air and the depth sensor of scene ``index``, drawn at random."""
         rng = self.rng(index, "conditions")
-        noisy = Xtion(lateral_sigma=round(rng.uniform(*LATERAL_SIGMA), 3), dropout=round(rng.uniform(*DROPOUT), 4))
+        noisy = Xtion(
+            lateral_sigma=round(rng.uniform(*LATERAL_SIGMA_RANGE), 3), dropout=round(rng.uniform(*DROPOUT_RANGE), 4)
+        )
         sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
         shares = np.array(self.lighting, np.float64)
         lighting = list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
@@ -76,8 +78,8 @@ class Recipe(DatasetConfig):
         dusty = Air(round(rng.uniform(*self.dust), 3))
         return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 
-    def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
-        """Candidates for scene ``index``, in order: the one named arena, or ``count`` arenas drawn at random."""
+    def candidates(self, index: int, count: int) -> Iterator[SceneRecipe]:
+        """Yield candidates for scene ``index``, in order: the named arena alone, or ``count`` random arenas."""
         conditions, name = self.conditions(index), self._arena(index)
         if name != RANDOM:
             yield SceneRecipe(index, name, None, conditions)
@@ -85,7 +87,7 @@ class Recipe(DatasetConfig):
         rng = self.rng(index, "arena")
         for _ in range(count):
             config = self.random.draw(rng)
-            yield SceneRecipe(index, f"{PREFIX}{rng.integers(1 << 31)}", config, conditions)
+            yield SceneRecipe(index, f"{RANDOM_PREFIX}{rng.integers(1 << 31)}", config, conditions)
 
     def _arena(self, index: int) -> str:
         """The arena of scene ``index``: in turn, but shifted so that each split gets all arenas equally often."""

@@ -21,7 +21,7 @@ from sarsim.arenas.random_arena import build_random
 from sarsim.dataset import image_kernels
 from sarsim.dataset.drive import EndlessDrive, WheelContact
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
-from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
+from sarsim.dataset.recipe import RANDOM_PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.methods.plugins import make_plugins
@@ -35,7 +35,7 @@ from sarsim.victims.victims import victims_of
 
 PLUGIN_HOOKS = ("scene", "dataset")
 """Names of the plug-in methods that may add files to a dataset."""
-ATTEMPTS = 10
+MAX_ATTEMPTS = 10
 """Maximum number of random arenas drawn for a scene."""
 
 
@@ -112,7 +112,7 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
     Raises:
         InputError: the arena cannot be loaded or built.
     """
-    *tried, last = recipe.scenes(index, ATTEMPTS)
+    *tried, last = recipe.candidates(index, MAX_ATTEMPTS)
     for scene in tried:
         with suppress(InputError):
             return scene, arena_of(scene)
@@ -123,7 +123,7 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
     """The arena of a scene; InputError if it cannot be loaded or built."""
     if scene.random is not None:
         # The same arena as from load_arena, without the tenths of a second that PyMJCF takes to parse and write it.
-        builder = build_random(int(scene.arena.removeprefix(PREFIX)), scene.random)
+        builder = build_random(int(scene.arena.removeprefix(RANDOM_PREFIX)), scene.random)
         return ArenaText(builder.to_xml(), builder.files)
     arena = load_arena(scene.arena)
     return ArenaText(arena.to_xml(), arena.mjcf_model.get_assets())
@@ -149,7 +149,7 @@ class World(ExitStack):
         set_lighting(physics, names, scene.conditions.lighting)
         self._renderer = self.enter_context(renderer(self.model, width, height))
         self.camera = RgbdCamera(self._renderer, names.camera.full_identifier)
-        self._seat = self.model.jnt_qposadr[self.model.body_jntadr[self.camera.base_body]]
+        self._qpos_address = self.model.jnt_qposadr[self.model.body_jntadr[self.camera.base_body]]
         mujoco.mj_kinematics(self.model, self.data)
         start = self.data.site("start")
         self._T_world_start = from_rotation(start.xmat.reshape(3, 3), start.xpos)
@@ -205,9 +205,9 @@ class World(ExitStack):
 
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
         """Set the robot's pose, and compute the poses of its camera and lamp; nothing is simulated."""
-        seat = self.data.qpos[self._seat : self._seat + 7]
-        seat[:3] = T_world_base[:3, 3]
-        mujoco.mju_mat2Quat(seat[3:], np.ascontiguousarray(T_world_base[:3, :3]).ravel())
+        qpos = self.data.qpos[self._qpos_address : self._qpos_address + 7]
+        qpos[:3] = T_world_base[:3, 3]
+        mujoco.mju_mat2Quat(qpos[3:], np.ascontiguousarray(T_world_base[:3, :3]).ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)

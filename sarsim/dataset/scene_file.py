@@ -21,11 +21,13 @@ from pipeline.localisation.trajectory import Trajectory
 from pipeline.sensor import XTION
 from pipeline.transforms import are_poses
 from sarsim.dataset import image_kernels
-from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
+from sarsim.dataset.hdf5 import FAST_COMPRESSION, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-PER_METRE = np.float32(1000)  # Depth units per metre; readers of other formats divide too, so the depths are the same
+DEPTH_SCALE = np.float32(
+    1000
+)  # Depth units per metre; readers of other formats divide too, so the depths are the same
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
@@ -66,7 +68,7 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "victims/box": ("f8", "V", 2, 3),
 }
 """Type and shape of every dataset in a file; a letter stands for the same size everywhere."""
-LATER = ("geoms/object",)
+OPTIONAL_DATASETS = ("geoms/object",)
 """Datasets that older files of this version lack."""
 MAX_BYTES = 2**28
 """Maximum size of a frame's image or of any other dataset, bytes; a small file may claim to hold terabytes."""
@@ -144,12 +146,12 @@ class SceneWriter(ExitStack):
         self._millimetres = np.empty((k.height, k.width), np.uint16)
         self._file.attrs.update(format=SCENE_FORMAT, version=SCENE_VERSION, settings=json.dumps(content.settings))
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
-        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST)
+        self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST_COMPRESSION)
         for name, attribute in _CONTENT.items():
-            self._dataset(name, _fixed(getattr(content, attribute)))
+            self._dataset(name, _as_array(getattr(content, attribute)))
         for name, (pixel, dtype) in _IMAGES.items():
             shape = (k.height, k.width, *pixel)
-            filters = {} if name == "rgb" else FAST | {"shuffle": np.dtype(dtype).itemsize > 1}
+            filters = {} if name == "rgb" else FAST_COMPRESSION | {"shuffle": np.dtype(dtype).itemsize > 1}
             self._file.create_dataset(name, (frames, *shape), dtype, chunks=(1, *shape), track_times=False, **filters)
 
     def write(self, scene_frame: SceneFrame) -> None:
@@ -182,7 +184,7 @@ class SceneWriter(ExitStack):
         self._file.create_dataset(name, data=data, track_times=False, **filters)
 
 
-def _fixed(values: NDArray | list[str]) -> NDArray:
+def _as_array(values: NDArray | list[str]) -> NDArray:
     """Arrays unchanged; names as an array of fixed-length bytes."""
     if isinstance(values, np.ndarray):
         return values
@@ -254,7 +256,7 @@ class Scene(ExitStack):
         """Return each letter's size; ValueError if a dataset is external or huge, or has the wrong type or shape."""
         sizes: dict[str, int] = {}
         for name, (kind, *shape) in _LAYOUT.items():
-            if name in LATER and name not in self._file:
+            if name in OPTIONAL_DATASETS and name not in self._file:
                 continue
             part = self._file[name]
             if part.file.filename != self._file.filename or part.external or part.is_virtual:
@@ -317,17 +319,17 @@ class Scene(ExitStack):
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
-            depth=np.asarray(self._image("depth", index) / PER_METRE, np.float32),
+            depth=np.asarray(self._image("depth", index) / DEPTH_SCALE, np.float32),
             intrinsics=self.intrinsics,
             T_base_camera=self.T_base_camera[index],
             T_odom_base=self.pose_odom[index],
             label=self.label(index),
-            instance=self._numbers("instance", index, -1, self._geoms).astype(np.int32),
+            instance=self._integer_image("instance", index, -1, self._geoms).astype(np.int32),
         )
 
     def label(self, index: int) -> NDArray[np.uint8]:
         """(H, W) labels of a frame; InputError if the file is broken."""
-        return self._numbers("label", index, 0, len(Label))
+        return self._integer_image("label", index, 0, len(Label))
 
     def T_world_camera(self, index: int) -> Pose:
         """True pose of ``camera_optical`` in a frame."""
@@ -344,8 +346,8 @@ class Scene(ExitStack):
             mjcf = self._file["mjcf"][:].tobytes().decode()
         return SceneContent(settings=self.settings, mjcf=mjcf, intrinsics=self.intrinsics, **arrays)
 
-    def _numbers(self, name: str, index: int, start: int, end: int) -> NDArray:
-        """An image of integers; InputError unless they are from ``start`` to ``end`` - 1."""
+    def _integer_image(self, name: str, index: int, start: int, end: int) -> NDArray:
+        """An image of a frame whose values are integers; InputError unless they are from ``start`` to ``end`` - 1."""
         image = self._image(name, index)
         if image.size and not start <= image.min() <= image.max() < end:
             raise self._damaged(

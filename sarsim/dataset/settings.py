@@ -14,7 +14,7 @@ from sarsim.flags import Given
 
 RANDOM = "random"  # Name that stands for a new random arena in each scene
 KEYFRAME_SPACING = (0.3, 0.6)  # m driven or rad turned from one keyframe to the next
-MIN_SIZE = 16  # Minimum width and height of an image, pixels
+MIN_IMAGE_SIDE = 16  # Minimum width and height of an image, pixels
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class ArenaRange:
     def __post_init__(self) -> None:
         for name in ("tiles", *FRACTION_SETTINGS, "victims", "difficulty", "things"):
             check_order(f"random.{name}", getattr(self, name))
-        check("random.ceilings", self.ceilings, 0, 1)
-        check("random.painted", self.painted, 0, 1)
+        check_range("random.ceilings", self.ceilings, 0, 1)
+        check_range("random.painted", self.painted, 0, 1)
 
     def draw(self, rng: np.random.Generator) -> RandomArenaConfig:
         """Settings of one arena, drawn from these ranges."""
@@ -123,8 +123,8 @@ class DatasetConfig:
     plugins: Fixed[Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
-            check(name, getattr(self, name), low)
+        for name, low in (("seed", 0), ("frames", 1), ("width", MIN_IMAGE_SIDE), ("height", MIN_IMAGE_SIDE)):
+            check_range(name, getattr(self, name), low)
         if not self.arenas:
             raise InputError("--arenas: give at least one arena")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
@@ -137,11 +137,11 @@ class DatasetConfig:
                 f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: each value must be between 0.01 and 10"
             )
         if self.frames_per_second is not None:
-            check("frames-per-second", self.frames_per_second, 0.5, 60)
+            check_range("frames-per-second", self.frames_per_second, 0.5, 60)
         if self.dust is not None:
             check_order("dust", self.dust)
         for name in ("clear", "ideal"):
-            check(name, getattr(self, name), 0, 1)
+            check_range(name, getattr(self, name), 0, 1)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def check_order(flag: str, bounds: tuple[float, float]) -> None:
         raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value must come first")
 
 
-def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
+def check_range(flag: str, value: float, low: float, high: float = math.inf) -> None:
     """Raise InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
         limits = f"must be at least {low:g}" if high == math.inf else f"must be between {low:g} and {high:g}"

@@ -16,9 +16,9 @@ from pipeline.sensor import XTION
 from sarsim.dataset.manifest import SPLITS, Dataset
 from sarsim.dataset.scene_file import Scene
 
-FILE = "index.html"
-MAX_PICTURED = 12  # Maximum number of scenes of which the page shows a frame
-SIZE = (320, 240)  # Width and height of the pictures, pixels
+SUMMARY_FILE = "index.html"
+MAX_PICTURED_SCENES = 12  # Maximum number of scenes of which the page shows a frame
+PICTURE_SIZE = (320, 240)  # Width and height of the pictures, pixels
 
 
 def write_summary(folder: Path) -> None:
@@ -38,7 +38,7 @@ def write_summary(folder: Path) -> None:
         recipe=dataset.recipe,
         far=XTION.farthest,
     )
-    write_html(folder / FILE, html)
+    write_html(folder / SUMMARY_FILE, html)
 
 
 def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
@@ -66,7 +66,7 @@ def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
     """For evenly spaced scenes, the images of the frame that shows the most labels."""
-    step = -(-len(dataset) // MAX_PICTURED)
+    step = -(-len(dataset) // MAX_PICTURED_SCENES)
     for entry in dataset.entries[:: max(step, 1)]:
         with Scene(dataset.folder / entry.file) as scene:
             index = max(range(len(scene)), key=lambda i: (len(np.unique(scene.label(i))), -i))
@@ -75,7 +75,7 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
             place = f"{entry.arena}, {entry.lighting}, dust {scene.settings['dust']:g}"
         images = {"colour": with_boxes(frame.rgb, boxes), "depth": depth_picture(frame.depth), "label": labels}
         small = {
-            name: np.asarray(cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA), np.uint8)
+            name: np.asarray(cv2.resize(image, PICTURE_SIZE, interpolation=cv2.INTER_AREA), np.uint8)
             for name, image in images.items()
         }
         yield {

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from pipeline.arrays import Indices, Place
 from sarsim.ground_truth.columns_kernels import vertical_cut
 
-_ITERATIONS = 20
-_SETTLED = 1e-6
+_MAX_ITERATIONS = 20
+_GAP_TOLERANCE = 1e-6
 """Maximum remaining gap between wheels and ground, m."""
 _SAMPLES = 20
 """Number of points on each side of the axle, front and rear, at which a tyre is tested for contact."""
-_REACH = 0.75
+_CONTACT_FRACTION = 0.75
 """Fraction of the radius over which the points extend; the outermost touch slopes of 48° and steps of 3.7 cm."""
 
 
@@ -60,7 +60,7 @@ def axle_height(ground, x, y, c, s, radius, below):
     """Height, m, of the centre of a wheel at (x, y) that rolls along (c, s); -inf if there is no ground below it."""
     highest = -np.inf
     for k in range(-_SAMPLES, _SAMPLES + 1):
-        along = radius * _REACH * k / _SAMPLES
+        along = radius * _CONTACT_FRACTION * k / _SAMPLES
         touched = ground_height(ground, x + c * along, y + s * along, below)
         highest = max(highest, touched + np.sqrt(radius * radius - along * along))
     return highest
@@ -98,7 +98,7 @@ def rest_pose(ground, x, y, yaw, below, axles, radius, centre_of_mass):
     z, climb, rise = below, 0.0, 0.0
     half_length, half_width = axles[0, 0], axles[0, 1]
     gap = np.empty(4)
-    for _ in range(_ITERATIONS):
+    for _ in range(_MAX_ITERATIONS):
         R = attitude(yaw, climb, rise)
         for w in range(4):
             centre = R @ axles[w]
@@ -112,14 +112,17 @@ def rest_pose(ground, x, y, yaw, below, axles, radius, centre_of_mass):
         z += gap.mean()
         climb += (gap[0] + gap[1] - gap[2] - gap[3]) / (4 * half_length)
         rise += (gap[0] + gap[2] - gap[1] - gap[3]) / (4 * half_width)
-        if np.abs(gap).max() < _SETTLED:
+        if np.abs(gap).max() < _GAP_TOLERANCE:
             break
     return z, climb, rise
 
 
 @njit(cache=True)
 def _lift(gap, axles, forward, left):
-    """Set the gap of the wheel that is off the ground; (forward, left): centre of mass in the body frame, m."""
+    """Set the gap of the wheel that is off the ground.
+
+    (forward, left): the point of the body's ground plane vertically below the centre of mass, in the body frame, m.
+    """
     twist = gap[0] + gap[3] - gap[1] - gap[2]
     # Both wheels on the diagonal with the higher ground touch the ground, and so does the wheel on the side of the
     # centre of mass.

@@ -20,7 +20,7 @@ from pipeline.labels import COLOURS, Label
 from sarsim.dataset.croissant import describe_export
 from sarsim.dataset.manifest import Dataset, SceneEntry
 from sarsim.dataset.scene_file import Scene
-from sarsim.dataset.settings import check
+from sarsim.dataset.settings import check_range
 
 TEMPLATES = files("sarsim.dataset") / "templates"
 JPEG_QUALITY = 95  # 0 to 100
@@ -28,7 +28,7 @@ JPEG_QUALITY = 95  # 0 to 100
 
 @dataclass(frozen=True)
 class Export:
-    """Base class of exports; the fields of a subclass become its command-line flags."""
+    """Base class of exports; the flags of ``sarsim-export-dataset`` set the fields of the same names."""
 
     data: Path
     """Folder of a dataset."""
@@ -43,13 +43,13 @@ class Export:
         """
         dataset = Dataset(self.data)
         cameras: dict[str, Intrinsics] = {}
-        with whole_folder(self.out) as folder:
+        with atomic_folder(self.out) as folder:
             for entry, scene in dataset:
-                cameras[room(entry)] = scene.intrinsics
+                cameras[room_name(entry)] = scene.intrinsics
                 self.add(folder, entry, scene)
                 yield entry
             layout, seed = cleandoc(str(type(self).__doc__)), dataset.recipe.get("seed")
-            describe(folder, folder.name, layout, cameras, len(dataset), dataset.generator, seed)
+            write_description(folder, folder.name, layout, cameras, len(dataset), dataset.generator, seed)
             self.finish(folder, dataset)
             describe_export(folder, folder.name, layout, dataset.generator)
 
@@ -63,15 +63,15 @@ class Export:
 
 @dataclass(frozen=True)
 class ImageExport(Export):
-    """images/<split>/*.jpg, with annotations of the objects in them."""
+    """Base class of exports with images/<split>/*.jpg and annotations of the objects in them."""
 
     min_area: int = 100
     """Minimum number of visible pixels for an object to get a box."""
 
     def __post_init__(self) -> None:
-        check("min-area", self.min_area, 1)
+        check_range("min-area", self.min_area, 1)
 
-    def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
+    def write_images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
         """Write every frame's image, and yield the image's name without suffix, and the frame."""
         images = folder / "images" / entry.split
         images.mkdir(parents=True, exist_ok=True)
@@ -81,7 +81,7 @@ class ImageExport(Export):
             yield name, frame
 
 
-def room(entry: SceneEntry) -> str:
+def room_name(entry: SceneEntry) -> str:
     """Name of the room or sequence that a scene becomes."""
     return f"arena_{entry.index}"
 
@@ -91,7 +91,7 @@ def label_names() -> str:
     return "".join(f"{label.name.lower()}\n" for label in Label)
 
 
-def describe(
+def write_description(
     folder: Path,
     title: str,
     layout: str,
@@ -120,7 +120,7 @@ def write_image(path: Path, image: NDArray, *options: int) -> None:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Make a folder of the same name for the block to fill; if there is no error, its content appears in ``path``.
 
     Raises:

@@ -30,10 +30,10 @@ class Coco(ImageExport):
         """Write an image for each frame, and collect the annotations of the objects in it."""
         split = self._splits.setdefault(entry.split, {"images": [], "annotations": []})
         k = scene.intrinsics
-        for name, frame in self.images(folder, entry, scene):
+        for name, frame in self.write_images(folder, entry, scene):
             image = len(split["images"]) + 1
             split["images"].append({"id": image, "file_name": f"{name}.jpg", "width": k.width, "height": k.height})
-            for category, mask in objects(required(frame.instance), scene.content, self.min_area):
+            for category, mask in object_masks(required(frame.instance), scene.content, self.min_area):
                 about = {"id": len(split["annotations"]) + 1, "image_id": image, "category_id": category}
                 split["annotations"].append(about | annotation(mask))
 
@@ -45,10 +45,13 @@ class Coco(ImageExport):
             (folder / "annotations" / f"{name}.json").write_text(json.dumps(content))
 
 
-def objects(
+def object_masks(
     instance: NDArray[np.int32], content: SceneContent, min_area: int
 ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """Label and (H, W) mask of each object with at least ``min_area`` pixels in an image."""
+    """Label and (H, W) mask of each object that covers at least ``min_area`` pixels of an image.
+
+    ``instance``: (H, W) geom ids, -1 = none. Objects whose label is unlabelled are left out.
+    """
     merged = content.object_of_geom[instance]
     for number, area in zip(*np.unique(merged[merged >= 0], return_counts=True), strict=True):
         label = int(content.geom_label[number])
@@ -69,7 +72,11 @@ def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> str:
-    """An (H, W) mask in COCO's compressed RLE: column-major runs, less the runs two before, as letters of 5 bits."""
+    """An (H, W) mask in COCO's compressed RLE, as text.
+
+    The run lengths are column-major; from the fourth on, each is stored minus the length two runs before. Each
+    character holds 5 bits of a number.
+    """
     flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
     counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
     letters = []
@@ -93,7 +100,7 @@ class Yolo(ImageExport):
         labels = folder / "labels" / entry.split
         labels.mkdir(parents=True, exist_ok=True)
         size = np.array([scene.intrinsics.width, scene.intrinsics.height], np.float64)
-        for index, (name, _) in enumerate(self.images(folder, entry, scene)):
+        for index, (name, _) in enumerate(self.write_images(folder, entry, scene)):
             boxes = scene.victim_pixels[index][scene.victim_area[index] >= self.min_area]
             middle, extent = (boxes[:, :2] + boxes[:, 2:]) / 2 / size, (boxes[:, 2:] - boxes[:, :2]) / size
             lines = [

@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 from pipeline.arrays import Labels, Points
 from pipeline.errors import required
 from pipeline.geometry.thinning import first_in_voxels
-from sarsim.dataset.exports.export import Export, label_names, room
+from sarsim.dataset.exports.export import Export, label_names, room_name
 from sarsim.dataset.hdf5 import NewFile
 from sarsim.dataset.manifest import Dataset, SceneEntry
 from sarsim.dataset.scene_file import Scene
-from sarsim.dataset.settings import check
+from sarsim.dataset.settings import check_range
 
 AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out Area 5
-NAMES = (
+CLASS_NAMES = (
     *("window", "wall", "floor", "beam", "table", "ceiling", "chair", "clutter"),
     *("column", "door", "sofa", "bookcase", "board"),
 )
-"""The classes of S3DIS, the only ones that published readers know; each label takes the name at its number."""
-LIST = "room_filelist.txt"
-FILES = "all_files.txt"
-SIZE = 1.0  # Side of a block in xy, m
+"""The classes of S3DIS, the only ones that published readers know; a label gets the name with its number as index."""
+ROOM_LIST = "room_filelist.txt"
+FILE_LIST = "all_files.txt"
+BLOCK_SIDE = 1.0  # Side of a block in xy, m
 SEED = 0  # Seed of the random choice of points
 
 
@@ -67,9 +67,9 @@ class Cloud:
 
     def thinned(self, voxel: float) -> Self:
         """The first point in every cube with sides of ``voxel`` m."""
-        return self.of(first_in_voxels(self.points.astype(np.float64) / voxel))
+        return self.select(first_in_voxels(self.points.astype(np.float64) / voxel))
 
-    def of(self, chosen: NDArray) -> Self:
+    def select(self, chosen: NDArray) -> Self:
         """The points selected by indices or a mask."""
         return type(self)(*(column[chosen] for column in vars(self).values()))
 
@@ -86,45 +86,45 @@ class S3dis(Export):
     """Side of the cubes, m, in each of which one return of a scene is kept."""
 
     def __post_init__(self) -> None:
-        check("voxel", self.voxel, 0.001)
+        check_range("voxel", self.voxel, 0.001)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Write a room for the scene, with a file for each object that is seen in it."""
-        name = room(entry)
+        name = room_name(entry)
         annotations = folder / AREAS[entry.split] / name / "Annotations"
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
-        instances, numbers = objects(scene, cloud), Counter[str]()
+        instances, numbers = object_ids(scene, cloud), Counter[str]()
         # Objects with one point are left out, because indoor3d_util.py joins tables and NumPy reads one line as a
         # vector.
         known, counts = np.unique(instances, return_counts=True)
         several = np.isin(instances, known[counts > 1])
-        cloud, instances = cloud.of(several), instances[several]
-        write_lines(annotations.parent / f"{name}.txt", cloud)
+        cloud, instances = cloud.select(several), instances[several]
+        write_points(annotations.parent / f"{name}.txt", cloud)
         for instance in np.unique(instances):
-            part = cloud.of(instances == instance)
-            name = NAMES[part.label[0]]
+            part = cloud.select(instances == instance)
+            name = CLASS_NAMES[part.label[0]]
             numbers[name] += 1
-            write_lines(annotations / f"{name}_{numbers[name]}.txt", part)
+            write_points(annotations / f"{name}_{numbers[name]}.txt", part)
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
         """List classes and rooms for collect_indoor3d_data.py of pointnet and dgcnn.pytorch."""
-        rooms = [(AREAS[entry.split], room(entry)) for entry in dataset.entries]
+        rooms = [(AREAS[entry.split], room_name(entry)) for entry in dataset.entries]
         (folder / "meta").mkdir()
         for name, lines in (
-            ("class_names.txt", NAMES),
+            ("class_names.txt", CLASS_NAMES),
             ("anno_paths.txt", [f"{area}/{arena}/Annotations" for area, arena in rooms]),
             ("all_data_label.txt", [f"{area}_{arena}.npy" for area, arena in rooms]),
         ):
             (folder / "meta" / name).write_text("".join(f"{line}\n" for line in lines))
 
 
-def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int32]:
+def object_ids(scene: Scene, cloud: Cloud) -> NDArray[np.int32]:
     """(N,) int32 id of the object to which each point belongs; -1 for specks of dust."""
     return scene.content.object_of_geom[cloud.instance]
 
 
-def write_lines(path: Path, cloud: Cloud) -> None:
+def write_points(path: Path, cloud: Cloud) -> None:
     """Write lines of x y z in m and r g b from 0 to 255."""
     lines = [
         f"{x:.3f} {y:.3f} {z:.3f} {r} {g} {b}\n"
@@ -149,8 +149,8 @@ class Blocks(Export):
     """Whether r g b, 0 to 1, come between the two kinds of coordinates, as in the nine channels of S3DIS."""
 
     def __post_init__(self) -> None:
-        check("points", self.points, 1)
-        check("min-points", self.min_points, 1)
+        check_range("points", self.points, 1)
+        check_range("min-points", self.min_points, 1)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Write one file for the scene; each frame is a separate room."""
@@ -159,11 +159,11 @@ class Blocks(Export):
         for index in range(len(scene)):
             new = list(self.of_cloud(Cloud.of_frame(scene, index), rng))
             blocks += new
-            rooms += [f"{AREAS[entry.split]}_{room(entry)}_frame_{index}"] * len(new)
+            rooms += [f"{AREAS[entry.split]}_{room_name(entry)}_frame_{index}"] * len(new)
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
         # Published loaders (dgcnn.pytorch, pointnet) append these paths to the parent of this folder.
-        for list_name, lines in ((FILES, [f"{folder.name}/{name}"]), (LIST, rooms)):
+        for list_name, lines in ((FILE_LIST, [f"{folder.name}/{name}"]), (ROOM_LIST, rooms)):
             with (folder / list_name).open("a") as file:
                 file.writelines(f"{line}\n" for line in lines)
 
@@ -184,14 +184,14 @@ class Blocks(Export):
             return
         xyz = cloud.points - cloud.points.min(axis=0)
         extent = np.maximum(xyz.max(axis=0), 1e-6)
-        cells = np.floor(xyz[:, :2] / SIZE).astype(np.int64)
+        cells = np.floor(xyz[:, :2] / BLOCK_SIDE).astype(np.int64)
         for cell in np.unique(cells, axis=0):
             inside = np.flatnonzero((cells == cell).all(axis=1))
             if len(inside) < self.min_points:
                 continue
             chosen = rng.choice(inside, self.points, replace=len(inside) < self.points)
             local = xyz[chosen].copy()
-            local[:, :2] -= (cell + 0.5) * SIZE
+            local[:, :2] -= (cell + 0.5) * BLOCK_SIDE
             colours = cloud.rgb[chosen] / np.iinfo(np.uint8).max if self.colours else np.zeros((self.points, 0))
             block = np.concatenate([local, colours, xyz[chosen] / extent], axis=1)
             yield block.astype(np.float32), cloud.label[chosen]

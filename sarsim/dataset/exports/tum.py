@@ -18,11 +18,11 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Velocity
 from pipeline.sink import Result, Sink, Step
-from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
+from sarsim.dataset.exports.export import Export, atomic_folder, room_name, write_description, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
-UNITS = 5000  # Depth units per metre
+DEPTH_SCALE = 5000  # Depth units per metre
 DIGITS = 12  # Number of significant digits of readings, poses and intrinsics
 
 
@@ -36,13 +36,13 @@ class Tum(Export):
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Write a sequence for the scene."""
-        sequence = TumSequence(folder / room(entry))
+        sequence = TumSequence(folder / room_name(entry))
         for index, frame in enumerate(scene):
-            sequence.frame(frame)
-            sequence.pose("groundtruth", frame.time, scene.T_world_camera(index))
-            sequence.pose("odometry", frame.time, frame.T_odom_base @ frame.T_base_camera)
+            sequence.add_frame(frame)
+            sequence.add_pose("groundtruth", frame.time, scene.T_world_camera(index))
+            sequence.add_pose("odometry", frame.time, frame.T_odom_base @ frame.T_base_camera)
             if not index:
-                sequence.pose("camera", frame.time, frame.T_base_camera)
+                sequence.add_pose("camera", frame.time, frame.T_base_camera)
         sequence.save(scene.intrinsics)
 
 
@@ -69,20 +69,20 @@ class TumSequence:
         for kind in IMAGES:
             (folder / kind).mkdir(parents=True)
 
-    def frame(self, frame: Frame) -> None:
+    def add_frame(self, frame: Frame) -> None:
         """Write the images of a frame, including its true labels if it has them."""
-        depth = np.rint(np.where(frame.returns, frame.depth, 0) * UNITS).astype(np.uint16)
+        depth = np.rint(np.where(frame.returns, frame.depth, 0) * DEPTH_SCALE).astype(np.uint16)
         for kind, image in zip(IMAGES, (frame.rgb, depth, frame.label), strict=True):
             if image is not None:
                 name = f"{kind}/{frame.time:.6f}.png"
                 write_image(self._folder / name, image, cv2.IMWRITE_PNG_COMPRESSION, 1)
                 self._lists.setdefault(kind, []).append(f"{frame.time:.6f} {name}")
 
-    def pose(self, kind: str, time: float, T: Pose) -> None:
+    def add_pose(self, kind: str, time: float, T: Pose) -> None:
         """Append the camera's 4×4 pose at a time, s, to the list ``kind``."""
-        self.numbers(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
+        self.add_reading(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
 
-    def numbers(self, kind: str, time: float, values: Iterable[float]) -> None:
+    def add_reading(self, kind: str, time: float, values: Iterable[float]) -> None:
         """Append a reading at a time, s, to the list ``kind``."""
         # Precise enough that these files and the scene's file give the same maps.
         line = " ".join([f"{time:.6f}", *(f"{number:.{DIGITS}g}" for number in values)])
@@ -112,7 +112,7 @@ class TumDrive(ExitStack, Sink):
             InputError: ``path``, which appears on closing, exists and is not an empty folder, or cannot be created.
         """
         super().__init__()
-        folder = self.enter_context(whole_folder(path))
+        folder = self.enter_context(atomic_folder(path))
         self._sequence = TumSequence(folder)
         self._poses: list[tuple[str, float, NDArray[np.float64]]] = []
         self._newest: Frame | None = None
@@ -122,12 +122,12 @@ class TumDrive(ExitStack, Sink):
     def take_frame(self, frame: Frame) -> None:
         """Write a frame's images."""
         self._newest = frame
-        self._sequence.frame(frame)
+        self._sequence.add_frame(frame)
 
     def take_motion(self, motion: Motion, command: Velocity) -> None:
         """Add the readings of the IMU."""
-        self._sequence.numbers("accelerometer", motion.time, motion.accelerometer)
-        self._sequence.numbers("gyroscope", motion.time, motion.gyro)
+        self._sequence.add_reading("accelerometer", motion.time, motion.accelerometer)
+        self._sequence.add_reading("gyroscope", motion.time, motion.gyro)
 
     def take_joints(self, time: float, joints: Joints) -> None:
         """Ignore the joints, because the benchmark has no file for wheels."""
@@ -153,14 +153,14 @@ class TumDrive(ExitStack, Sink):
     def _save(self, folder: Path, seed: int) -> None:
         if self._newest is None:
             return
-        self._sequence.pose("camera", self._newest.time, self._newest.T_base_camera)
+        self._sequence.add_pose("camera", self._newest.time, self._newest.T_base_camera)
         for time, numbers in self._keyframes.items():
-            self._sequence.numbers("keyframes", time, numbers)
+            self._sequence.add_reading("keyframes", time, numbers)
         for kind, time, T in self._poses:
-            self._sequence.pose(kind, time, T @ self._newest.T_base_camera)
+            self._sequence.add_pose(kind, time, T @ self._newest.T_base_camera)
         self._sequence.save(self._newest.intrinsics)
         layout, generator = cleandoc(str(TumDrive.__doc__)), f"sarsim {version('sarsim')}"
-        describe(folder, folder.name, layout, {folder.name: self._newest.intrinsics}, 1, generator, seed)
+        write_description(folder, folder.name, layout, {folder.name: self._newest.intrinsics}, 1, generator, seed)
 
 
 def calibration(k: Intrinsics) -> str:

@@ -9,7 +9,7 @@ from pipeline.datasets.recorded_robot import OdometrySample
 from pipeline.plugins.ros.bag import Bag
 from pipeline.plugins.ros.topics import RobotTopics
 from pipeline.robot import Velocity
-from sarsim.dataset.exports.export import Export, room
+from sarsim.dataset.exports.export import Export, room_name
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
@@ -20,7 +20,7 @@ class Mcap(Export):
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Write a bag for the scene: images and labels, intrinsics, odometry, transforms, and the true poses."""
-        path = folder / room(entry)
+        path = folder / room_name(entry)
         path.parent.mkdir(parents=True, exist_ok=True)
         with Bag(path) as bag:
             topics = RobotTopics(bag.write)

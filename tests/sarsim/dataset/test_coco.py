@@ -8,7 +8,7 @@ from pycocotools import mask as coco_masks
 from pycocotools.coco import COCO
 
 from pipeline.labels import Label
-from sarsim.dataset.exports.images import Coco, objects, run_lengths
+from sarsim.dataset.exports.images import Coco, object_masks, run_lengths
 from sarsim.dataset.manifest import Dataset
 from tests.sarsim.dataset.small import toys
 
@@ -40,7 +40,7 @@ def test_pycocotools_reads_the_true_masks_and_boxes_and_none_of_what_shows_littl
             assert (tmp_path / "out" / "images" / "train" / known.imgs[image]["file_name"]).exists()
             assert frame.instance is not None and frame.label is not None
             found = known.loadAnns(known.getAnnIds(imgIds=[image]))
-            for row, (label, mask) in zip(found, objects(frame.instance, scene.content, 1), strict=True):
+            for row, (label, mask) in zip(found, object_masks(frame.instance, scene.content, 1), strict=True):
                 count += 1
                 assert row["category_id"] == label
                 np.testing.assert_array_equal(known.annToMask(row), mask)

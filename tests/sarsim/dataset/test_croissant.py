@@ -11,7 +11,7 @@ from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.images import Yolo
 from sarsim.dataset.exports.points import S3dis
 from sarsim.dataset.generate import generate
-from sarsim.dataset.manifest import FILE, sha256_of
+from sarsim.dataset.manifest import MANIFEST_FILE, sha256_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.plugins.ros.mcap import Mcap
 from tests.sarsim.dataset.small import InProcess
@@ -49,7 +49,7 @@ def metadata(folder: Path) -> dict[str, Any]:
 
 def test_a_dataset_names_its_scenes(data: Path) -> None:
     content = metadata(data)
-    assert [file["@id"] for file in content["distribution"]] == [FILE, "scenes/00000.h5"]
+    assert [file["@id"] for file in content["distribution"]] == [MANIFEST_FILE, "scenes/00000.h5"]
     assert [records["@id"] for records in content["recordSet"]] == ["scenes", "labels"]
 
 

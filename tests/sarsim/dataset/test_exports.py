@@ -19,7 +19,7 @@ from pipeline.labels import Label
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.images import Yolo
-from sarsim.dataset.exports.points import NAMES, Blocks, Cloud, S3dis
+from sarsim.dataset.exports.points import CLASS_NAMES, Blocks, Cloud, S3dis
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import Dataset
@@ -75,7 +75,7 @@ def test_s3dis_rooms_are_the_sum_of_their_annotations(folders: dict[str, Path], 
     alone = len(cloud.points) - len(whole)
     assert 0 <= alone < 10  # objects with a single point
     for label in Label:
-        mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == NAMES[label]]
+        mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == CLASS_NAMES[label]]
         assert 0 <= (cloud.label == label).sum() - sum(map(len, mine)) <= alone
     assert {"wall_1", "wall_2", "floor_1", "window_1"} <= set(parts)  # specks of dust are unlabelled
     seen = scene.content.geom_victim[np.unique(np.concatenate([f.instance[f.returns] for f in scene]))[1:]]

@@ -15,7 +15,7 @@ from sarsim.sensors.lighting import Lighting
 
 
 def first(recipe: Recipe, index: int) -> SceneRecipe:
-    return next(recipe.scenes(index, 1))
+    return next(recipe.candidates(index, 1))
 
 
 def test_a_scene_is_drawn_from_seed_and_index_alone() -> None:
@@ -56,9 +56,9 @@ def test_furniture_is_drawn_last_and_only_where_it_is_wanted() -> None:
 
 def test_of_random_arenas_there_are_others_if_one_cannot_be_built() -> None:
     recipe = Recipe(arenas=("random", "nist_6x4"))
-    assert len({scene.arena for scene in recipe.scenes(0, 5)}) == 5
-    assert [scene.arena for scene in recipe.scenes(1, 5)] == ["nist_6x4"]
-    assert list(islice(recipe.scenes(0, 5), 2)) == list(recipe.scenes(0, 2))
+    assert len({scene.arena for scene in recipe.candidates(0, 5)}) == 5
+    assert [scene.arena for scene in recipe.candidates(1, 5)] == ["nist_6x4"]
+    assert list(islice(recipe.candidates(0, 5), 2)) == list(recipe.candidates(0, 2))
 
 
 def test_arenas_are_taken_in_turn() -> None:

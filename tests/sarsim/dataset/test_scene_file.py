@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from pipeline.errors import InputError
 from pipeline.files import atomic_write
 from sarsim.dataset import hdf5
-from sarsim.dataset.hdf5 import FAST
+from sarsim.dataset.hdf5 import FAST_COMPRESSION
 from sarsim.dataset.scene_file import Scene, SceneWriter
 from tests.sarsim.dataset.small import content, frame, toys, write_scene
 
@@ -93,7 +93,7 @@ def test_an_image_is_a_chunk_that_any_hdf5_reads(file: Path) -> None:
 @example(np.random.default_rng(0).integers(800, 3500, (480, 640), np.uint16))
 def test_any_hdf5_reads_noisy_images(image: np.ndarray) -> None:
     with h5py.File.in_memory() as file:
-        filters = FAST | {"shuffle": True, "chunks": (1, *image.shape)}
+        filters = FAST_COMPRESSION | {"shuffle": True, "chunks": (1, *image.shape)}
         ours = file.create_dataset("ours", (2, *image.shape), np.uint16, **filters)
         hdf5.write_noisy(ours, 1, image)
         assert (ours[0] == 0).all()
@@ -223,7 +223,7 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
 def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hdf5, "SECONDS", 1)
+    monkeypatch.setattr(hdf5, "CHECK_SECONDS", 1)
     toys(tmp_path, 1)
     path = tmp_path / "scenes" / "00000.h5"
     data, rng = bytearray(path.read_bytes()), np.random.default_rng(11)

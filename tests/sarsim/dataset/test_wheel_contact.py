@@ -42,9 +42,9 @@ def test_the_numbers_are_those_of_the_model() -> None:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     wheels = [f"{end}_{side}_wheel" for end in ("front", "rear") for side in ("left", "right")]
-    np.testing.assert_allclose(drive.AXLES, [data.body(name).xpos for name in wheels], atol=1e-9)
+    np.testing.assert_allclose(drive.WHEEL_CENTRES, [data.body(name).xpos for name in wheels], atol=1e-9)
     np.testing.assert_allclose(drive.CENTRE_OF_MASS, data.subtree_com[0], atol=1e-3)
-    assert model.geom("front_left_tyre").size[0] - SINK == pytest.approx(drive.RADIUS)
+    assert model.geom("front_left_tyre").size[0] - SINK == pytest.approx(drive.LOADED_RADIUS)
 
 
 def test_on_the_floor_it_stands_level() -> None:
@@ -70,8 +70,8 @@ def test_with_one_wheel_on_a_block_the_opposite_one_carries_and_a_third() -> Non
     block = "<geom type='box' size='.06 .06 .02' pos='.135 .199 .02'/>"
     T = contact_on(FLOOR + block).rest_pose(0.0, 0.0, 0.0, 0.0)
     assert T is not None
-    bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([drive.AXLES, np.ones(4)]).T)[2]
-    above = bottoms - drive.RADIUS - [0.04, 0, 0, 0]
+    bottoms = (from_rotation(T[:3, :3], T[:3, 3]) @ np.column_stack([drive.WHEEL_CENTRES, np.ones(4)]).T)[2]
+    above = bottoms - drive.LOADED_RADIUS - [0.04, 0, 0, 0]
     on_ground = np.abs(above) < 1e-3
     # The centre of mass is in front of the diagonal's middle: front right carries, and rear left hangs.
     np.testing.assert_array_equal(on_ground, [True, True, False, True])

@@ -154,7 +154,13 @@ _Shape = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class _TurnedShape:
-    """A convex body relative to its geom's position, with the axes of the world."""
+    """A convex body relative to its geom's position, with the axes of the world.
+
+    Attributes:
+        planes: (M, 4) planes (n, d); n·p ≤ d inside the body.
+        outline: (N, 2) m, corners of the outline seen from above, counter-clockwise.
+        low, high: (3,) m, lowest and highest corner of the bounding box.
+    """
 
     planes: NDArray[np.float64]
     outline: NDArray[np.float64]
@@ -183,7 +189,7 @@ def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: Rotat
 def _prisms(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> _TurnedShape:
     """The prisms below the N triangles of a height field, in world coordinates.
 
-    They are stacked: ``planes`` is (N, 5, 4), ``outline`` (N, 3, 2), ``low`` and ``high`` are (N, 3).
+    The prisms are stacked: ``planes`` is (N, 5, 4), ``outline`` is (N, 3, 2), and ``low`` and ``high`` are (N, 3).
     """
     tops, R, position = field_triangles(model, geom), data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
     feet = (tops * (1, 1, 0) - (0, 0, model.hfield_size[model.geom_dataid[geom], 3])) @ R.T

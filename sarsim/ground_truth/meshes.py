@@ -49,6 +49,7 @@ class _Shape:
     triangles: NDArray[np.int64]
 
     def scaled(self, scale: NDArray[np.float64]) -> "_Shape":
+        """The shape scaled along the axes by ``scale`` (3,); its normals remain perpendicular to the surface."""
         normals = self.normals / scale
         return _Shape(self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles)
 

@@ -185,7 +185,10 @@ class EpisodeScore(Sink):
         return {"explored_fraction": self.coverage.fraction, "frontiers_left": self._frontiers_left, **seen, **oracle}
 
     def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
-        """The oracle's figures, empty if no tour sees enough; with ratios if the robot saw enough, at ``t99``, s."""
+        """The oracle's figures; empty if no tour sees enough.
+
+        If the robot saw enough, at ``t99`` s, the figures include its ratios to the tour; otherwise ``t99`` is None.
+        """
         robot, T = self._robot, self._T_world_start
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground

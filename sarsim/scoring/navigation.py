@@ -78,8 +78,8 @@ def time_figures(trajectory: Sequence[TrajectorySample], ground: Traversability)
         ground: the true ground, assessed for the robot that was driven.
 
     Returns:
-        Times, s, spent driving, backing, turning in place and standing still, which sum to the total. Also the parts
-        of the driving time in narrow places (see :func:`is_narrow`) and on ramps.
+        Times, s, spent driving, backing, turning in place and standing still, which sum to the total, and the parts
+        of the driving time that were spent in narrow places (see :func:`is_narrow`) and on ramps.
     """
     doing, lasted = activities(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
     is_driving = doing == Activity.DRIVING

@@ -80,7 +80,7 @@ class Oracle(ViewTours):
         sight: computes the ground that the robot's camera sees.
         start: (3,) x and y, m, and heading, rad.
         required_fraction: fraction of the drivable ground that must be seen, 0 to 1.
-        body: the robot's maximum speeds and accelerations.
+        drive_model: the robot's maximum speeds and accelerations.
         config: the robot's exploration settings.
     """
 
@@ -88,7 +88,7 @@ class Oracle(ViewTours):
     sight: Sight
     start: NDArray[np.float64]
     required_fraction: float
-    body: DriveModel
+    drive_model: DriveModel
     config: ExplorationConfig = field(default_factory=ExplorationConfig)
     _paths_from: dict[int, PosePaths] = field(default_factory=dict)
     _legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
@@ -163,7 +163,7 @@ class Oracle(ViewTours):
     @cached_property
     def physical_seconds(self) -> float:
         """Lower bound on the time of the tour for any robot with this drive, even without stops at viewpoints, s."""
-        return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.fastest.order])], self.body)
+        return min_seconds([self.drive(a, b) for a, b in pairwise([0, *self.fastest.order])], self.drive_model)
 
     def figures(self) -> dict[str, float]:
         """Figures of the tour for report.json; empty if no tour sees enough, or if the start alone does."""
@@ -209,8 +209,8 @@ def _keyframes_of_line(a: NDArray[np.float64], b: NDArray[np.float64], heading: 
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]
 
 
-def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
-    """Lower bound on the time that a body needs for consecutive drives, s.
+def min_seconds(drives: Sequence[ViewpointDrive], drive_model: DriveModel) -> float:
+    """Lower bound on the time that a robot needs for consecutive drives, s.
 
     An ideal driver turns while driving, so the bound is the longer of two times. The first is the time for all lines
     at maximum speed and acceleration, with stops only where the direction reverses. The second is the time for all
@@ -218,13 +218,13 @@ def min_seconds(drives: Sequence[ViewpointDrive], body: DriveModel) -> float:
     """
     lines = [line for drive in drives for line in drive.lines]
     ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]
-    driving = sum(_line_seconds(way, body, stops=n < len(ways)) for n, way in enumerate(ways, 1))
-    return max(driving, sum(drive.total_turn for drive in drives) / body.top_turn_rate)
+    driving = sum(_line_seconds(way, drive_model, stops=n < len(ways)) for n, way in enumerate(ways, 1))
+    return max(driving, sum(drive.total_turn for drive in drives) / drive_model.top_turn_rate)
 
 
-def _line_seconds(distance: float, body: DriveModel, stops: bool) -> float:
-    """Time, s, to drive ``distance``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
-    v, a, ends = body.top_speed, body.acceleration, 2 if stops else 1
+def _line_seconds(distance: float, drive_model: DriveModel, stops: bool) -> float:
+    """Time, s, to drive ``distance``, m, from a standstill, and to a standstill if the robot ``stops`` at the end."""
+    v, a, ends = drive_model.top_speed, drive_model.acceleration, 2 if stops else 1
     # Accelerating or braking takes v / a s, and covers half the distance that is covered at top speed in this time.
     if distance < ends * v**2 / (2 * a):
         return sqrt(2 * ends * distance / a)

@@ -70,7 +70,11 @@ class Sight:
     def _hits_ground(
         self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Whether rays (M, 3) from a point hit the ground of their cells, within ``SEEN_HEIGHT`` and not grazing."""
+        """(M,) bool, whether rays (M, 3) from a point hit the ground of their cells at an angle that is not grazing.
+
+        ``along``: the rays; ``cells``: (M,) indices into :attr:`cells`. A hit lies less than ``SEEN_HEIGHT`` above or
+        below the ground of its cell.
+        """
         import open3d as o3d  # not at the top, because it takes a second
 
         rays = np.hstack([np.broadcast_to(origin, along.shape), along]).astype(np.float32)

@@ -24,7 +24,7 @@ class Light:
         arena: radiance of a white surface under the arena's own light; 1 in normal light.
         rendered: fraction of the arena's light with which the scene is rendered. With the true fraction, a dim scene
             would have only a few grey levels in 8 bits.
-        lamp: radiance of a white surface that faces the lamp from 1 m away, in its beam.
+        lamp: radiance of a white surface that faces the lamp from 1 m away, on the axis of the lamp's beam.
     """
 
     arena: float

@@ -48,7 +48,7 @@ class Achievements(Sink):
 
     @property
     def seconds(self) -> float:
-        """Simulated time since the start, s; the last known time if the simulation diverged and MuJoCo reset it."""
+        """Simulated time since the start, s; the last known time if the simulation diverged and MuJoCo was reset."""
         return self._robot.trajectory[-1].time - self._start
 
     @property

@@ -53,7 +53,7 @@ class DriveWeights:
         progress: reward per m by which the distance to the goal shrinks.
         time: reward per second.
         contact: reward per contact with a wall, clutter or a victim.
-        tipping: reward for tipping over.
+        tipping: reward for tipping over, or if the simulation diverges.
     """
 
     progress: float = 1.0
@@ -100,12 +100,13 @@ class Drive(gymnasium.Env[Any, Any]):
     - ``goal``: (2,) m, x (forward) and y (left) of the goal in the robot's frame, from the true pose;
     - ``depth``, only if requested: (height, width) m, depths along the optical axis; 0 beyond 3.5 m.
 
-    An episode terminates when the robot reaches the goal or tips over, and is truncated after ``seconds``.
+    An episode terminates when the robot reaches the goal or tips over, or when the simulation diverges. It is
+    truncated after ``seconds``.
 
     Attributes:
         world: the physics; None before the first reset.
         rays: ray caster of the camera; None without depth.
-        camera: id of the robot's camera in the MuJoCo model.
+        camera_id: id of the robot's camera in the MuJoCo model.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
@@ -226,13 +227,13 @@ class Drive(gymnasium.Env[Any, Any]):
         warn_of_symptoms(self._robot)
         self.world = RescueEnvironment(arena, self._robot)
         model, data = self.world.physics.model.ptr, self.world.physics.data.ptr
-        self.camera = int(model.camera(self.world.robot.camera.full_identifier).id)
-        self._body = int(model.body_rootid[model.cam_bodyid[self.camera]])
+        self.camera_id = int(model.camera(self.world.robot.camera.full_identifier).id)
+        self._body = int(model.body_rootid[model.cam_bodyid[self.camera_id]])
         with arena.prefixing_errors():
             survey = Survey(model, data, self._body, self.world.robot.model)
             surface = survey.surface_from(arena.T_world_start[:3, 3])
         self._goals: NDArray[np.float64] = surface.grid.centre_of(np.argwhere(surface.drivable))
-        self.rays = DepthRays(model, data, self.camera, self._size) if self._size else None
+        self.rays = DepthRays(model, data, self.camera_id, self._size) if self._size else None
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         world = required(self.world)
@@ -250,7 +251,7 @@ class Drive(gymnasium.Env[Any, Any]):
         values = np.minimum(np.maximum(values, -MEASURED_BOUNDS), MEASURED_BOUNDS)
         found = {name: values[part] for name, part in MEASURED_PARTS.items()}
         if self.rays is not None:
-            depth = self.rays.depth(optical_pose(physics.data.ptr, self.camera))
+            depth = self.rays.depth(optical_pose(physics.data.ptr, self.camera_id))
             found["depth"] = np.where(depth <= XTION.farthest, depth, 0)
         return found
 

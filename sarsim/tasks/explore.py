@@ -63,7 +63,7 @@ class ExploreWeights:
         time: reward per second.
         finds: reward per person or object found.
         contact: reward per contact with a wall, clutter or a victim.
-        tipping: reward for tipping over.
+        tipping: reward for tipping over, or if the simulation diverges.
     """
 
     ground: float = 1.0
@@ -99,8 +99,8 @@ class Explore(gymnasium.Env[Any, Any]):
     excludes ground that earlier chosen viewpoints show. Path length is the expected driving time multiplied by the
     robot's speed.
 
-    An episode terminates when no viewpoint is worth the drive, or when the robot cannot drive away, tips over or is
-    lost. It is truncated after ``steps``.
+    An episode terminates when no viewpoint is worth the drive, when the robot cannot drive away, tips over or is
+    lost, or when the simulation diverges. It is truncated after ``steps``.
 
     Attributes:
         explorer: the robot's software; None before the first reset.
@@ -164,7 +164,7 @@ class Explore(gymnasium.Env[Any, Any]):
         """Place the robot at the start of a new episode, and take the first keyframe.
 
         ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default they are the task's arena
-        and a random seed. InputError if there are other options, or if the task was closed.
+        and a random seed. InputError if an option is unknown or invalid, or if the task is closed.
         """
         self._check_open()
         check_options(options, ("arena", "seed"))
@@ -265,7 +265,7 @@ class Explore(gymnasium.Env[Any, Any]):
         return self._achieved.is_tipped
 
     def _look(self) -> None:
-        """Make a step of the explorer, and a second one if it found no viewpoint and the maps were then corrected."""
+        """Make a step of the explorer, and another one if no viewpoint was found and the maps were then corrected."""
         explorer = required(self.explorer)
         step = explorer.step()
         if step.viewpoint is None and explorer.apply_corrections():

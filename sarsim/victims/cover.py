@@ -118,7 +118,8 @@ def _board(
 ) -> PersonCover | None:
     """A board over ``middle``, leaning on the points ``under``, with one end on the floor; None if it is too steep.
 
-    The lower end is moved away from ``middle`` until the board's slope is less than ``MAX_SLOPE``.
+    The lower end is moved away from ``middle`` (2,) m until the board's slope is less than ``MAX_SLOPE``.
+    ``yaw``: heading in which the board rises, rad; ``under``: (N, 3) m.
     """
     length, width = rng.uniform(0.8, 1.2), rng.uniform(0.12, 0.26)
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
@@ -144,7 +145,7 @@ def _board(
 def _block(
     name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator
 ) -> PersonCover:
-    """A block on the floor near the half of a person away from the head; empty if no free place is found."""
+    """A block on the floor near the half of a person farther from the head; empty if no free place is found."""
     low, high = person.min(axis=0), person.max(axis=0)
     taken = np.concatenate([person, others])
     for _ in range(40):

@@ -48,11 +48,11 @@ class Figure:
     Attributes:
         body: the whole surface without the hair.
         rest: (N, 3) m, the body's vertices at rest, with the arms stretched out; x points to the left and y up.
-        face_parts: index of the part of each face of the body.
+        face_parts: (M,) index into ``parts`` for each face of the body.
         parts: names of the parts.
         hair: surface of the hair by style.
-        head_rotation: rotation of the head from rest to the posture.
-        head_offset: translation of the head from rest to the posture.
+        head_rotation: (3, 3) rotation of the head from rest to the posture.
+        head_offset: (3,) m, translation of the head from rest to the posture.
         head_scale: size of the head relative to an adult's.
         scale: ratio of the person's stature to ``LIBRARY_STATURE``.
     """

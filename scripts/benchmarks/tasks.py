@@ -52,7 +52,7 @@ def steps_alone(env: Drive) -> None:
     model, data = physics.model.ptr, physics.data.ptr
     mujoco.mj_step(model, data, nstep=PERIODS_PER_STEP * round(CONTROL_TIMESTEP / model.opt.timestep))
     if env.rays is not None:
-        env.rays.depth(optical_pose(data, env.camera))
+        env.rays.depth(optical_pose(data, env.camera_id))
 
 
 def vector_rate(processes: int, steps: int) -> float:

@@ -52,7 +52,8 @@ def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, join
 def height_above_accessible(ground: Traversability, places: Places, points: NDArray[np.floating]) -> Values:
     """(N,) m, height of points (N, 3) above the nearest ground that the robot can reach without crossing a hazard.
 
-    The camera does not see the ground under the robot, so all ground at the same height is included.
+    The camera does not see the ground under the robot, so all ground at the same height is included. Without such
+    ground, the result is 0.
 
     ``places``: positions where the robot has been, (K, 3).
     """

@@ -14,11 +14,12 @@ class PathCosts:
             space makes no difference, so clearances are computed only up to this distance.
         narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
-        ramp_pace: fraction of its ramp speed and turn rate that costs assume. It is lower than the fraction that the
-            robot reaches, because the robot may slip and slide on ramps; expected durations do not include this risk.
-        expected_ramp_pace: fraction of its ramp speed and turn rate that the robot reaches: a Pioneer and a Jackal
+        ramp_pace: fraction of the robot's ramp speed and turn rate that costs assume. It is lower than the fraction
+            that the robot reaches, because the robot may slip and slide on ramps; expected durations do not include
+            this risk.
+        expected_ramp_pace: fraction of this speed and turn rate that the robot really reaches: a Pioneer and a Jackal
             reach 0.85 to 0.95 (measured in the simulator). The expected durations of drives assume it.
-        turn_pace: fraction of its maximum turn rate that the robot reaches on average, including acceleration and
+        turn_pace: fraction of the robot's maximum turn rate that it reaches on average, including acceleration and
             braking.
         max_path_deviation: maximum deviation of the robot from its path, m.
         backing: cost of driving backwards relative to driving forwards, because the camera then looks away from the

@@ -8,12 +8,12 @@ ROW_STEP = 2
 
 
 @njit(cache=True)
-def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, dropouts):
+def interpolate_dropouts(depth, focal, min_grazing, same_surface, min_width, max_width, dropouts):
     """Interpolate the depth of the ground in each narrow gap, and write it to the gap in ``dropouts`` (H, W), m.
 
-    A gap is a run of ``fewest`` to ``widest`` pixels, in every ``ROW_STEP``-th row, that have no return or a nearer
-    one, between two returns whose depths differ by at most a fraction ``same_surface``. ``depth`` is (H, W) m, 0
-    where there is no return, and ``focal`` is the vertical focal length, pixels. Surfaces seen at less than
+    A gap is a run of ``min_width`` to ``max_width`` pixels, in every ``ROW_STEP``-th row, that have no return or a
+    nearer one, between two returns whose depths differ by at most a fraction ``same_surface``. ``depth`` is (H, W) m,
+    0 where there is no return, and ``focal`` is the vertical focal length, pixels. Surfaces seen at less than
     ``min_grazing``, rad, are ignored, because they may give no returns themselves.
     """
     height, width = depth.shape
@@ -24,10 +24,10 @@ def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, dropo
             z = depth[v, u]
             if not z > 0:
                 continue
-            if at >= 0 and u - at - 1 <= widest:
+            if at >= 0 and u - at - 1 <= max_width:
                 if z < left * (1 - same_surface):
                     continue
-                goes_on = z <= left * (1 + same_surface) and u - at - 1 >= fewest
+                goes_on = z <= left * (1 + same_surface) and u - at - 1 >= min_width
                 angle = (
                     min(grazing_angle(depth, v, at, focal, rows), grazing_angle(depth, v, u, focal, rows))
                     if goes_on
@@ -43,7 +43,7 @@ def dropout_depth(depth, focal, min_grazing, same_surface, fewest, widest, dropo
 def grazing_angle(depth, v, u, focal, rows):
     """Angle between a pixel's ray and the surface that it meets, rad; ``depth`` (H, W), m, must not be 0 there.
 
-    The slope is measured between the pixels ``rows`` above and below; the angle is 0 if either has no return.
+    The slope is measured between the pixels ``rows`` rows above and below; the angle is 0 if either has no return.
     """
     above, below = max(v - rows, 0), min(v + rows, depth.shape[0] - 1)
     if not (depth[above, u] > 0 and depth[below, u] > 0):

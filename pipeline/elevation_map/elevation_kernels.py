@@ -13,7 +13,7 @@ MAX_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 NO_COLUMN = -1
 """Row of a cell without returns, which has no column."""
-COMPLETE = 0.9
+COMPLETE_FRACTION = 0.9
 """Fraction of a cell's pixels whose returns show that no panel 1 cm thick stands in it, which would hide a fifth."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
@@ -25,13 +25,13 @@ class Columns(NamedTuple):
         bin: height of each bin, m.
         headroom: free height above the ground, m.
         min_returns: see :class:`pipeline.elevation_map.config.ElevationConfig`.
-        noise: fraction of a bin's returns that may stray into an adjacent bin.
+        stray_fraction: fraction of a bin's returns that may stray into an adjacent bin.
     """
 
     bin: float
     headroom: float
     min_returns: int
-    noise: float
+    stray_fraction: float
 
 
 class Bins(NamedTuple):
@@ -52,12 +52,13 @@ class Bins(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, counts, origin, cell, within, columns, bins, number, lowest, returns):
+def add_to_bins(points, counts, origin, cell, within, columns, bins, number, lowest, returns):
     """Add points (N, 3), m, to the bins; return their cells, (K, 2) int64, and the new number of columns.
 
-    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), initially 0, counts the returns in each
-    cell. ``number`` is the old number of columns; there is room for N more. Columns without returns begin at
-    ``lowest``, m. As in the other functions that take ``within`` (nx, ny), only cells in this mask change.
+    Each point is the mean of ``counts`` (N,) returns; (``origin``, ``cell``) is the grid. ``returns`` (nx, ny),
+    initially 0, counts the returns in each cell. ``number`` is the old number of columns; there is room for N more.
+    Columns without returns begin at ``lowest``, m. As in the other functions that take ``within`` (nx, ny), only
+    cells in this mask change.
     """
     (nx, ny), nz = returns.shape, bins.height.shape[1]
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -111,7 +112,7 @@ def column_height(bins, i, j, columns):
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
         beside = max(hits[k - 1] if k > 0 else 0, hits[k + 1] if k + 1 < len(hits) else 0)
-        if hits[k] < columns.min_returns or hits[k] < columns.noise * beside:
+        if hits[k] < columns.min_returns or hits[k] < columns.stray_fraction * beside:
             continue
         if not np.isnan(top) and height[k] - top >= columns.headroom:
             break
@@ -148,7 +149,7 @@ def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts
 
 
 @njit(cache=True)
-def renew_dropout(direction, extent, dropouts, returns, cells, camera, level, grazing, origin, cell, columns, bins):
+def update_dropouts(direction, extent, dropouts, returns, cells, camera, level, grazing, origin, cell, columns, bins):
     """Mark the cells in which a keyframe has dropouts, and clear cells whose ground it shows.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
@@ -157,10 +158,10 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, level, gr
     keyframe taken from ``camera`` (3,), m; dropouts are searched for in every ``ROW_STEP``-th row only. At least
     ``columns.min_returns`` dropouts mark a cell. Ground of unknown height is assumed to be at ``level``, m.
 
-    At least as many returns without any dropout clear it if the keyframe was taken from another direction, or if
-    there are as many of them as the cell has pixels. A panel without returns is seen within ``grazing``, rad, of its
-    plane; from a direction that differs by more than twice this angle, it would give returns. From any direction, it
-    hides some ground.
+    A mark is cleared by at least ``columns.min_returns`` returns without any dropout, if the keyframe was taken from
+    another direction, or if there are about as many returns as the cell has pixels. A panel without returns is seen
+    within ``grazing``, rad, of its plane; from a direction that differs by more than twice this angle, it would give
+    returns. From any direction, it hides some ground.
     """
     for i, j in cells:
         has_dropouts = dropouts[i, j] >= columns.min_returns
@@ -180,7 +181,7 @@ def renew_dropout(direction, extent, dropouts, returns, cells, camera, level, gr
         if has_dropouts:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
             extent[i, j] = size
-        elif is_elsewhere or size >= COMPLETE * extent[i, j]:
+        elif is_elsewhere or size >= COMPLETE_FRACTION * extent[i, j]:
             direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
@@ -237,8 +238,11 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 
 @njit(cache=True, nogil=True)
-def sweep(cells, poses, disc, within, been, swept):
-    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been``; mark the ``disc`` (D, 2) around each in ``swept``."""
+def mark_swept(cells, poses, disc, within, been, swept):
+    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been``; mark the ``disc`` (D, 2) around each in ``swept``.
+
+    ``been`` and ``swept`` are (nx, ny); ``disc`` holds the offsets of cells, all of which must be on the grid.
+    """
     for k in range(len(cells)):
         i, j = cells[k]
         if within[i, j]:
@@ -248,7 +252,7 @@ def sweep(cells, poses, disc, within, been, swept):
 
 
 @njit(cache=True, nogil=True)
-def forget(cells, offsets, distances, within, been):
+def clear_poses(cells, offsets, distances, within, been):
     """Clear in ``been`` (nx, ny) the bits of the poses whose footprint would contain one of the ``cells`` (K, 2).
 
     See :func:`pose_kernels.footprint_distances` for ``offsets`` (N, 2) and ``distances`` (N, 16).
@@ -264,7 +268,7 @@ def forget(cells, offsets, distances, within, been):
 
 
 @njit(cache=True, nogil=True)
-def extract_elevation(bins, cells, columns, elevation):
+def update_elevation(bins, cells, columns, elevation):
     """Recompute ``elevation`` (nx, ny), m, in ``cells`` (K, 2)."""
     for i, j in cells:
         elevation[i, j] = column_height(bins, i, j, columns)
@@ -327,14 +331,14 @@ def fill_pockets(elevation, dropout, most, level):
     for i in range(nx):
         for j in range(ny):
             if np.isnan(elevation[i, j]) and not dropout[i, j]:
-                low, high, mean = _ring_of_pocket(elevation, dropout, i, j, most)
+                low, high, mean = _heights_around_pocket(elevation, dropout, i, j, most)
                 if high - low <= level:
                     filled[i, j] = mean
     return filled
 
 
 @njit(cache=True, nogil=True)
-def _ring_of_pocket(elevation, dropout, i, j, most):
+def _heights_around_pocket(elevation, dropout, i, j, most):
     """Lowest, highest and mean height, m, around the pocket with cell (i, j); -inf, inf, NaN without a pocket."""
     nx, ny = elevation.shape
     i0, i1, j0, j1 = i, i, j, j
@@ -363,7 +367,7 @@ def step_hazards(elevation, max_gap, max_step, steepest):
     """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.
 
     A step is a pair of 8-connected neighbours that differ by more than ``max_step`` m, in addition to the slope on
-    both sides, see :func:`rise_beside`. A drop is a pair of known cells along an axis or diagonal, with up to
+    both sides, see :func:`continued_rise`. A drop is a pair of known cells along an axis or diagonal, with up to
     ``max_gap`` unknown cells in between. The heights of the two differ by more than ``max_step`` m plus a slope of
     ``steepest`` m per cell.
     """
@@ -379,7 +383,7 @@ def step_hazards(elevation, max_gap, max_step, steepest):
                 a, b = i + gap * di, j + gap * dj
                 rise = elevation[a, b] - elevation[i, j]
                 if gap <= 1:
-                    rise -= rise_beside(elevation, i, j, a, b, steepest * stretch)
+                    rise -= continued_rise(elevation, i, j, a, b, steepest * stretch)
                 most = max_step if gap <= 1 else max_step + steepest * gap * stretch
                 hazard[a, b] |= rise > most
                 hazard[i, j] |= rise < -most
@@ -387,7 +391,7 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 
 
 @njit(cache=True)
-def rise_beside(elevation, i, j, a, b, most):
+def continued_rise(elevation, i, j, a, b, most):
     """Rise of the ground, m, that continues both before cell (i, j) and behind its neighbour (a, b).
 
     This is the smaller of the two rises, with its sign, and at most ``most`` m; 0 if either is unknown or their signs

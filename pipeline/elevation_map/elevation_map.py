@@ -20,11 +20,11 @@ from pipeline.grid_map import CellWindow, Grid, GridMap, Layer, box_around, chec
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
-NOISE = 0.1
+STRAY_FRACTION = 0.1
 """Fraction of a bin's returns that may stray into an adjacent bin."""
 RAY_HEIGHT = 0.3
 """Maximum height above a cell's ground at which a passing ray shows that the cell contains no wall, m."""
-NOTHING = np.zeros((0, 3), np.float32)
+NO_POINTS = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
 _DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
 _SCRATCH = {
@@ -62,11 +62,11 @@ class ElevationMap:
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self._columns = kernels.Columns(config.bin, robot.headroom, config.min_returns, NOISE)
+        self._columns = kernels.Columns(config.bin, robot.headroom, config.min_returns, STRAY_FRACTION)
         self.layers = GridMap(config.cell, _DERIVED | _EVIDENCE | _ROWS | _SCRATCH)
         self._lowest = np.zeros(0)
         self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))
-        self._size = 0  # number of columns
+        self._column_count = 0
         self._rebuilding: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
 
@@ -77,7 +77,7 @@ class ElevationMap:
 
     @property
     def measured(self) -> NDArray[np.float32]:
-        """(nx, ny) m, height of the ground that was seen or touched; NaN elsewhere."""
+        """(nx, ny) m, height of the ground or of obstacles that were seen or touched; NaN elsewhere."""
         return self.layers["measured"]
 
     @property
@@ -105,13 +105,14 @@ class ElevationMap:
 
     def assume_ground(self, points: NDArray[np.floating]) -> None:
         """Assume ground at the heights of points (N, 3), m, in their cells until it is measured."""
-        self._set("assumed", points)
+        self._set_heights("assumed", points)
 
     def add_obstacle(self, points: NDArray[np.floating]) -> None:
         """Add an obstacle that the robot touched to the cells of points (N, 3), m; no keyframe removes it."""
-        self._set("touched", points)
+        self._set_heights("touched", points)
 
-    def _set(self, layer: str, points: NDArray[np.floating]) -> None:
+    def _set_heights(self, layer: str, points: NDArray[np.floating]) -> None:
+        """Write the heights of points (N, 3), m, to their cells of a layer."""
         if not len(points):
             return
         self.cover(points)
@@ -119,7 +120,7 @@ class ElevationMap:
         inside = self._within[tuple(cells.T)]
         where = tuple(cells[inside].T)
         self.layers[layer][where] = points[inside, 2]
-        self._renew(where)
+        self._update_derived(where)
 
     def forget_track(self, points: NDArray[np.floating]) -> None:
         """Forget the driven poses at which obstacles at points (N, 3), m, would be inside the footprint."""
@@ -133,9 +134,9 @@ class ElevationMap:
             self.config.traversability.costs.full_speed_clearance,
         )
         cells = np.unique(self.grid.cell_of(points), axis=0)
-        kernels.forget(cells, offsets, distances, self._within, self.layers["been"])
+        kernels.clear_poses(cells, offsets, distances, self._within, self.layers["been"])
         reached = cells[:, None] - offsets
-        self._renew(tuple(reached[self.grid.holds(reached)].T))
+        self._update_derived(tuple(reached[self.grid.holds(reached)].T))
 
     def add_track(self, track: NDArray[np.float64]) -> None:
         """Mark successive poses (N, 3) of the robot's centre, m and rad; the cells that it swept contain no panel."""
@@ -145,13 +146,13 @@ class ElevationMap:
         self.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
         cells = self.grid.cell_of(places)
         poses = pose_kernels.heading_bits(cells, track[:, 2])
-        kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
+        kernels.mark_swept(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
         if self._rebuilding is None:
-            self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
+            self._update_derived(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
 
     @cached_property
     def _disc(self) -> Cells:
-        """The cells that a robot in cell (0, 0) sweeps, even if its position is wrong by a cell."""
+        """(D, 2) cells that a robot in cell (0, 0) certainly sweeps, even if its position is wrong by a cell."""
         cell = self.grid.cell
         reach = max(self.robot.half_width - cell, 0.0)
         square = np.argwhere(np.ones((2 * int(reach / cell) + 1,) * 2)) - int(reach / cell)
@@ -161,9 +162,9 @@ class ElevationMap:
         self,
         points: Points,
         hits: NDArray[np.uint8] | None = None,
-        dropouts: Points = NOTHING,
+        dropouts: Points = NO_POINTS,
         dropout_hits: NDArray[np.uint8] | None = None,
-        rays: Points = NOTHING,
+        rays: Points = NO_POINTS,
         camera: Place | None = None,
         above: NDArray[np.uint8] | None = None,
         height: float = 0.0,
@@ -171,9 +172,9 @@ class ElevationMap:
         """Add the evidence of a keyframe.
 
         Args:
-            points: its returns in ``map``.
+            points: (N, 3) the keyframe's returns in ``map``, m; without any, all other evidence is ignored, too.
             hits: (N,) number of returns averaged in each point; 1 if not given.
-            dropouts: points where ground should have been seen but was not.
+            dropouts: (M, 3) points where ground should have been seen but was not.
             dropout_hits: (M,) number of pixels averaged in each dropout; 1 if not given.
             rays: points on rays that passed over ground without returns, see :func:`elevation_kernels.lowest_rays`.
             camera: position of the camera; without it, dropouts are neither marked nor cleared.
@@ -189,7 +190,7 @@ class ElevationMap:
         judged = within, self._columns, self._bins
         lowest = self.config.bin * round(height / self.config.bin) + self.config.lowest
         seen = points, _counts(points, hits)
-        shown, self._size = kernels.accumulate(*seen, *cell, *judged, self._size, lowest, returns)
+        shown, self._column_count = kernels.add_to_bins(*seen, *cell, *judged, self._column_count, lowest, returns)
         if above is not None:
             kernels.lower_to_lowest(points, above == ROOFED, *cell, within, layers["roofed"])
             kernels.lower_to_lowest(points, above == OPEN, *cell, within, layers["open"])
@@ -199,9 +200,9 @@ class ElevationMap:
         if camera is not None:
             marks = layers["dropout_direction"], layers["dropout_extent"]
             seen_from = camera, float(height), XTION.min_grazing_angle
-            kernels.renew_dropout(*marks, missing, returns, cells, *seen_from, *cell, *judged[1:])
+            kernels.update_dropouts(*marks, missing, returns, cells, *seen_from, *cell, *judged[1:])
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
-        self._renew(tuple(np.concatenate([cells, passed]).T))
+        self._update_derived(tuple(np.concatenate([cells, passed]).T))
 
     @contextmanager
     def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
@@ -224,7 +225,7 @@ class ElevationMap:
             yield meets
         finally:
             self._rebuilding = None
-        self._renew(np.nonzero(within))
+        self._update_derived(np.nonzero(within))
 
     def cover(self, points: NDArray[np.floating]) -> None:
         """Grow the grid to contain points (N, 2 or 3), m; InputError if it would take too much memory."""
@@ -234,9 +235,12 @@ class ElevationMap:
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` columns; InputError if they would take too much memory."""
         per_bin = self._height.itemsize + self._hits.itemsize
-        check_memory(f"the heights of {self._size + more} cells", (self._size + more) * self.config.levels * per_bin)
+        count = self._column_count + more
+        check_memory(f"the heights of {count} cells", count * self.config.levels * per_bin)
         columns = self._lowest, self._height, self._hits
-        self._lowest, self._height, self._hits = (ensure_capacity(values, self._size, more) for values in columns)
+        self._lowest, self._height, self._hits = (
+            ensure_capacity(values, self._column_count, more) for values in columns
+        )
 
     @property
     def _bins(self) -> kernels.Bins:
@@ -251,14 +255,14 @@ class ElevationMap:
             self._everywhere = np.ones(self.grid.shape, np.bool_)
         return self._everywhere
 
-    def _renew(self, where: tuple[NDArray, ...]) -> None:
+    def _update_derived(self, where: tuple[NDArray, ...]) -> None:
         """Update the derived layers in and around cells whose evidence changed; ``where`` indexes a layer."""
         if self._rebuilding is not None or not len(where[0]):
             return
         layers, gap = self.layers, round(self.robot.max_gap / self.grid.cell) + 1
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
-        kernels.extract_elevation(self._bins, np.argwhere(changed), self._columns, layers["returned"])
+        kernels.update_elevation(self._bins, np.argwhere(changed), self._columns, layers["returned"])
         layers.write("driven", layers["been"][where], where)
         # No panel stands where the robot has been.
         missing = layers["dropout_direction"][where].any(axis=-1)
@@ -267,7 +271,7 @@ class ElevationMap:
         here, around = box_around(changed, 2 * gap), box_around(changed, 4 * gap)
         names = ("returned", "touched", "assumed", "dropout", "ceiling")
         returned, touched, assumed, dropout, ceiling = (layers[name][around] for name in names)
-        doubtful = dropout | self._is_under_something(around)
+        doubtful = dropout | self._is_overhung(around)
         measured = np.where(np.isnan(touched), np.where(doubtful, np.float32(np.nan), returned), touched)
         known = np.where(np.isnan(measured) & ~doubtful, assumed, measured)
         bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, RAY_HEIGHT)
@@ -275,7 +279,7 @@ class ElevationMap:
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", filled[inside(here, around)], here)
 
-    def _is_under_something(self, box: CellWindow) -> MaskLayer:
+    def _is_overhung(self, box: CellWindow) -> MaskLayer:
         """The cells of a box where a surface hides part of the headroom, and no keyframe has seen all of it.
 
         Cells where the robot has been are excluded, because it had headroom there.

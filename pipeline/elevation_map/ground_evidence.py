@@ -10,7 +10,7 @@ from scipy import ndimage
 from pipeline.arrays import Box, Depth, Indices, Points, Pose
 from pipeline.elevation_map import overhangs_kernels
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.elevation_map.depth_dropouts_kernels import ROW_STEP, dropout_depth
+from pipeline.elevation_map.depth_dropouts_kernels import ROW_STEP, interpolate_dropouts
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame, Intrinsics
 from pipeline.geometry.moving_kernels import moved
@@ -18,30 +18,30 @@ from pipeline.robot import RobotModel
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points, yaw_of
 
-FEWEST_OF_GAP = 3
+MIN_GAP_EXTENT = 3
 """Minimum extent of a gap in the depth image, in pixels along a row and in searched rows; smaller ones are noise."""
-WIDEST_GAP = 60
+MAX_GAP_WIDTH = 60
 """Maximum width of a gap, pixels; in wider gaps, the ground stays unknown."""
-NEARER = 0.05
+MIN_DEPTH_DIFFERENCE = 0.05
 """Minimum difference in depth between a surface and the space that it hides, m, because the surface itself is in the
 map."""
-DEVIATIONS = 3.0
+NOISE_SIGMAS = 3.0
 """Additional margin, in standard deviations of the sensor's noise."""
-REACH = 2.0
+MAX_OVERHANG = 2.0
 """Maximum extent of an overhang behind its edge, m."""
-FEWEST_PIXELS = 2
+MIN_PIXELS = 2
 """Minimum number of pixels, one above the other, that show an overhang; fewer are noise at an edge."""
 TURNING_ROOM = 0.1
 """Free space assumed around the robot where it was set down, so that it can turn in place, m."""
-BESIDE = 0.05
+MIN_SIDE_EXTENT = 0.05
 """Distance to both sides over which an overhang must continue, with ground below, m.
 
 This condition rules out upright edges, which also hide the space behind them.
 """
-BEFORE_STEP = 0.01
+FRACTION_STEP = 0.01
 """Spacing of points between the camera and the nearest ground that a panel hides, as a fraction of the distance
 between them."""
-SILL = 0.08
+MIN_SILL_HEIGHT = 0.08
 """Minimum height of the wall below a hole through which ground is seen, m; a lower one may be a slope in front of a
 table."""
 
@@ -176,23 +176,25 @@ def find_depth_dropouts(
     rule out known ground.
     """
     dropouts = np.zeros_like(depth)
-    limits = FEWEST_OF_GAP, WIDEST_GAP
-    dropout_depth(depth, intrinsics.fy, sensor.min_grazing_angle, np.float32(sensor.same_surface), *limits, dropouts)
+    limits = MIN_GAP_EXTENT, MAX_GAP_WIDTH
+    interpolate_dropouts(
+        depth, intrinsics.fy, sensor.min_grazing_angle, np.float32(sensor.same_surface), *limits, dropouts
+    )
     gaps, _ = ndimage.label(dropouts[::ROW_STEP] > 0, np.ones((3, 3)))
-    is_panel = [False, *(rows.stop - rows.start >= FEWEST_OF_GAP for rows, _ in ndimage.find_objects(gaps))]
+    is_panel = [False, *(rows.stop - rows.start >= MIN_GAP_EXTENT for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])
     v *= ROW_STEP
     missed = transform_points(T_base_camera, intrinsics.rays[v, u] * dropouts[v, u, None])
     # The nearest point in each column, unless the ground is seen below it.
     nearest = len(u) - 1 - np.unique(u[::-1], return_index=True)[1]
     below = [depth[v[n] + ROW_STEP :, u[n]].any() for n in nearest]
-    return np.concatenate([missed, _before(missed[nearest[~np.array(below, np.bool_)]], T_base_camera, near)])
+    return np.concatenate([missed, _points_before(missed[nearest[~np.array(below, np.bool_)]], T_base_camera, near)])
 
 
-def _before(points: Points, T_base_camera: Pose, near: float) -> Points:
+def _points_before(points: Points, T_base_camera: Pose, near: float) -> Points:
     """Points at the camera's height between the camera and points (N, 3), m, no nearer than ``near`` to the robot."""
     camera = T_base_camera[:3, 3]
-    fractions = np.arange(0.0, 1.0, BEFORE_STEP)[:, None, None]
+    fractions = np.arange(0.0, 1.0, FRACTION_STEP)[:, None, None]
     between = (camera + fractions * (points - camera)).reshape(-1, 3)
     between[:, 2] = camera[2]
     return between[np.hypot(*between.T[:2]) >= near].astype(np.float32)
@@ -212,15 +214,17 @@ def find_overhangs(frame: Frame, points: Points, headroom: float) -> NDArray[np.
     sensor = frame.sensor
     in_camera = transform_points(inverse(frame.T_base_camera), points).astype(np.float64)
     up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2].copy()
-    noise = DEVIATIONS * sensor.sigma(in_camera[:, 2])
+    noise = NOISE_SIGMAS * sensor.sigma(in_camera[:, 2])
     limits = overhangs_kernels.Limits(
         headroom=headroom,
         nearest=sensor.nearest,
         farthest=sensor.farthest - sensor.margin,
-        nearer=NEARER,
-        reach=REACH,
-        fewest=FEWEST_PIXELS,
-        beside=BESIDE,
-        sill=SILL,
+        min_depth_difference=MIN_DEPTH_DIFFERENCE,
+        max_overhang=MAX_OVERHANG,
+        min_pixels=MIN_PIXELS,
+        min_side_extent=MIN_SIDE_EXTENT,
+        min_sill_height=MIN_SILL_HEIGHT,
     )
-    return overhangs_kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)
+    return overhangs_kernels.states_above(
+        in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits
+    )

@@ -15,22 +15,23 @@ class Limits(NamedTuple):
     Attributes:
         headroom: height above a return up to which overhangs matter, m.
         nearest, farthest: depths between which surfaces reliably give returns, m.
-        nearer, reach, fewest, beside, sill: see :mod:`pipeline.elevation_map.ground_evidence`.
+        min_depth_difference, max_overhang, min_pixels, min_side_extent, min_sill_height: the constants of
+            :mod:`pipeline.elevation_map.ground_evidence` of the same names.
     """
 
     headroom: float
     nearest: float
     farthest: float
-    nearer: float
-    reach: float
-    fewest: int
-    beside: float
-    sill: float
+    min_depth_difference: float
+    max_overhang: float
+    min_pixels: int
+    min_side_extent: float
+    min_sill_height: float
 
 
 @njit(cache=True, nogil=True)
-def overhangs(points, noise, depth, pinhole, up, limits):
-    """(N,) state of the space above each return: OPEN, ROOFED or UNSURE.
+def states_above(points, noise, depth, pinhole, up, limits):
+    """(N,) uint8 state of the space above each return: OPEN, ROOFED or UNSURE.
 
     Args:
         points: (N, 3) returns, m in ``camera_optical``.
@@ -43,12 +44,12 @@ def overhangs(points, noise, depth, pinhole, up, limits):
     result = np.full(len(points), UNSURE, np.uint8)
     for n in range(len(points)):
         if points[n] @ up < 0 < points[n, 2]:
-            result[n] = _space_above(points[n], noise[n], depth, pinhole, up, limits)
+            result[n] = _state_above(points[n], noise[n], depth, pinhole, up, limits)
     return result
 
 
 @njit(cache=True)
-def _space_above(point, noise, depth, pinhole, up, limits):
+def _state_above(point, noise, depth, pinhole, up, limits):
     """The state of the space above a return, from the pixels along the vertical line above the return.
 
     A ray that meets the level of the return only beyond the sensor's range is expected to give no return. An edge too
@@ -57,7 +58,7 @@ def _space_above(point, noise, depth, pinhole, up, limits):
     """
     fx, fy, cx, cy = pinhole
     step, below, hidden, result = point[2] / fy, point @ up, 0, OPEN
-    is_far = point[2] >= limits.nearest + limits.reach
+    is_far = point[2] >= limits.nearest + limits.max_overhang
     for k in range(1, int(limits.headroom / step) + 1):
         x, y, z = point[0] + k * step * up[0], point[1] + k * step * up[1], point[2] + k * step * up[2]
         u, v = int(np.floor(fx * x / z + cx)), int(np.floor(fy * y / z + cy))
@@ -71,7 +72,7 @@ def _space_above(point, noise, depth, pinhole, up, limits):
             result = UNSURE
         if (
             d > 0
-            and hidden >= limits.fewest
+            and hidden >= limits.min_pixels
             and _extends_to_both_sides(point, noise, depth, pinhole, (u, v), z, limits)
         ):
             return UNSURE if _has_sill(point, noise, depth, pinhole, (u, v), up, limits) else ROOFED
@@ -81,7 +82,7 @@ def _space_above(point, noise, depth, pinhole, up, limits):
 @njit(cache=True)
 def _hides(d, z, noise, limits):
     """Whether a return at depth ``d``, m, hides the space at depth ``z``, m, not too far behind it."""
-    return z - limits.reach <= d < z - noise - limits.nearer
+    return z - limits.max_overhang <= d < z - noise - limits.min_depth_difference
 
 
 @njit(cache=True)
@@ -94,12 +95,12 @@ def _extends_to_both_sides(point, noise, depth, pinhole, pixel, z, limits):
     u, v = pixel
     foot_u, foot_v = int(np.floor(fx * point[0] / point[2] + cx)), int(np.floor(fy * point[1] / point[2] + cy))
     for side in (-1, 1):
-        above = u + side * int(np.ceil(limits.beside * fx / depth[v, u]))
-        foot = foot_u + side * int(np.ceil(limits.beside * fx / point[2]))
+        above = u + side * int(np.ceil(limits.min_side_extent * fx / depth[v, u]))
+        foot = foot_u + side * int(np.ceil(limits.min_side_extent * fx / point[2]))
         if not (0 <= above < depth.shape[1] and 0 <= foot < depth.shape[1] and 0 <= foot_v < depth.shape[0]):
             return False
         d, ground = depth[v, above], depth[foot_v, foot]
-        if not (d > 0 and _hides(d, z, noise, limits)) or 0 < ground < point[2] - noise - limits.nearer:
+        if not (d > 0 and _hides(d, z, noise, limits)) or 0 < ground < point[2] - noise - limits.min_depth_difference:
             return False
     return True
 
@@ -118,7 +119,7 @@ def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
     if length < 1:  # A camera that points straight down sees no wall below a hole
         return False
     _, edge = _height_and_distance(pixel[0], pixel[1], depth[pixel[1], pixel[0]], pinhole, up)
-    margin, top = noise + limits.nearer, -np.inf
+    margin, top = noise + limits.min_depth_difference, -np.inf
     while True:
         u, v = u + du / length, v + dv / length
         if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]):
@@ -129,7 +130,7 @@ def _has_sill(point, noise, depth, pinhole, pixel, up, limits):
             return False
         if d > 0 and distance <= edge + margin:
             top = max(top, height)
-            if height < top - limits.sill:
+            if height < top - limits.min_sill_height:
                 return True
 
 

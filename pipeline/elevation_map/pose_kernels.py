@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pipeline.arrays import Layer, MaskLayer, Place
 from pipeline.geometry.cells_kernels import cell_at
 
-_HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
-VECTORS = np.concatenate([_HALF, -_HALF])
+_HALF_VECTORS = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
+VECTORS = np.concatenate([_HALF_VECTORS, -_HALF_VECTORS])
 """(16, 2) displacement of a move along each heading, cells; the headings are lattice directions, 18 to 27° apart."""
-HEADINGS, ORIENTATIONS = len(VECTORS), len(_HALF)
+HEADINGS, ORIENTATIONS = len(VECTORS), len(_HALF_VECTORS)
 """Number of headings, and number of headings with different footprints, because opposite headings have the same
 footprint."""
 HEADING_ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
@@ -29,11 +29,11 @@ class Terrain(NamedTuple):
     """The ground on which the costs of moves depend; layers are (nx, ny) on one grid.
 
     Attributes:
-        origin: corner of cell [0, 0].
+        origin: (2,) lower corner of cell [0, 0], m.
         cell: side of a cell, m.
         leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
-        sweep: distance by which a turn to the next heading may come closer to an obstacle than the footprint at a
-            pose may, cm.
+        turn_allowance: distance by which a turn to the next heading may come closer to an obstacle than the footprint
+            at a pose may, cm.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
         to_obstacle: distance to the nearest obstacle, m.
         clearance: (nx, ny, 16) int8 cm, distance from the robot to the nearest obstacle, negative if the obstacle is
@@ -49,7 +49,7 @@ class Terrain(NamedTuple):
     origin: Place
     cell: float
     leniency: float
-    sweep: int
+    turn_allowance: int
     obstacle: NDArray[np.uint8]
     to_obstacle: Layer
     clearance: NDArray[np.int8]
@@ -68,12 +68,12 @@ class Costs(NamedTuple):
         people_speed: maximum speed near people, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         max_deviation: maximum deviation of the robot from its path, m.
-        spread: additional deviation in a turn, m per unit of slope.
+        slope_deviation: additional deviation in a turn, m per unit of slope.
         slide: distance by which the robot slides downhill in a turn, m per unit of slope; the value for a quarter
             turn is used.
         lean: distance by which the body leans downhill, m per unit of slope, equal to the height at which the body is
             widest.
-        across: relative increase of the driving time, per unit of slope across the direction of travel.
+        cross_slope_factor: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
         full_speed_clearance, backing, collision_penalty, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
         tick: resolution of costs in the search, s.
@@ -87,10 +87,10 @@ class Costs(NamedTuple):
     turn_rate: float
     ramp_turn_rate: float
     max_deviation: float
-    spread: float
+    slope_deviation: float
     slide: float
     lean: float
-    across: float
+    cross_slope_factor: float
     full_speed_clearance: float
     narrow_speed: float
     backing: float
@@ -220,10 +220,10 @@ def allow_driven(clearance, level, driven, required_clearance, deepest):
 
 
 @njit(cache=True)
-def free_poses(clearance, required_clearance, sweep):
+def free_poses(clearance, required_clearance, turn_allowance):
     """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.
 
-    See :class:`Terrain` for ``clearance`` (nx, ny, 16), ``required_clearance`` (nx, ny) and ``sweep``.
+    See :class:`Terrain` for ``clearance`` (nx, ny, 16), ``required_clearance`` (nx, ny) and ``turn_allowance``.
     """
     nx, ny = required_clearance.shape
     result = np.zeros((nx, ny, 2), np.uint8)
@@ -232,7 +232,7 @@ def free_poses(clearance, required_clearance, sweep):
             for h in range(ORIENTATIONS):
                 if clearance[i, j, h] >= required_clearance[i, j]:
                     result[i, j, 0] |= 1 << h
-                if clearance[i, j, ORIENTATIONS + h] + sweep >= required_clearance[i, j]:
+                if clearance[i, j, ORIENTATIONS + h] + turn_allowance >= required_clearance[i, j]:
                     result[i, j, 1] |= 1 << h
     return result
 
@@ -252,7 +252,7 @@ def level_speed(room, speed, full_speed_clearance, narrow_speed):
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, is_beside_people, backward, costs):
-    """Cost per metre of a drive along (cos, sin), s, with ``clearance`` m around the robot, on a slope ``uphill``."""
+    """Cost per metre, s, of a drive along (cos, sin) on a slope ``uphill`` (2,), ``clearance`` m from obstacles."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = (
@@ -262,7 +262,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, is_beside_people, backw
     )
     if is_beside_people:
         speed = min(speed, costs.people_speed)
-    seconds = (1.0 + costs.across * across) / speed
+    seconds = (1.0 + costs.cross_slope_factor * across) / speed
     risk = costs.collision_penalty * collision_probability(clearance, costs.max_deviation)
     return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)
 
@@ -272,7 +272,7 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     """Cost per radian of a turn in place, s, with ``clearance`` m around the robot on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
-    deviation = 0.5 * costs.max_deviation + costs.spread * slope
+    deviation = 0.5 * costs.max_deviation + costs.slope_deviation * slope
     return seconds * (1.0 + costs.collision_penalty * collision_probability(clearance, deviation))
 
 
@@ -284,7 +284,10 @@ def ticks(seconds, tick):
 
 @njit(cache=True)
 def room_at(x, y, cos, sin, terrain, costs):
-    """Distance, m, from the footprint of a robot at (x, y) with the heading (cos, sin) to the nearest obstacle."""
+    """Distance, m, from the footprint of a robot at (x, y) with the heading (cos, sin) to the nearest obstacle.
+
+    It is at most ``full_speed_clearance``, and -1 off the grid. Unknown ground counts as ``leniency`` farther away.
+    """
     nx, ny = terrain.required_clearance.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):

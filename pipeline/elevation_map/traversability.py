@@ -19,8 +19,9 @@ from pipeline.grid_map import CellWindow, Grid, box_around, inside
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
-FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
-SLOPE_REACH = 3
+MAX_REACH = 1.0
+"""Maximum distance from the robot's centre for which clearances fit into int8 cm, m."""
+SLOPE_RADIUS = 3
 """Radius of the neighbourhood over which the slope of a cell is fitted, cells: about half the distance between a
 robot's axles, because a small step tilts the robot over this distance."""
 SURFACE_SLOPE, SURFACE_RISE = 0.8, 0.02
@@ -30,22 +31,25 @@ to neighbours behind such a step, such as the top of a low block beside the cell
 WIDEST_HEIGHT_FRACTION = 0.5
 """Height at which a robot's body is widest, as a fraction of the body's height; tyres bulge there, and the top plate
 is narrower."""
-SWEEP = 1
+TURN_ALLOWANCE = 1
 """Distance by which a turn to the next heading may come closer to an obstacle than the footprint at a pose may,
 cm."""
-MIN_DRIVEN = -0.03
+MIN_DRIVEN_CLEARANCE = -0.03
 """Minimum clearance required where the robot's centre has been, m.
 
 This clearance is also assumed to exist there, so that noise in later keyframes does not trap the robot.
 """
-DEEPEST_DRIVEN = 0.5
+MAX_INTRUSION_FRACTION = 0.5
 """Maximum depth of an obstacle in the footprint that drift of the map can explain, as a fraction of half the robot's
 width.
 
 An obstacle farther inside the footprint blocks the robot even where it has been.
 """
-WALL_GAP = 5
-"""Side of a window, cells; for rays, an unknown cell is as high as the highest hazard in the window around it."""
+WALL_WINDOW = 5
+"""Side of the window around a cell, cells, in which neighbouring hazards and ground are searched for.
+
+For rays, an unknown cell is as high as the highest hazard in the window.
+"""
 TICK = 0.01
 """Resolution of costs in the search, s."""
 
@@ -59,7 +63,7 @@ class Traversability:
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: steps and slopes that the robot cannot drive over.
-        to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
+        to_hazard: distance to the nearest hazard, at most :func:`reach_of` the robot, m.
         level_clearance: clearance without room downhill on slopes, see :attr:`without_downhill_room`.
         obstacle, to_obstacle, clearance, required_clearance, ramp, uphill: see :class:`pose_kernels.Terrain`;
             distances are at most :func:`reach_of` the robot, and a cell where a thin panel may stand is a hazard.
@@ -112,7 +116,7 @@ class Traversability:
         wherever it lies on the grid.
         """
         required_clearance = np.minimum(self.required_clearance, 0)
-        free = pose_kernels.free_poses(self.clearance, required_clearance, SWEEP)
+        free = pose_kernels.free_poses(self.clearance, required_clearance, TURN_ALLOWANCE)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
         return replace(self, required_clearance=required_clearance, free=free, turnable=turnable, is_tight=True)
 
@@ -123,7 +127,7 @@ class Traversability:
         Poses without this room have no more clearance than they need, so paths that avoid them remain cheaper.
         """
         clearance = _without_downhill_room(self.clearance, self.level_clearance, self.required_clearance)
-        free = pose_kernels.free_poses(clearance, self.required_clearance, SWEEP)
+        free = pose_kernels.free_poses(clearance, self.required_clearance, TURN_ALLOWANCE)
         return replace(self, clearance=clearance, free=free, ignores_downhill_room=True)
 
     def keeping_off(
@@ -161,7 +165,7 @@ class Traversability:
             to_obstacle=np.minimum(self.to_obstacle, distance),
             level_clearance=level,
             clearance=clearance,
-            free=pose_kernels.free_poses(clearance, self.required_clearance, SWEEP),
+            free=pose_kernels.free_poses(clearance, self.required_clearance, TURN_ALLOWANCE),
             turnable=self.turnable & (clearance.min(axis=2) >= min_clearance(cell)),
             kept_off=kept_off,
         )
@@ -180,7 +184,7 @@ class Traversability:
         grid = self.grid.widened(places, margin)
         box = grid.box_of(self.grid)
         known: dict[str, Any] = {
-            name: _spread(getattr(self, name), grid, box, UNSEEN.get(name, 0)) for name in LAYERS
+            name: _enlarged(getattr(self, name), grid, box, UNSEEN_VALUES.get(name, 0)) for name in LAYERS
         }
         hazard = (known["obstacle"] == pose_kernels.HAZARD if doubts else known["hazard"]) | grid.mask_of(shut)
         distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
@@ -201,7 +205,7 @@ class Traversability:
             "clearance": clearance,
             "required_clearance": required_clearance,
         }
-        known["free"] = pose_kernels.free_poses(clearance, required_clearance, SWEEP)
+        known["free"] = pose_kernels.free_poses(clearance, required_clearance, TURN_ALLOWANCE)
         return replace(self, grid=grid, **known)
 
     def part(self, box: CellWindow) -> "Traversability":
@@ -216,7 +220,7 @@ class Traversability:
             self.grid.origin,
             self.grid.cell,
             self.config.leniency,
-            SWEEP,
+            TURN_ALLOWANCE,
             self.obstacle,
             self.to_obstacle,
             self.clearance,
@@ -244,10 +248,10 @@ class Traversability:
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=turns * robot.ramp_turn_rate,
             max_deviation=caution * costs.max_path_deviation,
-            spread=caution * slide_of(robot),
+            slope_deviation=caution * slide_of(robot),
             slide=0.0 if self.ignores_downhill_room else slide_of(robot),
             lean=0.0 if self.ignores_downhill_room else WIDEST_HEIGHT_FRACTION * robot.body_height,
-            across=1 / np.tan(robot.max_tilt),
+            cross_slope_factor=1 / np.tan(robot.max_tilt),
             full_speed_clearance=costs.full_speed_clearance,
             narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
             backing=costs.backing,
@@ -278,7 +282,7 @@ class Traversability:
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
 
-UNSEEN: dict[str, float] = {
+UNSEEN_VALUES: dict[str, float] = {
     "elevation": np.nan,
     "sealed": np.nan,
     "to_hazard": np.inf,
@@ -294,13 +298,13 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     """Distance, m, beyond which obstacles make no difference to the robot on a grid of ``cell`` m.
 
     Raises:
-        InputError: the robot's corner radius plus ``full_speed_clearance`` is more than ``FARTHEST``.
+        InputError: the robot's corner radius plus ``full_speed_clearance`` is more than ``MAX_REACH``.
     """
     widest = robot.corner_radius + config.costs.full_speed_clearance
-    if not widest <= FARTHEST:
+    if not widest <= MAX_REACH:
         raise InputError(
             f"the robot's corner radius ({robot.corner_radius:g} m) plus full_speed_clearance "
-            f"({config.costs.full_speed_clearance:g} m) must be at most {FARTHEST:g} m; use a smaller robot or "
+            f"({config.costs.full_speed_clearance:g} m) must be at most {MAX_REACH:g} m; use a smaller robot or "
             "reduce full_speed_clearance"
         )
     return widest + 2 * cell
@@ -359,7 +363,7 @@ def assess(
         InputError: the robot needs too much room, see :func:`reach_of`.
     """
     cell, reach = grid.cell, reach_of(robot, config, grid.cell)
-    gradient = kernels.gradients(elevation, cell, SLOPE_REACH, SURFACE_SLOPE, SURFACE_RISE)
+    gradient = kernels.gradients(elevation, cell, SLOPE_RADIUS, SURFACE_SLOPE, SURFACE_RISE)
     slope, steepest = np.linalg.norm(gradient, axis=-1), np.tan(robot.max_tilt)
     hazard = kernels.step_hazards(elevation, round(config.drop_gap / cell), robot.max_step, steepest * cell)
     hazard |= slope > steepest
@@ -368,11 +372,11 @@ def assess(
     ramp, uphill = _ramps(slope, gradient, hazard, cell, config)
     level = _clearances(obstacle, to_obstacle, robot, cell, config, within)
     clearance = _on_slopes(level, uphill, robot, cell)
-    required_clearance = np.where(driven, round(100 * MIN_DRIVEN), min_clearance(cell)).astype(np.int8)
-    deepest = -round(100 * DEEPEST_DRIVEN * robot.half_width)
+    required_clearance = np.where(driven, round(100 * MIN_DRIVEN_CLEARANCE), min_clearance(cell)).astype(np.int8)
+    deepest = -round(100 * MAX_INTRUSION_FRACTION * robot.half_width)
     pose_kernels.allow_driven(clearance, level, driven, required_clearance, deepest)
     pose_kernels.allow_driven(level, level, driven, required_clearance, deepest)
-    free = pose_kernels.free_poses(clearance, required_clearance, SWEEP)
+    free = pose_kernels.free_poses(clearance, required_clearance, TURN_ALLOWANCE)
     return Traversability(
         grid=grid,
         elevation=elevation,
@@ -397,7 +401,7 @@ def assess(
     )
 
 
-def _spread(layer: NDArray[Any], grid: Grid, box: CellWindow, fill: float) -> NDArray[Any]:
+def _enlarged(layer: NDArray[Any], grid: Grid, box: CellWindow, fill: float) -> NDArray[Any]:
     """A layer placed in a box of a larger grid, with ``fill`` elsewhere."""
     spread = np.full((*grid.shape, *layer.shape[2:]), fill, layer.dtype)
     spread[box] = layer
@@ -405,6 +409,7 @@ def _spread(layer: NDArray[Any], grid: Grid, box: CellWindow, fill: float) -> ND
 
 
 def _obstacles(elevation: Layer, hazard: MaskLayer, cell: float, reach: float) -> tuple[NDArray[np.uint8], Layer]:
+    """The kind of obstacle in each cell, and the distance to the nearest obstacle, at most ``reach``, m."""
     obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
     obstacle[hazard] = pose_kernels.HAZARD
     # Everything beyond the grid is unknown.
@@ -448,12 +453,14 @@ def _farthest_downhill(robot: RobotModel) -> float:
 
 
 def _tall(elevation: Layer, hazard: MaskLayer, config: TraversabilityConfig) -> MaskLayer:
-    floor = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP)
+    """The hazards that are higher than ``min_tall_height`` above the lowest ground in the window around them."""
+    floor = ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_WINDOW)
     return hazard & (elevation > floor + config.min_tall_height)
 
 
 def _without_gaps(elevation: Layer, hazard: MaskLayer) -> Layer:
-    high = ndimage.maximum_filter(np.where(hazard, elevation, -np.inf), WALL_GAP)
+    """The elevation, with unknown cells as high as the highest hazard in the window around them."""
+    high = ndimage.maximum_filter(np.where(hazard, elevation, -np.inf), WALL_WINDOW)
     return np.where(np.isnan(elevation) & np.isfinite(high), high, elevation).astype(np.float32)
 
 
@@ -497,7 +504,7 @@ def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Trav
     cell, config = last.grid.cell, last.config
     robot = last.robot
     reach = max(reach_of(robot, config, cell) + _farthest_downhill(robot), config.ramp_margin) + config.drop_gap
-    reach = round(reach / cell) + 2 * SLOPE_REACH + 1
+    reach = round(reach / cell) + 2 * SLOPE_RADIUS + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])

@@ -99,7 +99,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     else:
         room = terrain.clearance[i, j, ORIENTATIONS + (h if move == Move.LEFT else k) % ORIENTATIONS]
         # The area that the turn sweeps must have room as well.
-        entered = min(entered, room + terrain.sweep)
+        entered = min(entered, room + terrain.turn_allowance)
     is_free = entered >= terrain.required_clearance[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1

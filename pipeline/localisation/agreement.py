@@ -22,8 +22,8 @@ POSE_ERROR = 0.1
 """Assumed maximum error of the camera's position when a frame is compared with the map, m."""
 RAY_STEP = 0.25
 """Spacing of the samples of a ray, voxels along the optical axis."""
-STILL_WAY, STILL_TURN = 0.02, radians(2)
-"""Maximum translation, m, and rotation, rad, that the odometry measures between two frames while the wheels are
+MAX_STILL_TRANSLATION, MAX_STILL_ROTATION = 0.02, radians(2)
+"""Maximum translation, m, and rotation, rad, measured by the odometry between two frames for the wheels to count as
 still."""
 
 
@@ -55,7 +55,7 @@ class Agreement(NamedTuple):
         return self.explained + self.short + self.through
 
     @property
-    def share(self) -> float:
+    def explained_fraction(self) -> float:
         """Fraction of the known tiles that the map explains, in [0, 1]; 1 if there are none."""
         return self.explained / self.known if self.known else 1.0
 
@@ -107,7 +107,7 @@ def agreement_with_previous(frame: Frame, last: Frame) -> Agreement | None:
     the camera, a frame cannot contradict the map, but it lacks returns that the previous frame had.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
+    if np.linalg.norm(moved[:3, 3]) > MAX_STILL_TRANSLATION or angle_of(moved) > MAX_STILL_ROTATION:
         return None
     before, now = tile_depths(last), tile_depths(frame)
     seen, expected = np.isfinite(now), np.isfinite(before)
@@ -117,22 +117,26 @@ def agreement_with_previous(frame: Frame, last: Frame) -> Agreement | None:
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    # A window of ±2.7°, because the heading may be off by 2°.
+    """(R, C) m, smallest of the tiles' depths (R, C) in the window around each tile.
+
+    The window covers ±2.7°, because the heading may be off by 2°.
+    """
     return ndimage.minimum_filter(depths, 3)
 
 
 def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(R, C) m, greatest depth in the same windows."""
     return ndimage.maximum_filter(depths, 3)
 
 
-def _side(frame: Frame) -> int:
+def _tile_side(frame: Frame) -> int:
     """Side length of a tile, pixels."""
     return max(2, frame.intrinsics.width // TILES)
 
 
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
     """(R, C) median depths of the tiles, m; infinite where fewer than half of a tile's pixels have a return."""
-    side = _side(frame)
+    side = _tile_side(frame)
     rows, columns = (n // side for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
     # Every second pixel of every second row is enough for a median.
@@ -150,7 +154,7 @@ def expected_depths(
         (R, C) smallest depth up to which space is free, and (R, C) largest depth at which the ray meets a surface,
         m along the optical axis. The largest depth is infinite if the ray from any of the positions meets no surface.
     """
-    side = _side(frame)
+    side = _tile_side(frame)
     rows, columns = (n // side * side for n in frame.depth.shape)
     middle = frame.intrinsics.rays[side // 2 : rows : side, side // 2 : columns : side].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size

@@ -14,15 +14,15 @@ from scipy.linalg import expm
 from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import BeliefConfig
 
-RECOVERY_WAY = 1.0
+RECOVERY_DISTANCE = 1.0
 """Mean distance that the wheels measure during a slip, or while the robot is held, m."""
 TILES = 32
 """Number of tiles, 1.8° wide for the Xtion, in a row of an image; their depths are compared with the map."""
 CORRELATED_TILES = 9
 """Number of tiles that are treated as one observation, because each is compared in a 3 × 3 window."""
-IMAGE_SHARE = 0.75
+HEIGHT_TO_WIDTH = 0.75
 """Number of tiles in an image divided by the square of ``TILES``, for an aspect ratio of 4:3."""
-OBSERVATIONS_PER_IMAGE = TILES**2 * IMAGE_SHARE / CORRELATED_TILES
+OBSERVATIONS_PER_IMAGE = TILES**2 * HEIGHT_TO_WIDTH / CORRELATED_TILES
 """Number of independent observations in an image."""
 SHOWN_HERE, MISSING_HERE = 0.94, 0.05
 """Probabilities that a tile for which the map predicts a surface shows this surface, or has no return, if the robot
@@ -108,7 +108,7 @@ def transition(distance: float, seconds: float, config: BeliefConfig) -> NDArray
     rates[MotionState.NOMINAL, [MotionState.SLIPPING, MotionState.HELD, MotionState.BLIND]] = (
         distance / config.distance_between_faults
     )
-    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = distance / RECOVERY_WAY
+    rates[[MotionState.SLIPPING, MotionState.HELD], MotionState.NOMINAL] = distance / RECOVERY_DISTANCE
     rates[:, MotionState.CARRIED] = seconds / config.lift_time
     np.fill_diagonal(rates, 0.0)
     return np.asarray(expm(rates - np.diag(rates.sum(axis=1))))
@@ -122,7 +122,7 @@ def tile_log_likelihoods(explained: int, contradicted: int, missing: int, config
         missing: number of tiles without a return although the map predicts one.
         config: settings of the belief.
     """
-    here, elsewhere, blind = _by_place(explained, contradicted, missing, config)
+    here, elsewhere, blind = _log_likelihoods_by_place(explained, contradicted, missing, config)
     return bounded_log_likelihoods(np.array([here, here, here, elsewhere, blind]), config)
 
 
@@ -131,11 +131,11 @@ def disproves(explained: int, contradicted: int, config: BeliefConfig) -> bool:
 
     Unlike the evidence of a single frame, this evidence is not bounded.
     """
-    here, elsewhere, _ = _by_place(explained, contradicted, 0, config)
+    here, elsewhere, _ = _log_likelihoods_by_place(explained, contradicted, 0, config)
     return bool(elsewhere - here > np.log(config.confidence / (1 - config.confidence)))
 
 
-def _by_place(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
+def _log_likelihoods_by_place(explained: int, contradicted: int, missing: int, config: BeliefConfig) -> Values:
     """(3,) log-likelihoods of tiles if the robot is at its estimated pose, elsewhere, or blind."""
     rare = 1 - config.confidence
     here = SHOWN_HERE, rare, MISSING_HERE
@@ -173,7 +173,7 @@ def tiles_covered(pixels: Indices, width: int) -> float:
         width: width of the image, pixels.
     """
     row, column = (pixels * TILES // width).T
-    return len(np.unique(row * TILES + column)) / (TILES**2 * IMAGE_SHARE)
+    return len(np.unique(row * TILES + column)) / (TILES**2 * HEIGHT_TO_WIDTH)
 
 
 def bounded_log_likelihoods(log_likelihoods: Values, config: BeliefConfig) -> Values:

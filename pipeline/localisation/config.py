@@ -17,9 +17,10 @@ class RegistrationConfig:
 
     Attributes:
         voxel: edge length of a voxel, m; clouds are thinned to the mean of the returns in each voxel.
-        limit_pixels: side of the square around a return, in pixels at half resolution, in which no depth may reach
-            the sensor's maximum, which cuts off the far half of the noise. Otherwise, walls at this depth would
-            appear 3 cm too near, and floors would rise by 1 mm per keyframe.
+        limit_pixels: side, in pixels at half resolution, of the square around a return in which all depths must be
+            below the sensor's maximum by more than the standard deviation of the noise there. The maximum cuts off
+            the far half of the noise, so walls at this depth would appear 3 cm too near, and floors would rise by
+            1 mm per keyframe.
         normal_neighbours: number of neighbours from which a point's normal is estimated.
         widest, coarse, fine: maximum distances between corresponding points, m: at the start from a rough guess, at
             the start from a good one such as the odometry's, and at the end (two voxels).

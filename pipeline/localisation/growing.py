@@ -19,7 +19,7 @@ class GrowingArray:
 
     @property
     def values(self) -> NDArray[Any]:
-        """All rows so far; the returned array does not change when rows are appended or replaced."""
+        """All rows so far, as a view that can be written to; appending or replacing rows does not change it."""
         return self._space[: self._length]
 
     @values.setter

@@ -10,7 +10,7 @@ from pipeline.localisation.registration import Surfaces, Target, front_normals
 
 FOOT_RADIUS = 0.25
 """Radius of the disc under the robot in which ground is searched for, m."""
-GROUND_UPWARD = 0.8
+MIN_GROUND_UPWARD = 0.8
 """Minimum upward component of a ground normal."""
 
 
@@ -28,8 +28,8 @@ class LocalMap:
         self._points = GrowingArray(3)
         self._normals = GrowingArray(3)
         self._owner = GrowingArray(dtype=np.int64)
-        self._at = GrowingArray(3)
-        self._facing = GrowingArray(3)
+        self._points_in_map = GrowingArray(3)
+        self._normals_in_map = GrowingArray(3)
         self._placed = np.zeros((0, 4, 4))  # the poses with which the points were transformed to ``map``
 
     @property
@@ -52,15 +52,18 @@ class LocalMap:
         self._points.values = points
         self._normals.values = normals
         self._owner.values = owner
-        self._at.values = self._facing.values = np.zeros_like(points)
+        self._points_in_map.values = self._normals_in_map.values = np.zeros_like(points)
         self._placed = np.zeros((0, 4, 4))
 
     def add(self, owner: int, T_map_base: Pose, cloud: small_gicp.PointCloud, camera: Place, new: Mask) -> None:
-        """Add the ``new`` points of a keyframe; ``camera``: the camera's position in ``base_link``."""
+        """Add the points of a keyframe's ``cloud`` that the mask ``new`` selects.
+
+        ``cloud`` and ``camera``, the camera's position, are in ``base_link``.
+        """
         points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
         at, facing = _in_map(np.broadcast_to(T_map_base, (len(points), 4, 4)), points, normals)
-        self._at.extend(at)
-        self._facing.extend(facing)
+        self._points_in_map.extend(at)
+        self._normals_in_map.extend(facing)
         self._points.extend(points)
         self._normals.extend(normals)
         self._owner.extend(np.full(len(points), owner))
@@ -73,7 +76,9 @@ class LocalMap:
         self._placed = poses.copy()
         moved = np.flatnonzero(has_moved[self.owner])
         T = poses[self.owner[moved]]
-        self._at.values[moved], self._facing.values[moved] = _in_map(T, self.points[moved], self.normals[moved])
+        self._points_in_map.values[moved], self._normals_in_map.values[moved] = _in_map(
+            T, self.points[moved], self.normals[moved]
+        )
 
     def around(
         self, points: Places, camera: Place, owners: Mask, margin: float, weight: Values | None = None
@@ -84,7 +89,7 @@ class LocalMap:
         ``weight``: weight of each keyframe's points.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-        at, normals, near = self._at.values, self._facing.values, self._within(low, high, owners)
+        at, normals, near = self._points_in_map.values, self._normals_in_map.values, self._within(low, high, owners)
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
         is_enough = len(near) >= self._config.registration.min_points
         if not is_enough:
@@ -99,7 +104,7 @@ class LocalMap:
         """
         margin = np.array([reach, reach, np.inf])
         near = self._within(place - margin, place + margin, owners)
-        at, normals = self._at.values, self._facing.values
+        at, normals = self._points_in_map.values, self._normals_in_map.values
         return Surfaces(at[near], normals[near]), self.owner[near]
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
@@ -107,9 +112,9 @@ class LocalMap:
 
         ``owners``: whether each keyframe's points may be used.
         """
-        at, normals = self._at.values, self._facing.values
+        at, normals = self._points_in_map.values, self._normals_in_map.values
         near = self._within(T_map_base[:3, 3] - FOOT_RADIUS, T_map_base[:3, 3] + FOOT_RADIUS, owners)
-        near = near[normals[near, 2] > GROUND_UPWARD]
+        near = near[normals[near, 2] > MIN_GROUND_UPWARD]
         x, y, z = ((at[near] - T_map_base[:3, 3]) @ T_map_base[:3, :3]).T
         is_below = np.hypot(x, y) < FOOT_RADIUS
         return z[is_below], self.owner[near][is_below]
@@ -119,7 +124,7 @@ class LocalMap:
 
         The axes are tested in turn, because few points pass the first test.
         """
-        at = self._at.values
+        at = self._points_in_map.values
         near = np.flatnonzero((at[:, 0] >= low[0]) & (at[:, 0] <= high[0]))
         for axis in (1, 2):
             near = near[(at[near, axis] >= low[axis]) & (at[near, axis] <= high[axis])]
@@ -127,7 +132,7 @@ class LocalMap:
 
     def all_points(self) -> Points:
         """All points, transformed to ``map``."""
-        return self._at.values.astype(np.float32)
+        return self._points_in_map.values.astype(np.float32)
 
 
 def _in_map(T: Poses, points: Places, normals: Directions) -> tuple[Places, Directions]:

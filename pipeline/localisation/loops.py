@@ -54,7 +54,7 @@ class LoopCloser:
         self._graph, self._config, self._typical_range = graph, config.loops, config.registration.typical_range
         self._candidates: list[Candidate] = []
         self._confirmed: list[Candidate] = []
-        self._counted: list[Candidate] = []
+        self._closed_candidates: list[Candidate] = []
         self._fitted = np.zeros(0, np.bool_)
 
     @property
@@ -87,7 +87,7 @@ class LoopCloser:
             self.closed.append(Loop(first, number, candidate.T_first_base))
             information = np.asarray(np.linalg.inv(candidate.covariance))
             graph.connect(first, number, candidate.T_map_base(graph.poses), information, ConstraintKind.LOOP)
-            self._counted.append(candidate)
+            self._closed_candidates.append(candidate)
             graph.is_unsettled = True
 
     def remove_contradicted(self) -> bool:
@@ -96,14 +96,14 @@ class LoopCloser:
         However well it fits itself, the newest loop is also removed if too many constraints that fitted before it was
         closed do not fit afterwards.
         """
-        false = [c for c in self._counted if self._is_contradicted(c)]
+        false = [c for c in self._closed_candidates if self._is_contradicted(c)]
         if self._confirmed:
             bent = self._fitted & ~self._fits()[: len(self._fitted)]
             if np.count_nonzero(bent) > self._config.max_contradicted:
                 false += [c for c in self._confirmed if c not in false]
         self._confirmed = []
         for candidate in false:
-            self._counted.remove(candidate)
+            self._closed_candidates.remove(candidate)
             graph = self._graph
             graph.remove((graph.kinds == ConstraintKind.LOOP) & (graph.constraints.second == candidate.keyframe))
             self.closed[:] = [loop for loop in self.closed if loop.second != candidate.keyframe]
@@ -148,12 +148,12 @@ def seen_through_fraction(frame: Frame, T_map_base: Pose, points: Places | Point
 
     At a wrong pose, a frame looks through known surfaces. ``T_map_base``: assumed pose of the robot.
     """
-    _, z, depth = in_view(frame, T_map_base, points)
+    _, z, depth = points_in_view(frame, T_map_base, points)
     in_reach = (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
     return float(np.mean(depth[in_reach] > z[in_reach] + margin)) if in_reach.any() else 0.0
 
 
-def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[Indices, Values, Values]:
+def points_in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[Indices, Values, Values]:
     """Points in ``map`` that project into pixels with returns, if a frame was taken with the robot at ``T_map_base``.
 
     Returns:

@@ -21,7 +21,7 @@ from pipeline.transforms import from_rotation, inverse, orthonormal
 
 MIN_UPRIGHT = np.cos(np.pi / 4)
 """Minimum cosine between a turn's axis and the vertical for the robot to have turned about this axis."""
-POSE, ERRORS = slice(6), slice(6, None)
+POSE_SLICE, ERRORS_SLICE = slice(6), slice(6, None)
 """Slices of the pose and of the systematic errors in their joint covariance (13, 13)."""
 
 
@@ -32,13 +32,13 @@ class MeasuredMotion:
     Attributes:
         T: pose after the motion, in ``base_link`` before it.
         up: the vertical in ``base_link`` before the motion.
-        time: duration, s.
+        duration: time that the motion took, s.
         turned: rotation about the vertical, including full turns, rad.
     """
 
     T: Pose
     up: Direction
-    time: float
+    duration: float
     turned: float = 0.0
 
     @cached_property
@@ -85,7 +85,7 @@ class MeasuredMotion:
     def rotation_jacobian(self) -> NDArray[np.float64]:
         """(3, 7) Jacobian of the rotation vector, rad, w.r.t. the systematic errors."""
         nothing = np.zeros(3)
-        return np.stack([nothing, self.turn, *np.zeros((4, 3)), self.time * np.eye(3)[2]], axis=1)
+        return np.stack([nothing, self.turn, *np.zeros((4, 3)), self.duration * np.eye(3)[2]], axis=1)
 
     def without(self, errors: Values) -> Pose:
         """The pose after the motion, in ``base_link`` before it, corrected for systematic errors (7,)."""
@@ -144,8 +144,8 @@ class MotionModel:
         delta, J, noise = motion.without(self.errors), motion.jacobian, motion.noise(self._config)
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(self.errors))]])
         covariance = F @ self._covariance @ F.T
-        covariance[POSE, POSE] += noise
-        motion_covariance = noise + J @ self._covariance[ERRORS, ERRORS] @ J.T
+        covariance[POSE_SLICE, POSE_SLICE] += noise
+        motion_covariance = noise + J @ self._covariance[ERRORS_SLICE, ERRORS_SLICE] @ J.T
         return Prediction(motion, orthonormal(T_map_base @ delta), covariance, motion_covariance)
 
     def update(self, prediction: Prediction, information: Information | None) -> None:
@@ -164,9 +164,9 @@ class MotionModel:
 
     def restart(self, covariance: Covariance) -> None:
         """Continue from a pose with this covariance, whatever the odometry measured."""
-        self._covariance = block_diag(covariance, self._covariance[ERRORS, ERRORS])
+        self._covariance = block_diag(covariance, self._covariance[ERRORS_SLICE, ERRORS_SLICE])
 
     def learn(self, odometry: OdometryErrors) -> None:
         """Correct all further motions for newly estimated systematic errors of the odometry."""
         self.errors = odometry.errors
-        self._covariance = block_diag(self._covariance[POSE, POSE], odometry.covariance)
+        self._covariance = block_diag(self._covariance[POSE_SLICE, POSE_SLICE], odometry.covariance)

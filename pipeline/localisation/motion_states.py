@@ -15,7 +15,7 @@ from pipeline.localisation.belief import (
     view_log_likelihoods,
 )
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
-from pipeline.localisation.loops import in_view
+from pipeline.localisation.loops import points_in_view
 from pipeline.localisation.registration import Prior, Registration, Target, exponential, register
 
 HELD_SIGMA = 0.02
@@ -39,7 +39,7 @@ def log_likelihoods(
     chance = config.chance_overlap
     shown, covered, evidence = np.zeros(len(found)), np.empty(len(found)), []
     for n, registration in enumerate(found):
-        pixels, z, depth = in_view(frame, registration.T, target.points)
+        pixels, z, depth = points_in_view(frame, registration.T, target.points)
         if len(z):
             shown[n] = np.mean(np.abs(depth - z) < config.fine)
         covered[n] = tiles_covered(pixels, frame.intrinsics.width)

@@ -21,21 +21,21 @@ RADIUS = 4.0
 """Distance from the robot up to which recently seen surfaces are compared, m."""
 VOXEL = 0.1
 """Edge length of the voxels in which surfaces are compared, m."""
-UPRIGHT = 0.5
+MAX_UPRIGHT_COSINE = 0.5
 """Maximum vertical component of the normals of compared surfaces; level ground looks the same everywhere."""
-PATCH, MIN_PATCHES, MAX_PATCHES = 0.15, 80, 400
+PATCH_SIZE, MIN_PATCHES, MAX_PATCHES = 0.15, 80, 400
 """Size of the patches to which recently seen surfaces are thinned, m, their minimum number, and the number that is
 drawn at random if there are more."""
-BESIDE = 0.5
+BESIDE_SCORE = 0.5
 """Score of a patch in a voxel next to one that contains an old surface; in the latter voxel, the score is 1."""
 SIGMAS = 3.0
 """Range of the search on either side of the estimate, in standard deviations of the position and the heading."""
 STEP, TURN_STEP = 0.1, np.deg2rad(1.5)
 """Spacing of the positions, m, and headings, rad, that are tried. At 4 m, half a step of either moves a point by
 5 cm."""
-WIDEST, WIDEST_TURN = 5.0, np.deg2rad(20)
+MAX_RANGE, MAX_TURN_RANGE = 5.0, np.deg2rad(20)
 """Maximum range of the search, m and rad."""
-SAME_PLACE, SAME_TURN = 0.5, np.deg2rad(6)
+SAME_PLACE_DISTANCE, SAME_PLACE_TURN = 0.5, np.deg2rad(6)
 """Distance, m, and angle, rad, up to which two fits are of the same place."""
 
 
@@ -64,49 +64,49 @@ def find_place(recent: Surfaces, old: Surfaces, T_map_base: Pose, sigmas: Values
             the old surfaces.
     """
     here = T_map_base[:3, 3]
-    patches = voxel_means(upright(recent) - here, PATCH)
+    patches = voxel_means(upright_points(recent) - here, PATCH_SIZE)
     patches = patches[np.linalg.norm(patches[:, :2], axis=1) < RADIUS]
-    target = upright(old) - here
+    target = upright_points(old) - here
     if len(patches) < MIN_PATCHES or len(target) < MIN_PATCHES:
         return None
     patches = np.random.default_rng(0).permutation(patches)[:MAX_PATCHES]
     # Try every position and heading that is likely enough.
-    x, y = np.minimum(SIGMAS * sigmas[:2], WIDEST)
-    turn = min(SIGMAS * sigmas[2], WIDEST_TURN)
-    dx, dy = np.meshgrid(_around(x, STEP), _around(y, STEP), indexing="ij")
+    x, y = np.minimum(SIGMAS * sigmas[:2], MAX_RANGE)
+    turn = min(SIGMAS * sigmas[2], MAX_TURN_RANGE)
+    dx, dy = np.meshgrid(_steps_around_zero(x, STEP), _steps_around_zero(y, STEP), indexing="ij")
     moves = np.column_stack([dx.ravel(), dy.ravel(), np.zeros(dx.size)])
-    yaws = _around(turn, TURN_STEP)
+    yaws = _steps_around_zero(turn, TURN_STEP)
     margin = 2 * VOXEL
     reach = np.array([x, y]) + STEP + RADIUS + margin
     lower = np.append(-reach, patches[:, 2].min() - margin)
     upper = np.append(reach, patches[:, 2].max() + margin)
-    field = _field(target, lower, upper)
+    field = _voxel_field(target, lower, upper)
     scores = np.empty((len(moves), len(yaws)), np.float32)
     cloud = (patches / VOXEL).astype(np.float32)
-    gain = np.tile(np.array([0.0, BESIDE, 1.0], np.float32) / len(patches), (len(patches), 1))
+    gain = np.tile(np.array([0.0, BESIDE_SCORE, 1.0], np.float32) / len(patches), (len(patches), 1))
     score(cloud, gain, ((moves - lower) / VOXEL).astype(np.float32), yaws, field, scores)
     # The best place, and the best one elsewhere.
     n, m = np.unravel_index(scores.argmax(), scores.shape)
-    far = np.linalg.norm(moves - moves[n], axis=1) > SAME_PLACE
-    turned = np.abs(yaws - yaws[m]) > SAME_TURN
+    far = np.linalg.norm(moves - moves[n], axis=1) > SAME_PLACE_DISTANCE
+    turned = np.abs(yaws - yaws[m]) > SAME_PLACE_TURN
     rivals = scores[far[:, None] | turned]
     x, y, z = here + moves[n]
     T_move = from_yaw(x, y, z, float(yaws[m])) @ from_rotation(np.eye(3), -here)
     return FoundPlace(T_move, float(scores[n, m]), float(rivals.max()) if rivals.size else 0.0)
 
 
-def upright(surfaces: Surfaces) -> Places:
+def upright_points(surfaces: Surfaces) -> Places:
     """The points on upright surfaces."""
-    return surfaces.at[np.abs(surfaces.facing[:, 2]) < UPRIGHT]
+    return surfaces.at[np.abs(surfaces.facing[:, 2]) < MAX_UPRIGHT_COSINE]
 
 
-def _around(reach: float, step: float) -> Values:
+def _steps_around_zero(reach: float, step: float) -> Values:
     """Evenly spaced values around 0, up to ``reach`` at least."""
     count = int(np.ceil(reach / step))
     return step * np.arange(-count, count + 1.0)
 
 
-def _field(points: Places, lower: Values, upper: Values) -> NDArray[np.uint8]:
+def _voxel_field(points: Places, lower: Values, upper: Values) -> NDArray[np.uint8]:
     """(nx, ny, nz) uint8 voxels of a box: 2 if they contain a point, 1 if they touch a voxel that does, else 0."""
     cells = np.floor((points - lower) / VOXEL).astype(np.int64)
     shape = np.ceil((upper - lower) / VOXEL).astype(np.int64) + 2

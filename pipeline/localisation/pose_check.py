@@ -23,7 +23,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import angle_of, inverse, yaw_of
 
-BLIND_TURN = tau
+MAX_BLIND_TURN = tau
 """Rotation, rad, after which a camera without any returns, although the map predicts some, has failed."""
 
 
@@ -66,7 +66,7 @@ class PoseCheck:
             robot,
             config.pose_check,
         )
-        self._metric_map, self._elevation_map, self._all = metric_map, elevation_map, config
+        self._metric_map, self._elevation_map, self._localisation_config = metric_map, elevation_map, config
         self._has_seen = False
         self._T_odom_unseen: list[Pose] = []  # odometry poses of the latest frames without returns
 
@@ -87,26 +87,26 @@ class PoseCheck:
             for _ in range(self._config.views_per_turn):
                 if self._belief.knows_place or self._belief.is_sure_of(MotionState.CARRIED):
                     break
-                if (view := turn(self._next_view)) is None:
+                if (view := turn(self._view_angle)) is None:
                     break
                 localised = view
                 self.compare(localised)
         if self._belief.knows_place and not self._is_lost:
             return ConfirmedPose(localised, None)
         # The pose is wrong or unknown: collect views until the robot is found on the map.
-        relocalisation = Relocalisation(self._robot, config=self._all)
+        relocalisation = Relocalisation(self._robot, config=self._localisation_config)
         for _ in range(self._config.views_per_turn):
             relocalisation.add(localised.frame)
             T = relocalisation.find(self._metric_map, self._elevation_map, self._localisation.points())
             if T is not None:
-                return self._go_on(localised, T)
-            if (view := turn(self._next_view)) is None:
+                return self._accept(localised, T)
+            if (view := turn(self._view_angle)) is None:
                 break
             localised = view
             self.compare(localised)
         if not self._is_lost and self._belief.knows_place:
             # The frames fit the map except for something new, or something that the robot has driven through.
-            return self._go_on(localised, localised.T_map_base)
+            return self._accept(localised, localised.T_map_base)
         raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def compare(self, localised: LocalisedFrame, last: Frame | None = None, is_driving: bool = False) -> None:
@@ -146,7 +146,7 @@ class PoseCheck:
             self._T_odom_unseen.append(frame.T_odom_base)
         moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
-        if way > frame.sensor.nearest or sum(map(angle_of, moves)) > BLIND_TURN:
+        if way > frame.sensor.nearest or sum(map(angle_of, moves)) > MAX_BLIND_TURN:
             raise LostError(
                 f"up to {frame.time:.2f} s, the camera measured no depth in {len(moves) + 1} frames in a row"
             )
@@ -161,13 +161,14 @@ class PoseCheck:
         return self._localisation.may_err and 0 < len(self._keyframes) == self._keyframes.loaded
 
     @property
-    def _next_view(self) -> float:
+    def _view_angle(self) -> float:
+        """Angle by which the robot turns for another view, rad."""
         return 2 * np.pi / self._config.views_per_turn
 
     def _agreement(self, localised: LocalisedFrame) -> Agreement:
         return agreement(localised.frame, localised.T_map_camera, self._metric_map)
 
-    def _go_on(self, localised: LocalisedFrame, T_map_base: Pose) -> ConfirmedPose:
+    def _accept(self, localised: LocalisedFrame, T_map_base: Pose) -> ConfirmedPose:
         """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
         distance, turn = np.linalg.norm(move[:3, 3]), abs(yaw_of(move))

@@ -33,7 +33,7 @@ SAMPLES = 64
 """Number of samples of the poses' distribution; they determine a standard deviation to within 9%."""
 MAX_STEPS = 30
 """Maximum number of Gauss-Newton steps; a few are enough unless a loop closure moves the poses far."""
-SMALLEST_STEP = 2.0**-10
+MIN_STEP_FRACTION = 2.0**-10
 """Minimum fraction to which a step is shortened; if the error still increases, the step is not taken."""
 REFACTORISE_RATIO = 0.25
 """Maximum decrease of the error by a step, as a fraction of the previous step's decrease; above it, convergence is
@@ -81,7 +81,7 @@ class Constraints(NamedTuple):
     rotation_jacobian: NDArray[np.float64]
     jacobian: NDArray[np.float64]
 
-    def some(self, chosen: Mask | Indices) -> "Constraints":
+    def select(self, chosen: Mask | Indices) -> "Constraints":
         """The constraints that a mask or indices select."""
         values: list[NDArray[Any]] = [of_all[chosen] for of_all in self]
         return Constraints(*values)
@@ -89,7 +89,7 @@ class Constraints(NamedTuple):
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
         """(N, 6) whitened deviations of the poses from the constraints, corrected for systematic errors (7,)."""
         turned = Rotation.from_rotvec(self.turn + self.rotation_jacobian @ errors).as_matrix().swapaxes(1, 2)
-        between = relative(poses, self.first, self.second)
+        between = relative_poses(poses, self.first, self.second)
         rotation = Rotation.from_matrix(turned @ between[:, :3, :3]).as_rotvec()
         moved = turned @ (between[:, :3, 3] - self.T[:, :3, 3] - self.translation_jacobian @ errors)[..., None]
         return np.asarray((self.whitening @ np.concatenate([rotation[..., None], moved], axis=1))[..., 0])
@@ -100,11 +100,11 @@ class Constraints(NamedTuple):
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Jacobians (N, 6, 6 or 7) of residuals near 0, w.r.t. the first pose, the second pose and the errors."""
-        before = adjoints(inverses(relative(poses, self.first, self.second)))
+        before = adjoints(inverses(relative_poses(poses, self.first, self.second)))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
 
 
-def relative(poses: Poses, first: Indices, second: Indices) -> Poses:
+def relative_poses(poses: Poses, first: Indices, second: Indices) -> Poses:
     """(N, 4, 4) poses of keyframes ``second`` in the frames of keyframes ``first``."""
     return np.asarray(inverses(poses[first]) @ poses[second])
 
@@ -147,7 +147,7 @@ class PoseGraph:
 
     def __init__(self, config: LocalisationConfig) -> None:
         self._config = config
-        self.odometry = self._odometry_before = OdometryErrors.expected(config.odometry)
+        self.odometry = self._odometry_prior = OdometryErrors.expected(config.odometry)
         self.dropped = 0
         self._poses = GrowingArray(4, 4)
         self._ups = GrowingArray(3)
@@ -156,11 +156,11 @@ class PoseGraph:
         ends = GrowingArray(dtype=np.int64), GrowingArray(dtype=np.int64)
         self._rows = [*ends, *(GrowingArray(*shape) for shape in shapes)]
         self._kinds = GrowingArray(dtype=np.int64)
-        self._fixed = 0
+        self._fixed_count = 0
         self._rng = np.random.default_rng(0)
-        self._solved = 0
+        self._solved_count = 0
         self.is_unsettled = False
-        self._settled = 0
+        self._settled_count = 0
 
     def __len__(self) -> int:
         """Number of keyframes."""
@@ -199,10 +199,10 @@ class PoseGraph:
 
     def fix(self, poses: Poses, ups: Directions, odometry: OdometryErrors) -> None:
         """Start with keyframes at fixed poses, the vertical in each, and known systematic errors of the odometry."""
-        self.odometry = self._odometry_before = odometry
+        self.odometry = self._odometry_prior = odometry
         for T, up in zip(poses, ups, strict=True):
             self.add(T, up)
-        self._fixed = self._solved = len(self)
+        self._fixed_count = self._solved_count = len(self)
 
     def connect(self, i: int, j: int, T_map_base: Pose, information: Information, kind: ConstraintKind) -> None:
         """Add a constraint on the pose of keyframe j relative to the current pose of keyframe i.
@@ -245,7 +245,7 @@ class PoseGraph:
         """Remove the constraints that a mask (N,) selects."""
         for row in (*self._rows, self._kinds):
             row.values = row.values[~chosen]
-        self._settled, self.is_unsettled = len(self._kinds), True
+        self._settled_count, self.is_unsettled = len(self._kinds), True
 
     def extend_samples(self, reference: int, motion: Information) -> None:
         """Draw samples of the newest keyframe's pose from gravity, its motion and the surfaces registered with it.
@@ -259,7 +259,7 @@ class PoseGraph:
         """
         k, samples = len(self) - 1, self._samples.values
         constraints = self.constraints
-        surfaces = constraints.some((constraints.second == k) & (self.kinds != ConstraintKind.MOTION))
+        surfaces = constraints.select((constraints.second == k) & (self.kinds != ConstraintKind.MOTION))
         chi2 = surfaces.chi2(self.poses, self.odometry.errors)
         roots = np.sqrt(weights_of(chi2, chi2_gate(6, self._config.registration.confidence)))
         level, up = np.zeros((6, 6)), self.ups[k]
@@ -269,7 +269,7 @@ class PoseGraph:
             (reference, np.linalg.cholesky(motion).T),
             *zip(surfaces.first, roots[:, None, None] * surfaces.whitening, strict=True),
         ):
-            (T,) = adjoints(relative(self.poses, np.array([k]), np.array([keyframe])))
+            (T,) = adjoints(relative_poses(self.poses, np.array([k]), np.array([keyframe])))
             total += whitening.T @ whitening
             pull += whitening.T @ (whitening @ T @ samples[keyframe] + self._rng.normal(size=(6, SAMPLES)))
         samples[k] = np.linalg.solve(total, pull)
@@ -311,16 +311,18 @@ class PoseGraph:
         freed if a loop was closed, if a constraint was removed, or if a new motion from an older keyframe contradicts
         them.
         """
-        new = self.constraints.some(np.arange(self._settled, len(self._kinds)))
+        new = self.constraints.select(np.arange(self._settled_count, len(self._kinds)))
         off = new.chi2(self.poses, self.odometry.errors)
         contradicted = off > chi2_gate(6, self._config.registration.confidence)
-        grown, window = len(self) - self._solved, self._config.graph.window
+        grown, window = len(self) - self._solved_count, self._config.graph.window
         # A registration with surfaces of an older keyframe moves the newest poses at once, and the others gradually.
-        tells = np.isin(self.kinds[self._settled :], (ConstraintKind.MOTION, ConstraintKind.LOOP))
+        tells = np.isin(self.kinds[self._settled_count :], (ConstraintKind.MOTION, ConstraintKind.LOOP))
         self.is_unsettled |= bool((contradicted & tells & (new.first < len(self) - 2 * window)).any())
-        self._settled = len(self._kinds)
+        self._settled_count = len(self._kinds)
         is_whole = len(self) <= 2 * window or grown > window or self.is_unsettled
-        free = np.arange(len(self)) >= (self._fixed if is_whole else max(self._fixed, len(self) - 2 * window))
+        free = np.arange(len(self)) >= (
+            self._fixed_count if is_whole else max(self._fixed_count, len(self) - 2 * window)
+        )
         problem = Problem.of(self, free, is_whole)
         # If poses may move far, first weight all constraints alike, then trust ever fewer of them.
         *loosened, last = CONVEXITY_FACTORS
@@ -333,7 +335,7 @@ class PoseGraph:
         self._samples.values[free] = problem.sample(self._rng, self._samples.values)[free]
         if is_whole:
             self.odometry = OdometryErrors(problem.errors, problem.error_covariance())
-            self._solved = len(self)
+            self._solved_count = len(self)
             self.is_unsettled = False
 
     def chi2(self) -> Values:
@@ -352,7 +354,7 @@ class Problem:
         free: (K,) whether each pose may move.
         frees_errors: whether the systematic errors are variables.
         ups: (K, 3) vertical in each keyframe's ``base_link``, without the accelerometer's mean error.
-        before: prior knowledge of the systematic errors.
+        prior_errors: prior knowledge of the systematic errors.
         start: pose at which the first keyframe is held, if it is free.
         config: settings, including the weights of the constraints.
     """
@@ -363,7 +365,7 @@ class Problem:
     free: Mask
     frees_errors: bool
     ups: Directions
-    before: OdometryErrors
+    prior_errors: OdometryErrors
     start: Pose
     config: LocalisationConfig
 
@@ -374,19 +376,19 @@ class Problem:
         involved = free[constraints.first] | free[constraints.second]
         bias = np.mean(graph.ups - graph.poses[:, 2, :3], axis=0)  # the accelerometer may be mounted askew
         return cls(
-            graph.poses.copy(), graph.odometry.errors.copy(), constraints.some(involved), free, frees_errors,
-            graph.ups - bias, graph._odometry_before, graph.poses[0].copy(), graph._config,
+            graph.poses.copy(), graph.odometry.errors.copy(), constraints.select(involved), free, frees_errors,
+            graph.ups - bias, graph._odometry_prior, graph.poses[0].copy(), graph._config,
         )  # fmt: skip
 
     def __post_init__(self) -> None:
         self._at = np.cumsum(self.free) - 1
         self._variables = 6 * int(self.free.sum())
         self._size = self._variables + (ERROR_COUNT if self.frees_errors else 0)
-        self._gravity = 1 / self.config.odometry.gravity_sigma
+        self._gravity_weight = 1 / self.config.odometry.gravity_sigma
         sigmas = np.full(6, self.config.graph.fixed_sigma)
         sigmas[:2] = 1.0  # gravity determines roll and pitch
-        self._held = 1 / sigmas
-        self._before = np.linalg.inv(np.linalg.cholesky(self.before.covariance))
+        self._start_whitening = 1 / sigmas
+        self._prior_whitening = np.linalg.inv(np.linalg.cholesky(self.prior_errors.covariance))
 
     def solve(self, tolerance: float, loosening: float = 1.0) -> None:
         """Move the poses by Gauss-Newton steps, until the error decreases by less than the fraction ``tolerance``.
@@ -404,12 +406,12 @@ class Problem:
             unchanged = tolerance * max(1.0, error)
             while not (after := self._error(*self._moved(length * step))) <= error + unchanged:
                 length /= 2
-                if length < SMALLEST_STEP:
+                if length < MIN_STEP_FRACTION:
                     break
             else:
                 self.poses, self.errors = self._moved(length * step)
                 last, decrease, error = decrease, error - after, after
-            is_stuck = length < SMALLEST_STEP
+            is_stuck = length < MIN_STEP_FRACTION
             was_new, is_stale = is_stale, is_stuck or decrease > REFACTORISE_RATIO * last
             if (is_stuck and was_new) or (not decrease > unchanged and (was_new or not is_stale)):
                 return
@@ -432,11 +434,11 @@ class Problem:
             self._add(gradient, ends[chosen], root[chosen] * (J[chosen].swapaxes(1, 2) @ noise[chosen]))
         if self.frees_errors:
             gradient[self._variables :] = np.einsum("nri,nrs->is", root * errors, noise)
-            gradient[self._variables :] += self._before.T @ rng.normal(size=(ERROR_COUNT, SAMPLES))
-        upright = self._gravity_rows().swapaxes(1, 2) @ rng.normal(size=(int(self.free.sum()), 2, SAMPLES))
+            gradient[self._variables :] += self._prior_whitening.T @ rng.normal(size=(ERROR_COUNT, SAMPLES))
+        upright = self._gravity_jacobians().swapaxes(1, 2) @ rng.normal(size=(int(self.free.sum()), 2, SAMPLES))
         gradient[: self._variables] += np.concatenate([upright, np.zeros_like(upright)], axis=1).reshape(-1, SAMPLES)
         if self.free[0]:
-            gradient[:6] += self._held[:, None] * rng.normal(size=(6, SAMPLES))
+            gradient[:6] += self._start_whitening[:, None] * rng.normal(size=(6, SAMPLES))
         result = samples.copy()
         result[self.free] = self._factor.solve(gradient)[: self._variables].reshape(-1, 6, SAMPLES)
         return result
@@ -452,31 +454,31 @@ class Problem:
         """(N,) weight of each constraint, by how well it fits."""
         return weights_of(np.square(residuals).sum(axis=1), self._scale)
 
-    def _gravity_rows(self) -> NDArray[np.float64]:
+    def _gravity_jacobians(self) -> NDArray[np.float64]:
         """(F, 2, 3) whitened Jacobians of the free keyframes' verticals w.r.t. their rotations."""
         R, u = self.poses[self.free, :3, :3], self.ups[self.free]
         cross = np.zeros((len(u), 3, 3))
         cross[:, [2, 0, 1], [1, 2, 0]] = u
         cross -= cross.swapaxes(1, 2)
-        return np.asarray(-self._gravity * (R @ cross)[:, :2])
+        return np.asarray(-self._gravity_weight * (R @ cross)[:, :2])
 
     def _error(self, poses: Poses, errors: Values) -> float:
         """Half the sum of the losses of all residuals."""
         chi2 = self.constraints.chi2(poses, errors)
         loss = (self._scale * chi2 / (self._scale + chi2)).sum()
-        loss += np.square(self._off_vertical(poses)).sum()
+        loss += np.square(self._gravity_residuals(poses)).sum()
         if self.free[0]:
-            loss += np.square(self._off_start(poses)).sum()
-        return float(loss + np.square(self._before @ (errors - self.before.errors)).sum()) / 2
+            loss += np.square(self._start_residual(poses)).sum()
+        return float(loss + np.square(self._prior_whitening @ (errors - self.prior_errors.errors)).sum()) / 2
 
-    def _off_vertical(self, poses: Poses) -> NDArray[np.float64]:
+    def _gravity_residuals(self, poses: Poses) -> NDArray[np.float64]:
         """(F, 2) whitened horizontal parts of the free keyframes' verticals, in ``map``."""
         horizontal = np.einsum("nij,nj->ni", poses[self.free, :2, :3], self.ups[self.free])
-        return np.asarray(self._gravity * horizontal)
+        return np.asarray(self._gravity_weight * horizontal)
 
-    def _off_start(self, poses: Poses) -> Values:
+    def _start_residual(self, poses: Poses) -> Values:
         T = np.linalg.solve(self.start, poses[0])
-        return np.asarray(self._held * np.append(Rotation.from_matrix(T[:3, :3]).as_rotvec(), T[:3, 3]))
+        return np.asarray(self._start_whitening * np.append(Rotation.from_matrix(T[:3, :3]).as_rotvec(), T[:3, 3]))
 
     def _moved(self, step: Values) -> tuple[Poses, Values]:
         """The poses and errors after a step."""
@@ -504,21 +506,23 @@ class Problem:
                 both = self.free[other[free]]
                 blocks.append((self._at[one[free][both]], self._at[other[free][both]], left[both] @ K[free][both]))
         # Gravity, and the pose of the first keyframe.
-        rows, free_keyframes = self._gravity_rows(), np.arange(int(self.free.sum()))
+        rows, free_keyframes = self._gravity_jacobians(), np.arange(int(self.free.sum()))
         whole = np.tile(self.config.graph.prior_information * np.eye(6), (len(rows), 1, 1))
         whole[:, :3, :3] += rows.swapaxes(1, 2) @ rows
         pull = np.zeros((len(rows), 6))
-        pull[:, :3] = -np.einsum("nri,nr->ni", rows, self._off_vertical(self.poses))
+        pull[:, :3] = -np.einsum("nri,nr->ni", rows, self._gravity_residuals(self.poses))
         gradient[: self._variables, 0] += pull.ravel()
         if self.free[0]:
-            whole[0] += np.diag(self._held**2)
-            gradient[:6, 0] -= self._held * self._off_start(self.poses)
+            whole[0] += np.diag(self._start_whitening**2)
+            gradient[:6, 0] -= self._start_whitening * self._start_residual(self.poses)
         blocks.append((free_keyframes, free_keyframes, whole))
         # The odometry's systematic errors.
         if self.frees_errors:
             left = weight[:, None, None] * errors.swapaxes(1, 2)
             gradient[self._variables :, 0] -= np.einsum("nir,nr->i", left, residuals)
-            gradient[self._variables :, 0] -= self._before.T @ self._before @ (self.errors - self.before.errors)
+            gradient[self._variables :, 0] -= (
+                self._prior_whitening.T @ self._prior_whitening @ (self.errors - self.prior_errors.errors)
+            )
         if factorises:
             information = _sparse(blocks, size)
             if self.frees_errors:
@@ -545,7 +549,7 @@ class Problem:
         for keyframe, J in ends:
             free = self.free[keyframe]
             self._add(dense, keyframe[free], (left[free] @ J[free]).swapaxes(1, 2))
-        dense[first:] = (np.einsum("nir,nrj->ij", left, errors) + self._before.T @ self._before) / 2
+        dense[first:] = (np.einsum("nir,nrj->ij", left, errors) + self._prior_whitening.T @ self._prior_whitening) / 2
         rows, columns = np.nonzero(np.ones_like(dense))
         part = coo_array((dense.ravel(), (rows, first + columns)), shape=(size, size))
         return (part + part.T).tocsc()

@@ -137,7 +137,7 @@ def occam_factor(prior: Information, information: Information) -> float:
 
 
 def cloud_of(points: Points, config: RegistrationConfig) -> small_gicp.PointCloud:
-    """A thinned cloud with normals, made from points in any frame."""
+    """A thinned cloud with normals, made from points (N, 3) in any frame."""
     cloud = small_gicp.PointCloud(voxel_means(points, config.voxel))
     small_gicp.estimate_normals(cloud, num_neighbors=config.normal_neighbours)
     return cloud
@@ -184,7 +184,7 @@ def register(
     offsets = [logarithm(np.linalg.solve(T, prior.T)) for prior in priors]
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
     covariance = np.asarray(np.linalg.inv(total))
-    overlap = float(np.mean(pairs.squared < config.fine**2))
+    overlap = float(np.mean(pairs.squared_distances < config.fine**2))
     prior = np.sum([prior.information for prior in priors], axis=0)
     fits = chi2 <= chi2_gate(len(covariance), config.confidence)
     is_sure = fits and overlap >= config.chance_overlap
@@ -214,7 +214,7 @@ def evidence_by_keyframe(
         # such a direction is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
         evidence.append(KeyframeEvidence(int(one), T @ exponential(np.asarray(delta)), H))
-    return sorted(evidence, key=lambda e: -np.trace(e.information)), pairs.squared > config.voxel**2
+    return sorted(evidence, key=lambda e: -np.trace(e.information)), pairs.squared_distances > config.voxel**2
 
 
 class _Pairs:
@@ -226,7 +226,7 @@ class _Pairs:
 
     Attributes:
         source, target: (P,) indices of the paired points; the points of a pair lie on one surface.
-        squared: (N,) squared distance from each source point to the nearest target point, m².
+        squared_distances: (N,) squared distance from each source point to the nearest target point, m².
         rows: for the target's and for the source's normals, (P, 6) whitened Jacobian with respect to the pose, in its
             tangent space, and (P,) residuals.
     """
@@ -243,8 +243,8 @@ class _Pairs:
         """Pair points closer than ``gate`` m, with the source at ``T``; ``weight``: weight of each target point."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = transform_places(T, points)
-        index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
-        near = np.flatnonzero(self.squared < gate**2)
+        index, self.squared_distances = map(np.array, target.tree.batch_nearest_neighbor_search(at))
+        near = np.flatnonzero(self.squared_distances < gate**2)
         n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
         # The normals of a frame's cloud have arbitrary signs; its target has only surfaces that face the camera.
@@ -260,8 +260,8 @@ class _Pairs:
         self._scale = np.repeat([config.typical_range, 1.0], 3)
         self._whole = self._scaled()
         strength, directions = np.linalg.eigh(self._whole[0])
-        self._least = config.min_strength * strength[-1]
-        self._determined = directions[:, strength > self._least]
+        self._min_strength = config.min_strength * strength[-1]
+        self._determined = directions[:, strength > self._min_strength]
 
     def measure(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
         """Information of the pose and information vector (6,) from the pairs in ``rows`` (P,).
@@ -271,7 +271,7 @@ class _Pairs:
         """
         H, pull = self._whole if rows is ... else self._scaled(rows)
         strength, directions = np.linalg.eigh(self._determined.T @ H @ self._determined)
-        real = np.clip(1 - self._least / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
+        real = np.clip(1 - self._min_strength / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
         scaled = self._scale[:, None] * (self._determined @ directions)
         return scaled * (strength * real) @ scaled.T, scaled @ (real * ((self._determined @ directions).T @ pull))
 
@@ -282,7 +282,7 @@ class _Pairs:
 
 
 def front_normals(cloud: small_gicp.PointCloud, camera: Place) -> Directions:
-    """Normals of a cloud's points, oriented towards the camera that saw them."""
+    """(N, 3) unit normals of a cloud's points, oriented towards the ``camera`` (3,) that saw them."""
     normals = np.array(cloud.normals())[:, :3]
     away = np.einsum("ni,ni->n", normals, camera - cloud.points()[:, :3]) < 0
     return np.where(away[:, None], -normals, normals)

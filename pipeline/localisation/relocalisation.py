@@ -30,7 +30,7 @@ from pipeline.transforms import from_rotation, from_yaw, inverse, transform_poin
 MIN_FRAMES = 3
 """Minimum number of frames; more than one is needed because corners of rooms look alike, especially in an incomplete
 map."""
-PATCH = 0.2
+PATCH_SIZE = 0.2
 """Size of a patch, m; the frames' points are thinned to patches, which are matched with the map."""
 REGISTERED_VOXEL = 0.1
 """Edge length of the voxels to which the frames' points are thinned for registration, m."""
@@ -40,30 +40,30 @@ SURFACE_TOLERANCE = 0.1
 """Maximum distance from a surface of the map at which a patch lies on it, m."""
 MIN_EXPLAINED = 0.85
 """Minimum fraction of the patches that lie on surfaces of the map."""
-RIVAL = 1e-4
+MAX_RIVAL_LIKELIHOOD = 1e-4
 """Maximum likelihood of any other place, as a fraction of the best place's."""
 CORRELATED_PATCHES = 3
 """Number of patches that are treated as one observation, because neighbours fit, or fail to fit, together."""
-DRIFT = 0.1
+DRIFT_SIGMA = 0.1
 """Standard deviation of the odometry's drift since the first frame, m. On a slope, a robot slides as it turns."""
-MAX_UNCERTAIN = 0.05
+MAX_POSITION_SIGMA = 0.05
 """Maximum standard deviation of the position at which a robot is found, m."""
-SEARCHED = 256
+SEARCHED_PATCHES = 256
 """Number of patches that the search uses, drawn at random; also the minimum number of points."""
 HEADINGS = 72
 """Number of evenly spaced headings that are tried. At 3 m, half a step of 5° moves a point by 0.13 m, for which the
 voxel on either side of a surface allows."""
 RANDOM_POSES = 2000
 """Number of random poses from which a patch's probability of meeting a surface by chance is estimated."""
-MISSED = 0.05
+MISS_RATIO = 0.05
 """Probability that a patch lies in free space at the correct pose, as a fraction of the probability at a random
 pose."""
-PROMISING = 0.7
+MIN_PROMISING_FRACTION = 0.7
 """Minimum evidence of a guess as a fraction of the best guess's; it is below 1 because both may be off by half a
 step."""
 MAX_GUESSES = 12
 """Maximum number of promising guesses; with more, the place is ambiguous."""
-SAME_PLACE_WAY, SAME_PLACE_TURN = 0.3, radians(15)
+SAME_PLACE_DISTANCE, SAME_PLACE_TURN = 0.3, radians(15)
 """Distance, m, and angle, rad, up to which two guesses are taken for one."""
 
 
@@ -137,11 +137,11 @@ class Guess(NamedTuple):
     def is_near(self, T_map_level: Pose) -> bool:
         """Whether a pose is the same to within the accuracy of the search."""
         T = inverse(self.T_map_level) @ T_map_level
-        return bool(np.hypot(*T[:2, 3]) < SAME_PLACE_WAY and abs(yaw_of(T)) < SAME_PLACE_TURN)
+        return bool(np.hypot(*T[:2, 3]) < SAME_PLACE_DISTANCE and abs(yaw_of(T)) < SAME_PLACE_TURN)
 
 
-def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel) -> Places:
-    """Positions on mapped ground where no surface of the map would pass through the middle of the robot."""
+def standing_places(elevation_map: ElevationMap, field: VoxelField, model: RobotModel) -> Places:
+    """(N, 3) positions on mapped ground with no surface of the map at ``body_height`` or ``headroom`` above them."""
     elevation = elevation_map.elevation[::2, ::2]
     cells = np.argwhere(~np.isnan(elevation))
     places = np.column_stack([elevation_map.grid.centre_of(2 * cells), elevation[tuple(cells.T)]])
@@ -152,7 +152,7 @@ def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel)
     return places[~np.any(filled, axis=0)]
 
 
-def weigh(points: Places, places: Places, field: VoxelField) -> NDArray[np.float32]:
+def point_gains(points: Places, places: Places, field: VoxelField) -> NDArray[np.float32]:
     """The weight of each point of a cloud as evidence, from the fraction of random poses that explain the point.
 
     Points on level ground, which is found almost anywhere, have little weight, points on walls have much, and points
@@ -175,37 +175,37 @@ def weigh(points: Places, places: Places, field: VoxelField) -> NDArray[np.float
     _, surface, empty = counts.T
     free = empty / (empty + surface)
     gain = np.zeros(counts.shape, np.float32)
-    gain[:, VoxelState.SURFACE] = np.log((1 - MISSED * free) / (1 - free))
-    gain[:, VoxelState.FREE] = np.log(MISSED)
+    gain[:, VoxelState.SURFACE] = np.log((1 - MISS_RATIO * free) / (1 - free))
+    gain[:, VoxelState.FREE] = np.log(MISS_RATIO)
     return gain
 
 
 def headings() -> Values:
-    """The headings to try, rad."""
+    """(``HEADINGS``,) the headings to try, rad."""
     return np.linspace(0, 2 * np.pi, HEADINGS, endpoint=False)
 
 
-def search(points: Places, gain: NDArray[np.float32], places: Places, field: VoxelField) -> list[Guess]:
+def promising_guesses(points: Places, gain: NDArray[np.float32], places: Places, field: VoxelField) -> list[Guess]:
     """The promising poses, the best first; none if there are too many to distinguish.
 
     Args:
         points: (P, 3) points relative to the levelled robot.
-        gain: (P, 3) weights of the points, from :func:`weigh`.
+        gain: (P, 3) weights of the points, from :func:`point_gains`.
         places: positions where the robot may be.
         field: voxel states of the map.
     """
-    some, yaws = np.random.default_rng(0).permutation(len(points))[:SEARCHED], headings()
+    some, yaws = np.random.default_rng(0).permutation(len(points))[:SEARCHED_PATCHES], headings()
     scores = np.empty((len(places), len(yaws)), np.float32)
     cloud = (points[some] / field.size).astype(np.float32)
     score(cloud, gain[some], field.voxel_coordinates(places), yaws, field.voxels, scores)
-    least, guesses = PROMISING * scores.max(), list[Guess]()
+    least, guesses = MIN_PROMISING_FRACTION * scores.max(), list[Guess]()
     while len(guesses) <= MAX_GUESSES:
         n, m = np.unravel_index(scores.argmax(), scores.shape)
         if scores[n, m] <= max(least, 0):
             return guesses
         x, y, z = places[n].tolist()
         guesses.append(Guess(from_yaw(x, y, z, yaws[m]), float(scores[n, m])))
-        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < SAME_PLACE_WAY
+        beside = np.hypot(*(places[:, :2] - places[n, :2]).T) < SAME_PLACE_DISTANCE
         turned = np.abs(wrap_angle(yaws - yaws[m])) < SAME_PLACE_TURN
         scores[np.ix_(beside, turned)] = -np.inf
     return []
@@ -225,7 +225,7 @@ class MapPoints:
             self._cloud, self._tree = self.prepared(points[near], config.registration.voxel)
 
     def prepared(self, points: Places | Points, size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
-        """Points, thinned to voxels of ``size`` m, with their covariances, and a k-d tree of them."""
+        """The means of points (N, 3) in voxels of ``size`` m, with their covariances, and a k-d tree of the means."""
         neighbours = self._config.registration.normal_neighbours
         return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=neighbours)
 
@@ -235,7 +235,7 @@ class MapPoints:
         return np.asarray(np.asarray(squared) < SURFACE_TOLERANCE**2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: Pose) -> Pose:
-        """The registered pose of a levelled cloud, which is level too."""
+        """The registered pose of a levelled cloud; the pose is level, too."""
         for reach in (self._config.registration.coarse, self._config.registration.fine):
             T_map_level = without_tilt(self._register(cloud, T_map_level, reach).T_target_source)
         return T_map_level
@@ -254,10 +254,10 @@ class MapPoints:
         # Points closer together than the correspondence distance share one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
         # A robot on a slope slides while it looks around.
-        drift = pose_sigmas(DRIFT, registration.typical_range)
+        drift = pose_sigmas(DRIFT_SIGMA, registration.typical_range)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
-        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MAX_UNCERTAIN**2:
+        if np.linalg.eigvalsh(covariance[3:, 3:])[-1] > MAX_POSITION_SIGMA**2:
             return None
         change = covariance @ information @ change
         return T_map_level @ from_rotation(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:])
@@ -299,16 +299,16 @@ class Relocalisation:
             return None
         # Thin the frames' levelled points to patches, and list the positions on mapped ground where the robot may be.
         cloud = np.vstack([*map(self._points, self.frames)])
-        if len(cloud) < SEARCHED:
+        if len(cloud) < SEARCHED_PATCHES:
             return None
-        patches = voxel_means(cloud, PATCH)
+        patches = voxel_means(cloud, PATCH_SIZE)
         field = VoxelField.around(metric_map, patches)
-        places = standable(elevation_map, field, self._model)
+        places = standing_places(elevation_map, field, self._model)
         if not len(places):
             return None
         # Try every heading at these positions.
-        gain = weigh(patches, places, field)
-        guesses = search(patches, gain, places, field)
+        gain = point_gains(patches, places, field)
+        guesses = promising_guesses(patches, gain, places, field)
         target = MapPoints(points, guesses, field.border[0] + registration.coarse, self._config)
         if target.is_empty:
             return None
@@ -331,7 +331,7 @@ class Relocalisation:
         if not found or found[0][1] < MIN_EXPLAINED:
             return None
         best, rival = found[0][0], found[1][0].evidence if len(found) > 1 else 0.0
-        is_clear = (best.evidence - rival) / CORRELATED_PATCHES > -np.log(RIVAL)
+        is_clear = (best.evidence - rival) / CORRELATED_PATCHES > -np.log(MAX_RIVAL_LIKELIHOOD)
         if not is_clear or self._contradicts(best.T_map_level, metric_map):
             return None
         return self._correct(best.T_map_level, target)
@@ -356,7 +356,7 @@ class Relocalisation:
     def _correct(self, T_map_level: Pose, target: MapPoints) -> Pose | None:
         """``T_map_base`` corrected with the newest frame alone, because wheels slide while the robot looks around."""
         points = self._points(self.frames[-1])
-        if len(points) < SEARCHED:
+        if len(points) < SEARCHED_PATCHES:
             return None
         cloud, _ = target.prepared(points, self._config.registration.voxel)
         corrected = target.correct(cloud, T_map_level)

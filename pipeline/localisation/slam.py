@@ -22,14 +22,14 @@ from pipeline.localisation.frame_cloud import cloud_of_frame
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import Localisation, LocalisedFrame, LostError, SavedKeyframes, check_odometry
 from pipeline.localisation.loops import Candidate, LoopCloser, seen_through_fraction
-from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel, Prediction
+from pipeline.localisation.motion_model import POSE_SLICE, MeasuredMotion, MotionModel, Prediction
 from pipeline.localisation.motion_states import (
     gravity_prior,
     held_and_slipping_priors,
     log_likelihoods,
     register_alternatives,
 )
-from pipeline.localisation.places import RADIUS, SIGMAS, STEP, WIDEST, find_place
+from pipeline.localisation.places import MAX_RANGE, RADIUS, SIGMAS, STEP, find_place
 from pipeline.localisation.pose_graph import ConstraintKind, PoseGraph, pose_sigmas
 from pipeline.localisation.registration import (
     KeyframeEvidence,
@@ -59,15 +59,15 @@ REPEATED_DEVIATION = 0.03
 FOUND_DEVIATION = 0.1
 """Standard deviation of a pose predicted without odometry, m: where a carried robot was found, or after the odometry
 has jumped."""
-MIN_EXTENT = 1.0
+MIN_MAP_EXTENT = 1.0
 """Minimum size assumed for the map, m, when the robot may be anywhere in it."""
-STOPPED_WAY = 0.05
+STOPPED_DISTANCE = 0.05
 """Distance driven, m, after which a camera that still returns the same images is assumed to have stopped."""
 GROUND_SIGMA = 0.015
 """Standard deviation of the mapped ground's height under the robot, m, as measured on half ramps."""
 MAX_REGISTERED = 4000
 """Maximum number of recently seen points that are registered with old ones, drawn at random."""
-STOREY = 0.7
+MAX_HEIGHT_DIFFERENCE = 0.7
 """Maximum difference in height between the robot and an old keyframe with which it may close a loop, m."""
 VIEW_STRIDE = 8
 """Step between the pixels of a keyframe's depth image that are kept for finding surfaces through which the keyframe
@@ -184,7 +184,7 @@ class Slam(Localisation):
             LostError: the odometry or the camera's pose on the robot is not valid, or the camera has stopped.
         """
         check_odometry(frame)
-        self._pass_time(frame)
+        self._update_motion(frame)
         before, self._last = self._last, frame
         newest = self._find(frame, before)
         self.T_map_odom = newest.T_map_base @ inverse(frame.T_odom_base)
@@ -196,11 +196,11 @@ class Slam(Localisation):
             return False
         unseen = (1 - newest.registration.overlap) * newest.cloud.size()
         is_small = unseen < self._config.registration.min_points
-        return newest.registration.is_sure and is_small and self._repeated(newest.T_map_base) is not None
+        return newest.registration.is_sure and is_small and self._repeated_keyframe(newest.T_map_base) is not None
 
     def add(self, localised: LocalisedFrame) -> None:
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
-        newest, reference = self._arrive(localised), self._reference
+        newest, reference = self._accept(localised), self._reference
         frame, T_map_base, config = newest.frame, newest.T_map_base, self._config
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         self._views.append(reduced(frame))
@@ -227,20 +227,20 @@ class Slam(Localisation):
         # Keep the surfaces that no other keyframe saw, and measure the next motion from here.
         if newest.cloud is not None:
             self.local_map.add(number, T_map_base, newest.cloud, frame.T_base_camera[:3, 3], new)
-        self._refer(number, np.eye(4), frame)
+        self._set_reference(number, np.eye(4), frame)
         if self.closes_loops:
             self._find_loop(number, newest)
 
     def pass_by(self, localised: LocalisedFrame) -> None:
         """Measure further motions from the newest frame, which repeats a keyframe, without keeping the frame."""
-        newest = self._arrive(localised)
-        number = required(self._repeated(localised.T_map_base))
+        newest = self._accept(localised)
+        number = required(self._repeated_keyframe(localised.T_map_base))
         covariance = self.graph.covariance(number, self._reference.keyframe)
         if newest.registration is not None:
             covariance = covariance + newest.registration.covariance
-        self._refer(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame, covariance)
+        self._set_reference(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame, covariance)
 
-    def _arrive(self, newest: LocalisedFrame) -> RegisteredFrame:
+    def _accept(self, newest: LocalisedFrame) -> RegisteredFrame:
         """Accept the newest frame's pose as the start of the next motion."""
         if not isinstance(newest, RegisteredFrame) or newest.frame is not self._last:
             raise ValueError("only the newest frame, as returned by localise, can be a keyframe or be passed by")
@@ -253,18 +253,19 @@ class Slam(Localisation):
         return newest
 
     def _found_sigmas(self) -> Values:
+        """(6,) rad and m, standard deviations of a pose predicted without odometry."""
         return pose_sigmas(FOUND_DEVIATION, self._config.registration.typical_range)
 
-    def _refer(
+    def _set_reference(
         self, keyframe: int, T_keyframe_base: Pose, frame: Frame, covariance: Covariance | float = 0.0
     ) -> None:
         """Measure further motions from a frame, whose pose relative to a keyframe has this ``covariance``."""
         known = np.zeros((6, 6)) + covariance
         self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base, known)
         self._T_map_odom_anew, self._turned = None, 0.0
-        self._judge()
+        self._update_deviations()
 
-    def _repeated(self, T_map_base: Pose) -> int | None:
+    def _repeated_keyframe(self, T_map_base: Pose) -> int | None:
         """Index of the nearest keyframe within the spacing of keyframes; None if there is none or it is uncertain."""
         distance, turn = self._config.keyframes.spacing(T_map_base[2, 2])
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
@@ -281,7 +282,7 @@ class Slam(Localisation):
             self.graph.optimise()
         self.motion.learn(self.graph.odometry)
         self.T_map_odom = self.T_map_reference @ inverse(self._reference.T_odom_base)
-        self._renew()
+        self._update_local_map()
 
     def set_pose(self, T_map_base: Pose) -> None:
         """Continue from the pose at which a carried robot was found, whatever the odometry measured."""
@@ -290,7 +291,7 @@ class Slam(Localisation):
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
             self._reference = replace(self._reference, keyframe=nearest, T_keyframe_base=T_keyframe_base)
-            self._judge()
+            self._update_deviations()
         self.belief.restart()
 
     def points(self) -> Points:
@@ -315,9 +316,9 @@ class Slam(Localisation):
         self.motion.learn(keyframes.odometry)
         self.local_map.restore(keyframes.points, keyframes.normals, keyframes.owner)
         self._reference = _Reference(len(keyframes.poses) - 1, np.eye(4), 0.0, np.eye(4))
-        self._renew()
+        self._update_local_map()
 
-    def _pass_time(self, frame: Frame) -> None:
+    def _update_motion(self, frame: Frame) -> None:
         """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
         Between keyframes, the rotation may exceed half a turn, for example when the robot looks around.
@@ -332,7 +333,7 @@ class Slam(Localisation):
         moved = inverse(last.T_odom_base) @ frame.T_odom_base
         way = float(np.linalg.norm(moved[:3, 3]))
         is_same = np.array_equal(last.depth, frame.depth) and np.array_equal(last.rgb, frame.rgb)
-        if is_same and frame.returns.any() and way > STOPPED_WAY:
+        if is_same and frame.returns.any() and way > STOPPED_DISTANCE:
             raise LostError(f"the images at {frame.time:.2f} s equal the previous ones although the robot has moved")
         self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
         self.belief.predict(way, max(0.0, frame.time - last.time))
@@ -343,16 +344,17 @@ class Slam(Localisation):
         return bool(np.linalg.norm(moved) > config.jump + config.max_speed * max(0.0, frame.time - before.time))
 
     @property
-    def _local(self) -> Mask:
+    def _is_local(self) -> Mask:
         """Mask of the keyframes whose pose relative to the reference is certain enough for registration."""
         return self._deviations < self._config.slam.local_deviation
 
-    def _renew(self) -> None:
+    def _update_local_map(self) -> None:
+        """Move the surfaces with their keyframes after the keyframes' poses were corrected."""
         self.local_map.place(self.poses)
-        self._judge()
+        self._update_deviations()
 
-    def _judge(self) -> None:
-        """Update the uncertainty of each keyframe's pose relative to the reference."""
+    def _update_deviations(self) -> None:
+        """Compute the uncertainty of each keyframe's pose relative to the reference again."""
         self._deviations = self.graph.deviations(self._reference.keyframe)
 
     def _find(self, frame: Frame, before: Frame | None) -> RegisteredFrame:
@@ -386,7 +388,7 @@ class Slam(Localisation):
         if cloud is None:
             return predicted
         target_of = partial(self._target, cloud.points()[:, :3], first.T, frame, margin=config.widest)
-        target = target_of(self._local, half=REGISTERED_DEVIATION)
+        target = target_of(self._is_local, half=REGISTERED_DEVIATION)
         if is_uncertain := target is None:
             target = target_of(self._deviations < REGAINED_DEVIATION, half=self._config.slam.local_deviation)
         if target is None:
@@ -433,7 +435,9 @@ class Slam(Localisation):
         T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
         motion = MeasuredMotion(T, up, frame.time - start.time, self._turned)
         odometry = self.motion.predict(self.T_map_reference, motion)
-        return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE, POSE]))), odometry
+        return Prior(
+            odometry.T_map_base, np.asarray(np.linalg.inv(odometry.covariance[POSE_SLICE, POSE_SLICE]))
+        ), odometry
 
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
         """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""
@@ -442,7 +446,7 @@ class Slam(Localisation):
         likely[list(found)] = log_likelihoods(registrations, target, frame, config.registration)
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
-        reach = max(MIN_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
+        reach = max(MIN_MAP_EXTENT, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
         level = gravity_prior(motion.T, frame, config.odometry.gravity_sigma)
         anywhere = level.information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
         likely[MotionState.CARRIED] = -min(motion.surprise, occam_factor(anywhere, motion.information))
@@ -461,7 +465,7 @@ class Slam(Localisation):
 
         In a narrow place, the camera sees only walls, which do not determine the robot's height.
         """
-        heights, owners = self.local_map.ground_below(T_map_base, self._local)
+        heights, owners = self.local_map.ground_below(T_map_base, self._is_local)
         if not self.on_ground or len(heights) < MIN_GROUND_POINTS:
             return None
         lifted = T_map_base @ from_rotation(np.eye(3), np.array([0.0, 0.0, np.median(heights)]))
@@ -477,8 +481,8 @@ class Slam(Localisation):
         # Select the old keyframes that may have seen the robot's surroundings.
         off, far = poses[:, :3, 3] - T[:3, 3], RADIUS + frame.sensor.farthest
         is_near = np.hypot(off[:, 0], off[:, 1]) < far + SIGMAS * self._deviations
-        is_near &= np.abs(off[:, 2]) < STOREY + SIGMAS * self._deviations
-        old = is_near & ~self._local
+        is_near &= np.abs(off[:, 2]) < MAX_HEIGHT_DIFFERENCE + SIGMAS * self._deviations
+        old = is_near & ~self._is_local
         if not old.any():
             return
         # Compare all recently seen surfaces with the surfaces of these keyframes, at every pose that the robot may
@@ -486,9 +490,9 @@ class Slam(Localisation):
         errors = self.graph.relative_samples(number, np.flatnonzero(old))
         x, y, _ = np.sqrt(np.square(T[:3, :3] @ errors[:, 3:]).mean(axis=2)).max(axis=0)
         sigmas = np.array([x, y, np.sqrt(np.square(errors[:, 2]).mean(axis=1)).max()])
-        reach = RADIUS + min(SIGMAS * float(max(x, y)), WIDEST)
+        reach = RADIUS + min(SIGMAS * float(max(x, y)), MAX_RANGE)
         here = T[:3, 3]
-        recent, _ = self.local_map.surfaces(here, RADIUS, self._local)
+        recent, _ = self.local_map.surfaces(here, RADIUS, self._is_local)
         before, owner = self.local_map.surfaces(here, reach, old)
         place = find_place(recent, before, T, sigmas)
         if place is None or place.fit < loops.min_fit or place.rival > loops.rival * place.fit:

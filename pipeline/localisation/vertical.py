@@ -19,7 +19,7 @@ FIRST_ANGLE, LAST_ANGLE = radians(45), radians(15)
 rounds (values as published)."""
 ROUNDS = 5
 """Number of rounds with each angle."""
-MIN_SURFACES = 0.05
+MIN_SURFACE_FRACTION = 0.05
 """Minimum fraction of the surfaces that must distinguish the vertical from other directions."""
 
 STRIDE = 6
@@ -29,16 +29,16 @@ MIN_POINTS = 100
 TRIALS = 400
 """Number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one sample lies on it
 with a probability of 96%."""
-ON_FLOOR = 3.0
+FLOOR_SIGMAS = 3.0
 """Maximum distance of a point on the floor from the floor's plane, in standard deviations of the point's depth."""
-STEEPEST = radians(60)
+MAX_FLOOR_ANGLE = radians(60)
 """Maximum angle between the floor's normal and the image's upward direction, rad."""
-MIN_FLOOR = 0.05
+MIN_FLOOR_FRACTION = 0.05
 """Minimum fraction of the returns that lie on the floor."""
-MAX_BELOW = 0.02
+MAX_FRACTION_BELOW = 0.02
 """Maximum fraction of the returns that lie below the floor; more lie below a table, because the floor is below it."""
-BELOW = 3.0
-"""A point lies below the floor if it is lower by this many times the tolerance of ``ON_FLOOR``."""
+BELOW_TOLERANCES = 3.0
+"""A point lies below the floor if it is lower by this many times the tolerance of ``FLOOR_SIGMAS``."""
 
 
 def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) -> Direction | None:
@@ -56,7 +56,7 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
         along = np.abs(normals @ up)
         horizontal, upright = normals[along > np.cos(angle)], normals[along < np.sin(angle)]
         values, directions = np.linalg.eigh(upright.T @ upright - horizontal.T @ horizontal)
-        if values[1] - values[0] < MIN_SURFACES * len(normals):
+        if values[1] - values[0] < MIN_SURFACE_FRACTION * len(normals):
             return None
         up = directions[:, 0] * np.sign(directions[:, 0] @ up)
     return up
@@ -76,15 +76,15 @@ def T_floor_camera(frame: Frame) -> Pose:
     if len(points) < MIN_POINTS:
         needed = f"at least {MIN_POINTS} to find the floor"
         raise InputError(f"the frame at {frame.time:.2f} s has only {len(points)} depths; it needs {needed}")
-    tolerance = ON_FLOOR * frame.sensor.sigma(points[:, 2])
+    tolerance = FLOOR_SIGMAS * frame.sensor.sigma(points[:, 2])
 
     def may_be_floor(planes: Planes, heights: NDArray[np.floating]) -> Mask:
-        is_level = -planes[:, 1] > np.cos(STEEPEST)
-        return is_level & (np.mean(heights < -BELOW * tolerance[:, None], axis=0) < MAX_BELOW)
+        is_level = -planes[:, 1] > np.cos(MAX_FLOOR_ANGLE)
+        return is_level & (np.mean(heights < -BELOW_TOLERANCES * tolerance[:, None], axis=0) < MAX_FRACTION_BELOW)
 
     triples = np.random.default_rng(0).integers(0, len(points), (TRIALS, 3))
     found = ransac_plane(points, triples, tolerance, may_be_floor)
-    if found is None or np.count_nonzero(found[1]) <= MIN_FLOOR * len(points):
+    if found is None or np.count_nonzero(found[1]) <= MIN_FLOOR_FRACTION * len(points):
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to determine the vertical from")
     on_floor = points[found[1]]
     middle = on_floor.mean(axis=0)
@@ -96,7 +96,7 @@ def T_floor_camera(frame: Frame) -> Pose:
 def T_lowest_camera(frame: Frame, up: Direction) -> Pose:
     """Pose of the camera above the lowest surface that it sees; ``up``: the vertical in ``camera_optical``."""
     heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
-    return T_level_camera(up, float(np.quantile(heights, MAX_BELOW)))
+    return T_level_camera(up, float(np.quantile(heights, MAX_FRACTION_BELOW)))
 
 
 def T_level_camera(up: Direction, floor: float) -> Pose:

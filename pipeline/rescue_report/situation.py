@@ -138,7 +138,7 @@ def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     slam = mapper.localisation
     deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
-    return Trust(1 - whole.share, float(deviations.max()), config)
+    return Trust(1 - whole.explained_fraction, float(deviations.max()), config)
 
 
 @dataclass(frozen=True, eq=False)

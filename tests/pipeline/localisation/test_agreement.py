@@ -43,7 +43,7 @@ def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> Non
 
 def test_what_the_map_does_not_know_counts_neither_way() -> None:
     found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap())
-    assert (found.known, found.share, odds(found)) == (0, 1.0, 0.0)
+    assert (found.known, found.explained_fraction, odds(found)) == (0, 1.0, 0.0)
     assert found.seen > 100
 
 

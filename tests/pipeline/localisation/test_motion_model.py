@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.config import OdometryConfig
 from pipeline.localisation.localisation import OdometryErrors
-from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel
+from pipeline.localisation.motion_model import POSE_SLICE, MeasuredMotion, MotionModel
 from pipeline.localisation.registration import logarithm
 from pipeline.transforms import from_rotation, from_yaw, inverse, yaw_of
 
@@ -79,7 +79,9 @@ def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
     assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(0.005 * 20 * np.pi / 12, rel=0.1)
     model.update(prediction, EXACT)
     after = model.predict(T, motion)
-    np.testing.assert_allclose(after.covariance[POSE, POSE], after.motion_covariance, rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(
+        after.covariance[POSE_SLICE, POSE_SLICE], after.motion_covariance, rtol=1e-3, atol=1e-9
+    )
 
 
 def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:

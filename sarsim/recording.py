@@ -76,7 +76,7 @@ class EpisodeRecorder(Recorder):
         super().log_trajectory(localisation)
         if self._can_err:
             way = [*self._true_track.positions, self._T_world_base[:3, 3]]
-            self.stream.log("world/trajectory/true", drawings.trajectory(way, drawings.TRUE_TRACK_COLOUR))
+            self.stream.log("world/trajectory/true", drawings.trajectory(way, drawings.TRUE_TRAJECTORY_COLOUR))
             self._log_error()
 
     @property

@@ -28,14 +28,14 @@ EDGE_COLOUR = ImageColor.getrgb("dodgerblue")  # visible on the viewer's dark ba
 PLAN_COLOUR = ImageColor.getrgb("cyan")
 FRONTIER_COLOUR = ImageColor.getrgb("magenta")
 TRAJECTORY_COLOUR = ImageColor.getrgb("white")
-TRUE_TRACK_COLOUR = ImageColor.getrgb("violet")
+TRUE_TRAJECTORY_COLOUR = ImageColor.getrgb("violet")
 KEYFRAME_COLOUR = ImageColor.getrgb("orange")
 LOOP_COLOUR = ImageColor.getrgb("red")
 FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
-CAPTION = 0.1  # Height of a photo's caption, including its margins, as a fraction of the photo's side
-MARK = 0.08  # Radius of marks, m
-LINE = 0.012  # Half the width of lines that must be visible from afar, m
+CAPTION_FRACTION = 0.1  # Height of a photo's caption, including its margins, as a fraction of the photo's side
+MARK_RADIUS = 0.08  # Radius of marks, m
+LINE_RADIUS = 0.012  # Half the width of lines that must be visible from afar, m
 ABOVE_GROUND = np.array([0, 0, 0.08])
 """Offset by which drawings on the ground are raised so that points and voxels do not hide them, m."""
 
@@ -146,14 +146,14 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
         class_ids=[int(node.label) for node in topology.nodes.values()],
         labels=[str(n) for n in topology.nodes],
         show_labels=False,
-        radii=MARK,
+        radii=MARK_RADIUS,
     )
 
 
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     """The edges of the topological map, along which paths are planned."""
     ways = [topology.edge_path(a, b) for a, b in topology.graph.edges]
-    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=LINE)
+    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=LINE_RADIUS)
 
 
 def path(step: Step) -> rr.LineStrips3D:
@@ -168,12 +168,12 @@ def path(step: Step) -> rr.LineStrips3D:
         yaw = step.viewpoint.heading
         heading = np.array([np.cos(yaw), np.sin(yaw), 0]) / 3
         strips.append(step.plan.waypoints[-1] + np.array([np.zeros(3), heading]))
-    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=2 * LINE)
+    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=2 * LINE_RADIUS)
 
 
 def frontier_points(frontiers: Places) -> rr.Points3D:
     """The centres of the frontiers."""
-    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=MARK)
+    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=MARK_RADIUS)
 
 
 def keyframes(poses: Poses) -> rr.Arrows3D:
@@ -221,7 +221,7 @@ def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedIma
 
 def _photo(text: str, photo: Rgb, colour: Colour, side: int) -> Rgb:
     """A photo, scaled to fit above its caption."""
-    caption = round(CAPTION * side)
+    caption = round(CAPTION_FRACTION * side)
     fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (side, side - caption)))
     cell = np.vstack([fitted, np.zeros((caption, side, 3), np.uint8)])
     write(cell, (caption // 4, side - caption // 4), text, 0.8 * caption, colour)

@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 from PIL import ImageColor
 
-from pipeline.rerun.drawings import MARK, sheet
+from pipeline.rerun.drawings import MARK_RADIUS, sheet
 from pipeline.tracks.find import Find, Reading, plain_text
 
 FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
@@ -19,7 +19,7 @@ def marks(finds: Sequence[Find]) -> rr.Points3D:
         np.array([find.position for find in shown]).reshape(-1, 3),
         labels=[_name(find) for find in shown],
         colors=FIND_COLOUR,
-        radii=MARK,
+        radii=MARK_RADIUS,
         show_labels=True,
     )
 

@@ -19,7 +19,7 @@ MEANINGS = {
     "edge of the topological map": drawings.EDGE_COLOUR,
     "keyframe (arrow: heading)": drawings.KEYFRAME_COLOUR,
     "estimated path": drawings.TRAJECTORY_COLOUR,
-    "true path": drawings.TRUE_TRACK_COLOUR,
+    "true path": drawings.TRUE_TRAJECTORY_COLOUR,
     "loop closure": drawings.LOOP_COLOUR,
     "person, path to the person": CONFIRMED,
     "unconfirmed sighting": UNCONFIRMED,

@@ -26,9 +26,9 @@ from pipeline.transforms import roll_pitch_of
 from pipeline.victims.victim_map import Victims
 
 APPLICATION = "sarsim"  # Rerun keeps one layout for each application
-GROWTH = 0.05
+MIN_RELATIVE_CHANGE = 0.05
 """Relative change in size above which a cloud is logged again; all clouds are logged at the end."""
-PHOTO = 240
+PHOTO_SIDE = 240
 """Side of the photo of a person or find, caption included, pixels."""
 Level = Literal["INFO", "WARN", "ERROR"]
 
@@ -67,10 +67,10 @@ class Recorder(Sink):
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = CorrectedTrajectory(config.point_spacing)
+        self._trajectory = CorrectedTrajectory(config.point_spacing)
         self._T_odom_base = np.eye(4)
-        self._times_run: dict[str, int] = {}
-        self._moved: tuple[float, float] | None = None
+        self._logged_runs: dict[str, int] = {}
+        self._last_logged: tuple[float, float] | None = None  # Time, s, and distance driven, m
         self._logged_size: dict[str, int] = {}
         self._shifts = np.zeros(0)  # Maximum distance that each keyframe's view has moved since it was drawn, m
         self._mapper: Mapper | None = None
@@ -113,23 +113,23 @@ class Recorder(Sink):
             T_odom_base: pose from the odometry, which is transformed to ``map`` by the newest keyframe's correction.
         """
         self._move(T_odom_base)
-        if self._moved is not None:
+        if self._last_logged is not None:
             # Times are sums of many control periods, so rounding errors are removed by rounding to the millisecond.
-            passed = time - self._moved[0]
+            passed = time - self._last_logged[0]
             if passed <= 0 or round(passed, 3) < self._config.motion_period:
                 return False
         self._set_time(time, on_a_step=False)
         self._log_robot_pose()
         if self._mapper is not None:
             self._log_keyframes(self._mapper.localisation)
-        if self._moved is not None:
-            before, distance = self._moved
-            self._log_metrics(speed_m_s=(self._track.distance - distance) / (time - before))
-        self._moved = (time, self._track.distance)
+        if self._last_logged is not None:
+            before, distance = self._last_logged
+            self._log_metrics(speed_m_s=(self._trajectory.distance - distance) / (time - before))
+        self._last_logged = (time, self._trajectory.distance)
         return True
 
     def on_correction(self, moves: Moves) -> None:
-        """Log a correction of keyframes; if a keyframe moved visibly, all clouds are logged with the next step."""
+        """Log a correction of keyframes; if a keyframe has moved visibly, the next step logs all clouds again."""
         self._logged_size.pop("keyframes", None)
         ways, turns = moves.distances, moves.turns
         shifts = np.maximum(ways, turns * moves.reach)
@@ -196,18 +196,18 @@ class Recorder(Sink):
 
     def log_trajectory(self, localisation: Localisation) -> None:
         """Log the current estimate of the trajectory driven so far."""
-        way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
+        way = [*self._trajectory.positions(localisation.poses), self.T_map_base[:3, 3]]
         self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
 
     def _move(self, T_odom_base: Pose) -> None:
         self._T_odom_base = T_odom_base
-        self._track.add(T_odom_base, self._mapper.localisation if self._mapper else None)
+        self._trajectory.add(T_odom_base, self._mapper.localisation if self._mapper else None)
 
     def _log_robot_pose(self) -> None:
         T_map_base = self.T_map_base
         self.stream.log("world/robot", drawings.transform(T_map_base))
         roll, pitch = np.rad2deg(roll_pitch_of(T_map_base))
-        self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._track.distance)
+        self._log_metrics(roll_deg=roll, pitch_deg=pitch, distance_m=self._trajectory.distance)
 
     def _log_camera(self, keyframe: Keyframe) -> None:
         frame, camera = keyframe.frame, "world/robot/camera"
@@ -241,14 +241,14 @@ class Recorder(Sink):
         log = self.stream.log
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.confidence_ellipsoids(victims))
-        log("world/victims/photos", victim_drawings.photo_sheet(victims, PHOTO))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims, PHOTO_SIDE))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_finds(self, finds: Finds) -> None:
         confirmed = finds.reported
         self.stream.log("world/finds", find_drawings.marks(confirmed))
-        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, PHOTO))
+        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, PHOTO_SIDE))
         self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
 
     def _log_clouds(self, mapper: Mapper) -> None:
@@ -257,9 +257,9 @@ class Recorder(Sink):
         occupied, free = metric_map.counts
         if self._has_changed("occupied", occupied, 0.0):
             self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map))
-        if self._has_changed("free", free, GROWTH):
+        if self._has_changed("free", free, MIN_RELATIVE_CHANGE):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map))
-        if self._has_changed("semantic", len(semantic_map), GROWTH):
+        if self._has_changed("semantic", len(semantic_map), MIN_RELATIVE_CHANGE):
             self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.point_spacing))
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
@@ -281,9 +281,9 @@ class Recorder(Sink):
         nodes = len(mapper.topological_map.nodes)
         self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes)
         for stage, seconds in stopwatch.seconds.items():
-            if len(seconds) > self._times_run.get(stage, 0):
+            if len(seconds) > self._logged_runs.get(stage, 0):
                 self._log_metrics("time_ms/", **{stage: 1e3 * seconds[-1]})
-            self._times_run[stage] = len(seconds)
+            self._logged_runs[stage] = len(seconds)
 
     def _log_metrics(self, group: str = "", /, **values: float) -> None:
         for name, value in values.items():

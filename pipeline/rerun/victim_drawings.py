@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places
 from pipeline.labels import PERSON_COLOUR
-from pipeline.rerun.drawings import ABOVE_GROUND, LINE, Colour, sheet
+from pipeline.rerun.drawings import ABOVE_GROUND, LINE_RADIUS, Colour, sheet
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.victims.detection import Detection
@@ -17,7 +17,7 @@ from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))
-ROOM = 0.15  # Margin of the box drawn around a person, m, so that the box is visible from afar
+BOX_MARGIN = 0.15  # Margin of the box drawn around a person, m, so that the box is visible from afar
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
@@ -34,15 +34,15 @@ def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Bo
 
 
 def boxes(victims: Tracks) -> rr.Boxes3D:
-    """A box around each victim's points, with a margin of ``ROOM`` on every side."""
+    """A box around each victim's points, with a margin of ``BOX_MARGIN`` on every side."""
     everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
     return rr.Boxes3D(
-        mins=corners[:, 0] - ROOM,
-        sizes=corners[:, 1] - corners[:, 0] + 2 * ROOM,
+        mins=corners[:, 0] - BOX_MARGIN,
+        sizes=corners[:, 1] - corners[:, 0] + 2 * BOX_MARGIN,
         labels=[f"{_name(id)}, {victim.confidence:.0%}" for id, victim in everyone],
         colors=[_colour(id) for id, _ in everyone],
-        radii=2 * LINE,
+        radii=2 * LINE_RADIUS,
         fill_mode="transparentfillmajorwireframe",
         show_labels=True,
     )
@@ -65,7 +65,7 @@ def confidence_ellipsoids(victims: Tracks) -> rr.Ellipsoids3D:
 
 def paths(strips: Sequence[Places]) -> rr.LineStrips3D:
     """Paths from the entrance to the victims."""
-    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED, radii=LINE)
+    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED, radii=LINE_RADIUS)
 
 
 def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:

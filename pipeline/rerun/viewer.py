@@ -26,11 +26,11 @@ from pipeline.processes import end_with_parent
 ViewerKind = Literal["spawn", "web"]  # A separate window, or a page for a browser
 
 HOST = "127.0.0.1"  # By default, Rerun listens on every interface of the machine
-LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
+CONTENT_SECURITY_POLICY = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
 """Content security policy: the page may load only from its own server."""
-HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
+DROPPED_HEADERS = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that the proxy does not forward."""
-PATIENCE = 30.0
+START_TIMEOUT = 30.0
 """Maximum time until a viewer accepts connections, s."""
 
 
@@ -38,7 +38,7 @@ class Viewer:
     """A running viewer; when this process ends, a window stays open, but a page is no longer served.
 
     Attributes:
-        page: address of a ``web`` viewer; None for a window.
+        page_url: address of a ``web`` viewer; None for a window.
     """
 
     def __init__(self, kind: ViewerKind, *recordings: Path):
@@ -55,17 +55,17 @@ class Viewer:
             raise InputError("the viewer's window needs a display; set DISPLAY or WAYLAND_DISPLAY, or use --view web")
         self._port = _free_port()
         self._address = f"rerun+http://{HOST}:{self._port}/proxy"
-        self.page: str | None = None
-        self._local: LocalPage | None = None
+        self.page_url: str | None = None
+        self._proxy: PageProxy | None = None
         self._process = self._start(kind, recordings)
         self._await_port()
-        if self.page:
-            print(f"Open in a browser: {self.page}", flush=True)
+        if self.page_url:
+            print(f"Open in a browser: {self.page_url}", flush=True)
 
     @property
     def was_opened(self) -> bool:
         """Whether somebody has opened the page."""
-        return self._local is not None and self._local.was_opened
+        return self._proxy is not None and self._proxy.was_opened
 
     @property
     def sink(self) -> rr.GrpcSink:
@@ -83,16 +83,16 @@ class Viewer:
         """End the viewer."""
         self._process.terminate()
         self._process.wait()
-        if self._local:
-            self._local.shutdown()
-            self._local.server_close()
+        if self._proxy:
+            self._proxy.shutdown()
+            self._proxy.server_close()
 
     def _start(self, kind: ViewerKind, recordings: tuple[Path, ...]) -> Popen[bytes]:
         flags = ["--bind", HOST, "--port", str(self._port)]
         if kind == "web":
             rerun_port = _free_port()
-            self._local = LocalPage(f"http://{HOST}:{rerun_port}", f"http://{HOST}:{self._port}")
-            self.page = f"http://{HOST}:{self._local.server_port}?theme=dark&url={quote(self._address, safe='')}"
+            self._proxy = PageProxy(f"http://{HOST}:{rerun_port}", f"http://{HOST}:{self._port}")
+            self.page_url = f"http://{HOST}:{self._proxy.server_port}?theme=dark&url={quote(self._address, safe='')}"
             flags += ["--serve-web", "--web-viewer-port", str(rerun_port)]
         else:
             flags += ["--hide-welcome-screen"]
@@ -102,31 +102,35 @@ class Viewer:
         return process
 
     def _await_port(self) -> None:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + START_TIMEOUT
         while time.monotonic() < deadline and self._process.poll() is None:
             try:
                 socket.create_connection((HOST, self._port), timeout=1).close()
-                if self._local:
-                    urlopen(self._local.rerun, timeout=1).close()
+                if self._proxy:
+                    urlopen(self._proxy.rerun, timeout=1).close()
                 return
             except OSError:
                 time.sleep(0.05)
         status = self._process.poll()
         self.close()
         what = (
-            f"did not respond within {PATIENCE:g} s" if status is None else f"failed to start: exit status {status}"
+            f"did not respond within {START_TIMEOUT:g} s"
+            if status is None
+            else f"failed to start: exit status {status}"
         )
         raise InputError(f"the Rerun viewer {what}")
 
 
-class LocalPage(ThreadingHTTPServer):
+class PageProxy(ThreadingHTTPServer):
     """A proxy for Rerun's page, with a policy that allows requests only to this machine.
 
     Without the policy, the page sends telemetry, requests fonts and examples, and checks for updates (Rerun 0.41).
     The proxy ends with this process.
 
     Attributes:
+        rerun: address of Rerun's own page.
         was_opened: whether the server has received a request.
+        policy: content security policy that is sent with the page.
     """
 
     daemon_threads = True
@@ -134,13 +138,13 @@ class LocalPage(ThreadingHTTPServer):
     def __init__(self, rerun: str, recording: str) -> None:
         """Serve Rerun's page from the address ``rerun``; the page may also read from the address ``recording``."""
         self.rerun, self.was_opened = rerun, False
-        self.policy = f"{LOCAL}; connect-src 'self' data: blob: {recording}"
-        super().__init__((HOST, 0), _Passing)
+        self.policy = f"{CONTENT_SECURITY_POLICY}; connect-src 'self' data: blob: {recording}"
+        super().__init__((HOST, 0), _ForwardingHandler)
         Thread(target=self.serve_forever, daemon=True).start()
 
 
-class _Passing(BaseHTTPRequestHandler):
-    server: LocalPage
+class _ForwardingHandler(BaseHTTPRequestHandler):
+    server: PageProxy
 
     def do_GET(self) -> None:
         """Forward Rerun's response, but with this server's content security policy."""
@@ -155,7 +159,7 @@ class _Passing(BaseHTTPRequestHandler):
             status, headers, content = HTTPStatus.BAD_GATEWAY, Message(), b"the viewer is no longer running"
         self.send_response(status)
         for name, value in headers.items():
-            if name.lower() not in HOP_BY_HOP:
+            if name.lower() not in DROPPED_HEADERS:
                 self.send_header(name, value)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Content-Security-Policy", self.server.policy)

@@ -13,9 +13,9 @@ from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.config import RescueReportConfig
 
-EDGE = 5
+EDGE_WINDOW = 5
 """Side of the window in which the ground in front of an edge is sought, cells; edges are at most half as wide."""
-FROM_WALL = 0.15
+MIN_WALL_DISTANCE = 0.15
 """Distance from walls and steps below which no ground is expected, m."""
 
 
@@ -125,7 +125,7 @@ def _drops(traversability: Traversability, reachable: MaskLayer, min_drop: float
     # and the ground below it are in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
-    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), EDGE)
+    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), EDGE_WINDOW)
     is_edge = traversability.hazard & (np.abs(elevation - highest) < min_drop)
     is_edge &= grid.distance_to(reachable) <= robot.length
     # No wheel reaches the bottom of a gap that the robot can roll over, so a greyscale closing that ignores NaN fills
@@ -173,27 +173,28 @@ class Unseen:
 
     Attributes:
         places: places of unseen ground large enough for a person, the largest first.
-        rest: total area of the smaller unseen patches, m².
-        seen: area of the ground that was seen, m². If any ground is reachable, only the ground connected to reachable
-            ground is included.
-        is_reachable: whether the robot can reach any ground; if not, :attr:`seen` includes all ground that was seen.
+        small_patch_area: total area of the smaller unseen patches, m².
+        seen_area: area of the ground that was seen, m². If any ground is reachable, only the ground connected to
+            reachable ground is included.
+        is_reachable: whether the robot can reach any ground; if not, :attr:`seen_area` includes all ground that was
+            seen.
     """
 
     places: list[ReportedPlace]
-    rest: float
-    seen: float
+    small_patch_area: float
+    seen_area: float
     is_reachable: bool
 
     @property
     def area(self) -> float:
         """Area of the unseen ground, m²."""
-        return self.rest + sum(place.area for place in self.places)
+        return self.small_patch_area + sum(place.area for place in self.places)
 
     @property
-    def share(self) -> float | None:
+    def seen_fraction(self) -> float | None:
         """Ratio of the seen area to the total of the seen and unseen areas; None if no ground is reachable."""
-        whole = self.seen + self.area
-        return self.seen / whole if self.is_reachable and whole else None
+        whole = self.seen_area + self.area
+        return self.seen_area / whole if self.is_reachable and whole else None
 
 
 def find_unseen(
@@ -211,7 +212,7 @@ def find_unseen(
     grid = traversability.grid
     unknown = np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
-    is_clear = traversability.to_hazard >= FROM_WALL
+    is_clear = traversability.to_hazard >= MIN_WALL_DISTANCE
     # A partly seen wall has gaps; ground is expected to extend only through wide gaps.
     steps = round(config.expected_extent / grid.cell)
     # With 0 iterations, SciPy dilates until nothing changes.
@@ -222,7 +223,7 @@ def find_unseen(
     joins = grid.distance_to(reachable) <= traversability.robot.length if is_reachable else np.True_
     return Unseen(
         places=[place for place in found if place.area >= config.person_area],
-        rest=sum(place.area for place in found if place.area < config.person_area),
-        seen=float(np.count_nonzero(joins & ~unknown & ~traversability.hazard)) * grid.cell**2,
+        small_patch_area=sum(place.area for place in found if place.area < config.person_area),
+        seen_area=float(np.count_nonzero(joins & ~unknown & ~traversability.hazard)) * grid.cell**2,
         is_reachable=is_reachable,
     )

@@ -14,19 +14,19 @@ from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.situation import Situation
 from pipeline.rescue_report.words import FILTERS
 
-LINES = 6
+MIN_LINES = 6
 """Minimum number of lines at round coordinates along the longer side."""
-EXTENT = 1000.0
+MAX_EXTENT = 1000.0
 """Maximum width and height of the drawing, units; exceeded if a metre would otherwise be narrower than a symbol."""
-SYMBOL = 30.0
+SYMBOL_WIDTH = 30.0
 """Width of symbols, units."""
-ARROWS = 45.0
+MIN_ARROW_SPACING = 45.0
 """Minimum distance between the arrows that point up a slope, units."""
 BORDER = 0.4
 """Margin around the mapped cells, m."""
-BAR = 0.25
+MAX_BAR_FRACTION = 0.25
 """Maximum length of the scale bar, as a fraction of the width."""
-UNNAMED = ImageColor.getrgb("linen")
+UNLABELLED_COLOUR = ImageColor.getrgb("linen")
 """RGB colour of ground whose class is not known."""
 
 
@@ -50,7 +50,7 @@ class Paper:
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
         self.low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
-        self.scale = float(max(EXTENT / max(width, height), SYMBOL))
+        self.scale = float(max(MAX_EXTENT / max(width, height), SYMBOL_WIDTH))
         self.width, self.height = float(width * self.scale), float(height * self.scale)
         self.cell = grid.cell * self.scale
 
@@ -65,7 +65,7 @@ def draw_map(situation: Situation) -> str:
     grid = situation.traversability.grid
     paper = Paper(grid, ~np.isnan(situation.traversability.elevation))
     size = np.array([paper.width, paper.height]) / paper.scale
-    apart = _round_length(float(size.max()) / LINES)
+    apart = _round_length(float(size.max()) / MIN_LINES)
     return render(
         "pipeline.rescue_report",
         "map.svg",
@@ -80,11 +80,11 @@ def draw_map(situation: Situation) -> str:
         digits=0 if apart >= 1 else 1,
         drops=paper(grid.centre_of(np.argwhere(situation.hazards.drop > 0))) - paper.cell / 2,
         arrows=_arrows(paper, situation),
-        bar=_round_length(BAR * paper.width / paper.scale),
+        bar=_round_length(MAX_BAR_FRACTION * paper.width / paper.scale),
     )
 
 
-def pale(label: Label) -> str:
+def pale_colour(label: Label) -> str:
     """The colour of a class in the drawing, as #rrggbb."""
     return "#" + bytes(_palette()[label].tolist()).hex()
 
@@ -92,7 +92,7 @@ def pale(label: Label) -> str:
 def _palette() -> NDArray[np.uint8]:
     """(N, 3) colours of the N classes, mixed with a third of white so that symbols drawn on them stand out."""
     palette = COLOURS - COLOURS // 3 + np.iinfo(np.uint8).max // 3
-    palette[Label.UNLABELLED] = UNNAMED
+    palette[Label.UNLABELLED] = UNLABELLED_COLOUR
     return palette
 
 
@@ -126,7 +126,7 @@ def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]
     hazards = situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
-    apart = ARROWS / paper.cell
+    apart = MIN_ARROW_SPACING / paper.cell
     for place in hazards.slopes[: situation.config.max_listed]:  # kept free for the place's number
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):

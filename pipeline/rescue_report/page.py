@@ -10,16 +10,16 @@ import numpy as np
 from pipeline.html_page import render
 from pipeline.labels import PERSON_COLOUR, PLAIN_NAMES, Label
 from pipeline.rescue_report.figures import figures
-from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale
+from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale_colour
 from pipeline.rescue_report.records import people_data
 from pipeline.rescue_report.scores import league_scores
 from pipeline.rescue_report.situation import Situation
 from pipeline.rescue_report.words import FILTERS
 from pipeline.tracks.find import plain_text
 
-RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
+RUN_KEYS = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json that describe the run and its duration; all others except settings are shown as scores."""
-SETTINGS = "config"
+SETTINGS_KEY = "config"
 
 
 def page(situation: Situation, report: Mapping[str, Any], written: datetime | None = None) -> str:
@@ -41,14 +41,14 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         report=report,
         title=arena.stem if arena.suffix.lower() in (".raf", ".xml") else report["arena"],
         map=draw_map(situation),
-        classes={PLAIN_NAMES[k]: pale(k) for k in map(Label, drawn[drawn >= 0])},
+        classes={PLAIN_NAMES[k]: pale_colour(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
         person_colour=PERSON_COLOUR,
         written=written,
         missions=league_scores(report),
-        run=_tables({key: report[key] for key in RUN if key in report}, "run"),
-        scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
-        settings=_tables(report.get(SETTINGS, {}), "command"),
+        run=_tables({key: report[key] for key in RUN_KEYS if key in report}, "run"),
+        scores=_tables({key: report[key] for key in report if key not in (*RUN_KEYS, SETTINGS_KEY)}, ""),
+        settings=_tables(report.get(SETTINGS_KEY, {}), "command"),
     )
 
 

@@ -23,11 +23,11 @@ COLUMNS = (
 
 def people_data(situation: Situation) -> Row:
     """The content of victims.json: lengths in m, angles in rad, times in s, positions in ``map``."""
-    people = [_person(person, person in situation.people) for person in situation.everyone]
-    return {"version": 1, "frame": "map", "searched": situation.searched, "people": people}
+    people = [_person_row(person, person in situation.people) for person in situation.everyone]
+    return {"version": 1, "frame": "map", "searched": situation.was_searched, "people": people}
 
 
-def _person(person: Person, confirmed: bool) -> Row:
+def _person_row(person: Person, confirmed: bool) -> Row:
     victim = person.victim
     size = person.body_size
     return {
@@ -49,11 +49,11 @@ def _person(person: Person, confirmed: bool) -> Row:
 def _route_row(route: Route) -> Row:
     return {
         "arrives": route.arrives,
-        "in_sight": route.in_sight,
+        "in_sight": route.is_in_sight,
         "gap": _plain(route.distance_to_person),
         "length": _plain(route.length),
         "steepest": _plain(route.steepest),
-        "points": _plain(route.way),
+        "points": _plain(route.waypoints),
         "drops": [{"position": _plain(drop.position), "depth": _plain(drop.value)} for drop in route.drops],
     }
 

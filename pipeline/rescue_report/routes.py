@@ -21,11 +21,11 @@ from pipeline.rescue_report.ground import Hazards, ReportedPlace, places
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
 
-VIEWS = 400
+MAX_CHECKED_VIEWS = 400
 """Maximum number of cells whose view of a person is checked; cells far from the person are checked more sparsely."""
-BEND = radians(20)
+MIN_BEND = radians(20)
 """Change of direction above which a new straight part of a path begins, rad."""
-SHORTEST = 0.2
+MIN_LEG_LENGTH = 0.2
 """Length below which a straight part of a path is described together with the next one, m."""
 
 
@@ -51,21 +51,21 @@ class Route:
     """A path to a reachable position close to a person, in sight of the person if possible.
 
     Attributes:
-        way: bends of the path, start and end included.
+        waypoints: (N, 3) m, bends of the path, start and end included.
         trace: the same path with points on the ground between the bends, at most a cell apart.
         drops: drops next to the path, the deepest first, with their depth, m.
         distance_to_person: horizontal distance from the end of the path to the nearest of the person's points, m.
-        in_sight: whether the robot's map shows no obstacle between the end of the path and the person.
+        is_in_sight: whether the robot's map shows no obstacle between the end of the path and the person.
         arrives: whether the path ends next to the person.
         legs: straight parts of the path, for directions.
         heading: heading at the end of the last leg, rad.
     """
 
-    way: Places
+    waypoints: Places
     trace: Places
     drops: list[ReportedPlace]
     distance_to_person: float
-    in_sight: bool
+    is_in_sight: bool
     arrives: bool
     legs: list[RouteLeg]
     heading: float
@@ -73,7 +73,7 @@ class Route:
     @property
     def end(self) -> Place:
         """x and y of the end of the path."""
-        return self.way[-1, :2]
+        return self.waypoints[-1, :2]
 
     @property
     def length(self) -> float:
@@ -127,21 +127,21 @@ class Router:
         order = np.lexsort((self.paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
         # The path ends at the first checked cell in sight of the person, or else at the first of all cells.
         person = KDTree(points)
-        checked = order[np.unique(np.geomspace(1, len(order), VIEWS).astype(int)) - 1]
+        checked = order[np.unique(np.geomspace(1, len(order), MAX_CHECKED_VIEWS).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
         end = order[0] if seeing is None else seeing
         plan = required(plan_path(self.topology, self.paths, centres[end]))
-        way = np.vstack([self._traversability.on_ground(required(self.paths.start)[None]), plan.waypoints])
-        ends = pairwise(way[:, :2])
+        waypoints = np.vstack([self._traversability.on_ground(required(self.paths.start)[None]), plan.waypoints])
+        ends = pairwise(waypoints[:, :2])
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / grid.cell))) for a, b in ends]
         trace = self._traversability.on_ground(np.vstack(parts))
-        legs, heading = self._directions(way)
+        legs, heading = self._directions(waypoints)
         return Route(
-            way=way,
+            waypoints=waypoints,
             trace=trace,
             drops=self._drops_beside(trace),
             distance_to_person=float(gaps[end]),
-            in_sight=seeing is not None,
+            is_in_sight=seeing is not None,
             arrives=seeing is not None and float(gaps[end]) <= self.config.arrival,
             legs=legs,
             heading=heading,
@@ -196,7 +196,7 @@ class Router:
 
 
 def described_parts(path: Places) -> list[tuple[Places, Places]]:
-    """The straight parts of a path, none shorter than ``SHORTEST`` unless the whole path is shorter.
+    """The straight parts of a path, none shorter than ``MIN_LEG_LENGTH`` unless the whole path is shorter.
 
     A shorter part is joined to the next one or, at the end of the path, to the last one. Parts without a bend between
     them are joined as well.
@@ -206,11 +206,11 @@ def described_parts(path: Places) -> list[tuple[Places, Places]]:
     """
     told = list[tuple[Places, Places]]()
     short = path[:0]
-    for part in straight_parts(path, BEND):
+    for part in straight_parts(path, MIN_BEND):
         short = np.vstack([short, part])
-        if _length(short) >= SHORTEST:
-            line = part if _length(part) >= SHORTEST else short[[0, -1]]
-            if told and abs(wrap_angle(_bearings(line)[0] - _bearings(told[-1][0])[1])) <= BEND:
+        if _length(short) >= MIN_LEG_LENGTH:
+            line = part if _length(part) >= MIN_LEG_LENGTH else short[[0, -1]]
+            if told and abs(wrap_angle(_bearings(line)[0] - _bearings(told[-1][0])[1])) <= MIN_BEND:
                 before, points = told.pop()
                 line, short = np.vstack([before, line]), np.vstack([points, short])
             told.append((line, short))

@@ -21,9 +21,9 @@ from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
 
-CHECKED = 100
+MAX_CHECKED_KEYFRAMES = 100
 """Maximum number of keyframes that are compared with the map, evenly spread over the run."""
-OUTLIERS = 0.01
+OUTLIER_FRACTION = 0.01
 """Fraction of a person's points that is left out at either end of each dimension."""
 
 
@@ -56,7 +56,7 @@ def body_size_of(points: Points) -> BodySize:
     _, _, angle = cv2.minAreaRect(np.ascontiguousarray(points[:, :2], np.float32))
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     sides = np.column_stack([points[:, :2] @ np.array([[c, -s], [s, c]]), points[:, 2]])
-    low, high = np.quantile(sides, [OUTLIERS, 1 - OUTLIERS], axis=0)
+    low, high = np.quantile(sides, [OUTLIER_FRACTION, 1 - OUTLIER_FRACTION], axis=0)
     one, other, height = (high - low).tolist()
     return BodySize(max(one, other), min(one, other), height)
 
@@ -134,7 +134,7 @@ class Trust:
 def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
     """The evidence against a mapper's map from the keyframes and the localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
-    checked = kept[:: 1 + len(kept) // CHECKED]
+    checked = kept[:: 1 + len(kept) // MAX_CHECKED_KEYFRAMES]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     slam = mapper.localisation
     deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
@@ -156,7 +156,7 @@ class Situation:
         people: confirmed people.
         unconfirmed_people: people who are not confirmed.
         finds: signs, codes, objects and heat; people's heat comes last.
-        searched: whether a detector looked for people.
+        was_searched: whether a detector looked for people.
         end_reason: why exploration ended, as in report.json, or ``interrupted``; None if the robot did not explore,
             because it had goals or because somebody else moved the camera.
         viewpoints_left: viewpoints that were given up, because they are not worth the drive or because no path leads
@@ -177,7 +177,7 @@ class Situation:
     people: list[Person]
     unconfirmed_people: list[Person]
     finds: list[Find]
-    searched: bool
+    was_searched: bool
     end_reason: str | None
     viewpoints_left: Sequence[Viewpoint]
     trust: Trust
@@ -191,15 +191,15 @@ class Situation:
         return self.poses[:, :2, 3]
 
     @property
-    def finished(self) -> bool:
+    def has_finished(self) -> bool:
         """Whether the robot itself ended exploration, because no viewpoint worth the drive was left."""
         return self.end_reason in ("nothing_left", "not_worth_it")
 
     @property
     def is_explored(self) -> bool:
         """Whether the robot finished exploration, saw all places large enough for a person, and can trust its map."""
-        knows_all = self.can_leave and self.unseen.share is not None and not self.unseen.places
-        return self.finished and knows_all and self.trust.is_good
+        knows_all = self.can_leave and self.unseen.seen_fraction is not None and not self.unseen.places
+        return self.has_finished and knows_all and self.trust.is_good
 
     @property
     def others(self) -> list[Find]:
@@ -273,7 +273,7 @@ def situation_of(
         people=[person(*found) for found in confirmed_ids(mapper.victims)],
         unconfirmed_people=[person(*found) for found in unconfirmed_ids(mapper.victims)],
         finds=finds if mapper.readers is not None else [],
-        searched=mapper.detector is not None,
+        was_searched=mapper.detector is not None,
         end_reason=end_reason,
         viewpoints_left=viewpoints_left,
         trust=trust_in(mapper, config),

@@ -59,7 +59,7 @@ def test_a_box_is_around_each_victim(rows):
     row = rows["/world/victims"][-1]
     assert row["Boxes3D:labels"] == ["person 1, 90%", "sighting A, 90%"]
     np.testing.assert_allclose(row["Boxes3D:centers"], [[1.6, 0.3, 0.2], [0.5, 1.0, 0.2]], atol=1e-5)
-    around = np.array([[0.15, 0.2, 0.25], [0.85, 0.25, 0.15]]) + victim_drawings.ROOM
+    around = np.array([[0.15, 0.2, 0.25], [0.85, 0.25, 0.15]]) + victim_drawings.BOX_MARGIN
     np.testing.assert_allclose(row["Boxes3D:half_sizes"], around, atol=1e-5)
     confirmed, unconfirmed = row["Boxes3D:colors"]
     assert confirmed != unconfirmed

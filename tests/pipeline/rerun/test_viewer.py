@@ -33,27 +33,27 @@ def page():
 
 def ports(viewer):
     """Of the page, and of the recording that it shows."""
-    address = urlsplit(viewer.page)
+    address = urlsplit(viewer.page_url)
     source = urlsplit(parse_qs(address.query)["url"][0])
     assert address.hostname == source.hostname == "127.0.0.1"
     return [address.port, source.port]
 
 
 def test_the_page_is_served(page):
-    with urllib.request.urlopen(page.page) as answer:
+    with urllib.request.urlopen(page.page_url) as answer:
         assert answer.status == 200
         assert b"rerun" in answer.read().lower()
     assert page.was_opened
 
 
 def test_the_page_is_as_dark_as_what_it_shows(page):
-    assert parse_qs(urlsplit(page.page).query)["theme"] == ["dark"]
-    with urllib.request.urlopen(page.page) as answer:
+    assert parse_qs(urlsplit(page.page_url).query)["theme"] == ["dark"]
+    with urllib.request.urlopen(page.page_url) as answer:
         assert b'query.get("theme")' in answer.read()
 
 
 def test_the_page_may_ask_this_machine_alone(page):
-    with urllib.request.urlopen(page.page) as answer:
+    with urllib.request.urlopen(page.page_url) as answer:
         policy = answer.headers["Content-Security-Policy"]
     allowed = [word for word in policy.replace(";", " ").split() if word.startswith("http")]
     assert allowed == [f"http://127.0.0.1:{ports(page)[1]}"]
@@ -76,7 +76,7 @@ def test_only_this_machine_is_served(page):
 
 
 def test_a_page_ends_with_the_process_that_served_it():
-    script = "from pipeline.rerun.viewer import Viewer; print(Viewer('web').page)"
+    script = "from pipeline.rerun.viewer import Viewer; print(Viewer('web').page_url)"
     lines = subprocess.check_output([sys.executable, "-c", script], text=True).split()
     port = urlsplit(lines[-1]).port
     with pytest.raises(ConnectionRefusedError):

@@ -106,9 +106,9 @@ def test_what_was_seen_whole_has_no_rest() -> None:
     seen = unseen(ground_points(flat, *ROOM), LAST_WALL)
     assert seen.places == []
     assert seen.area == 0
-    assert seen.share == 1
+    assert seen.seen_fraction == 1
     # All but the cells of the walls.
-    assert seen.seen == pytest.approx(3.9 * 2.9, abs=0.01)
+    assert seen.seen_area == pytest.approx(3.9 * 2.9, abs=0.01)
 
 
 def test_a_hole_in_the_floor_is_a_place() -> None:
@@ -116,7 +116,7 @@ def test_a_hole_in_the_floor_is_a_place() -> None:
     (place,) = seen.places
     assert place.area == pytest.approx(1, abs=0.01)
     assert place.position == pytest.approx([0.5, 0.5], abs=0.05)
-    assert seen.share == pytest.approx(1 - 1 / (3.9 * 2.9), abs=0.01)
+    assert seen.seen_fraction == pytest.approx(1 - 1 / (3.9 * 2.9), abs=0.01)
 
 
 def test_ground_that_no_robot_can_stand_on_was_seen_but_its_share_is_unknown() -> None:
@@ -124,14 +124,14 @@ def test_ground_that_no_robot_can_stand_on_was_seen_but_its_share_is_unknown() -
     traversability = assess_map(elevation_map)
     nowhere = np.zeros(traversability.grid.shape, np.bool_)
     seen = find_unseen(traversability, elevation_map.measured, nowhere, RescueReportConfig())
-    assert seen.seen == pytest.approx(3.9 * 2.9, abs=0.01)
-    assert seen.share is None
+    assert seen.seen_area == pytest.approx(3.9 * 2.9, abs=0.01)
+    assert seen.seen_fraction is None
 
 
 def test_a_small_hole_is_a_patch() -> None:
     seen = unseen(without(0, 0.4), LAST_WALL)
     assert seen.places == []
-    assert seen.rest == pytest.approx(0.16, abs=0.01)
+    assert seen.small_patch_area == pytest.approx(0.16, abs=0.01)
 
 
 def test_ground_is_expected_ahead_where_no_wall_is() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import Paper, draw_map, pale
+from pipeline.rescue_report.map_drawing import Paper, draw_map, pale_colour
 from pipeline.rescue_report.situation import Situation
 from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
@@ -93,13 +93,13 @@ def test_the_highest_class_of_a_cell_is_drawn() -> None:
         points=np.stack([floor, wall, floor + aside, wall + aside + high]),
         labels=np.array([Label.TERRAIN, Label.WALL, Label.TERRAIN, Label.CEILING], np.uint8),
     )
-    assert colour_at(hidden, (1.62, 0.02)) == (pale(Label.WALL), 255)
-    assert colour_at(hidden, (1.92, 0.02)) == (pale(Label.TERRAIN), 255)
+    assert colour_at(hidden, (1.62, 0.02)) == (pale_colour(Label.WALL), 255)
+    assert colour_at(hidden, (1.92, 0.02)) == (pale_colour(Label.TERRAIN), 255)
 
 
 def test_ground_without_a_class_is_drawn_where_it_was_seen_and_no_ground_where_it_was_assumed() -> None:
     situation = replace(before_a_wall(None), points=np.zeros((0, 3), np.float32), labels=np.zeros(0, np.uint8))
-    assert colour_at(situation, (1.62, 0.02)) == (pale(Label.UNLABELLED), 255)
+    assert colour_at(situation, (1.62, 0.02)) == (pale_colour(Label.UNLABELLED), 255)
     assert colour_at(situation, (0.02, 0.02))[1] == 0  # under the robot, where the camera does not look
     assert np.isfinite(situation.traversability.grid.at(situation.traversability.elevation, (0.02, 0.02)))
 

@@ -152,7 +152,7 @@ def test_no_tick_is_given_that_the_robot_did_not_earn(end_reason, unseen, signs,
     tiles = list(root.all("div", "tile"))  # people, explored, ground
     assert "".join("+" if "good" in tile.attributes["class"] else "!" for tile in tiles) == signs
     assert said in root.text
-    assert f"{unseen.seen:.0f} of {unseen.seen + unseen.area:.0f} m² " in root.text or unseen is ADRIFT
+    assert f"{unseen.seen_area:.0f} of {unseen.seen_area + unseen.area:.0f} m² " in root.text or unseen is ADRIFT
 
 
 def test_an_own_arena_is_called_by_its_name(root: Tag) -> None:
@@ -183,7 +183,7 @@ def test_names_from_outside_are_text() -> None:
 
 def test_unseen_ground_takes_every_tick_but_the_grounds() -> None:
     situation = before_a_wall(victims())
-    assert situation.finished and situation.unseen.places  # the camera sees no more than its 58°
+    assert situation.has_finished and situation.unseen.places  # the camera sees no more than its 58°
     tiles = list(read(page(situation, {"arena": "a"})).all("div", "tile"))
     assert ["good" in tile.attributes["class"] for tile in tiles] == [False, False, True]
     assert re.search(r"\d places? not seen", tiles[1].text)

@@ -53,7 +53,7 @@ def test_a_person_who_is_an_obstacle_keeps_the_robot_off() -> None:
 def test_over_a_ridge_the_ground_counts() -> None:
     way = route(block((1.5, 0, 0.1), (0.1, 0.1, 0.2)), ground_points(ridge, *HALL))
     assert way is not None
-    level = np.linalg.norm(np.diff(way.way[:, :2], axis=0), axis=1).sum()
+    level = np.linalg.norm(np.diff(way.waypoints[:, :2], axis=0), axis=1).sum()
     assert way.length - level == pytest.approx(2 * (np.hypot(RISE, RUN) - RUN), abs=0.01)
     assert way.steepest == pytest.approx(np.arctan(RISE / RUN), abs=0.01)
 
@@ -76,8 +76,8 @@ def test_a_wall_between_counts_however_near_the_person_is() -> None:
     through, along = route(person, ground, wall), route(person, ground, wall, metric_map=metric_map)
     assert through is not None
     assert along is not None
-    assert through.in_sight and through.arrives
-    assert not along.in_sight and not along.arrives
+    assert through.is_in_sight and through.arrives
+    assert not along.is_in_sight and not along.arrives
     assert along.distance_to_person < 0.7
 
 

@@ -96,15 +96,15 @@ def test_the_last_step_says_whether_a_viewpoint_is_left() -> None:
     report, step = RescueReport(), explorer.step()
     report.on_step(explorer.mapper, step)
     assert step.viewpoint is not None
-    assert not report.situation_in(explorer.mapper).finished
+    assert not report.situation_in(explorer.mapper).has_finished
     report.on_step(explorer.mapper, replace(step, viewpoint=None, end_reason="held"))
-    assert not report.situation_in(explorer.mapper).finished
+    assert not report.situation_in(explorer.mapper).has_finished
     report.on_step(explorer.mapper, replace(step, viewpoint=None, end_reason="nothing_left"))
     situation = report.situation_in(explorer.mapper)
-    assert situation.finished
+    assert situation.has_finished
     np.testing.assert_array_equal(situation.poses[0], np.eye(4))
     assert situation.positions.shape == (1, 2)  # a keyframe, whatever the number of steps
-    assert not situation.searched
+    assert not situation.was_searched
 
 
 def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:

@@ -82,7 +82,7 @@ class Explorer:
         self.apply_corrections(waits=True)
         # Sense, localise and map (thesis 3.1 and 3.2).
         keyframe = self.pilot.take_keyframe()
-        self.reobservation.count(keyframe.frame)
+        self.reobservation.count_try(keyframe.frame)
         # Choose a viewpoint, or drive back if no path leads to where the robot came from, or end the exploration.
         with mapper.stopwatch("exploration"):
             viewpoint, context, back = self.decide(keyframe)

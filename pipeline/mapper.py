@@ -451,7 +451,9 @@ class Mapper:
         keyframes = self.keyframes
         ground = self._traversability_layer.update(self.elevation_map)
         places = keyframes.poses[:, :3, 3]
-        self.semantic_map.revise(Revision(ground, places, keyframes.highest_camera, self.finds.shown, self.people))
+        self.semantic_map.revise(
+            Revision(ground, places, keyframes.highest_camera, self.finds.flat_find_points, self.people)
+        )
 
     def _add_detections(self) -> list[Detection]:
         """Add the results of the background detection, if any, to the maps; return the people detected."""

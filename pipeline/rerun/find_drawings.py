@@ -14,7 +14,7 @@ FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
 
 def marks(finds: Sequence[Find]) -> rr.Points3D:
     """A labelled point for each find except people's heat, whose points would hide the people's boxes and names."""
-    shown = [find for find in finds if not find.of_person]
+    shown = [find for find in finds if not find.is_heat_of_person]
     return rr.Points3D(
         np.array([find.position for find in shown]).reshape(-1, 3),
         labels=[_name(find) for find in shown],

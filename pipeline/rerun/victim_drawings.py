@@ -13,7 +13,7 @@ from pipeline.rerun.drawings import ABOVE_GROUND, LINE_RADIUS, Colour, sheet
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.victims.detection import Detection
-from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
+from pipeline.victims.display import confirmed_with_ids, ellipsoids, unconfirmed_with_ids
 from pipeline.victims.observation import Refusal
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))
@@ -76,7 +76,7 @@ def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
 
 def _displayed(victims: Tracks) -> list[tuple[str, Track]]:
     """The victims with their display ids, the confirmed victims first."""
-    return confirmed_ids(victims) + unconfirmed_ids(victims)
+    return confirmed_with_ids(victims) + unconfirmed_with_ids(victims)
 
 
 def _name(display_id: str) -> str:

@@ -99,7 +99,7 @@ def finds_data(situation: Situation) -> list[Row]:
 
     Text is as it was read; JSON escapes non-ASCII characters.
     """
-    people = [(person.victim.find(), _photo_name(person)) for person in situation.people]
+    people = [(person.victim.to_find(), _photo_name(person)) for person in situation.people]
     others = [(find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1)]
     return [
         {

@@ -153,8 +153,10 @@ class Router:
         eye = np.append(place, ground + self.camera_height)
         middle = person.data.mean(axis=0)
         # Voxels within a diagonal of the person's points do not block the view.
-        of_person = self.metric_map.voxel_size * sqrt(3)
-        return bool(self.metric_map.are_sightlines_free(eye[None], middle, person, of_person, may_be_unknown=True)[0])
+        is_heat_of_person = self.metric_map.voxel_size * sqrt(3)
+        return bool(
+            self.metric_map.are_sightlines_free(eye[None], middle, person, is_heat_of_person, may_be_unknown=True)[0]
+        )
 
     def _directions(self, path: Places) -> tuple[list[RouteLeg], float]:
         """The legs of a path, and the heading at the end of the last leg, rad."""

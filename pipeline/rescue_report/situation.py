@@ -19,7 +19,7 @@ from pipeline.rescue_report.routes import Route, Router
 from pipeline.tracks.find import HEAT, Find
 from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
-from pipeline.victims.display import confirmed_ids, ellipsoids, unconfirmed_ids
+from pipeline.victims.display import confirmed_with_ids, ellipsoids, unconfirmed_with_ids
 
 MAX_CHECKED_KEYFRAMES = 100
 """Maximum number of keyframes that are compared with the map, evenly spread over the run."""
@@ -204,7 +204,7 @@ class Situation:
     @property
     def others(self) -> list[Find]:
         """The finds except people's heat, which is reported with the people."""
-        return [find for find in self.finds if not find.of_person]
+        return [find for find in self.finds if not find.is_heat_of_person]
 
     @property
     def everyone(self) -> list[Person]:
@@ -254,7 +254,7 @@ def situation_of(
     reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
     hazards = find_hazards(traversability, reachable, points, config)
     finds = mapper.finds.reported  # includes people's heat even if the robot does not look for other finds
-    heat = [find.position for find in finds if find.of_person and find.kind == HEAT]
+    heat = [find.position for find in finds if find.is_heat_of_person and find.kind == HEAT]
     topology = mapper.topological_map
     router = Router(paths, topology, mapper.metric_map, hazards, yaw_of(poses[0]), camera_height, config)
 
@@ -270,8 +270,8 @@ def situation_of(
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
         unseen=find_unseen(traversability, measured, reachable, config),
-        people=[person(*found) for found in confirmed_ids(mapper.victims)],
-        unconfirmed_people=[person(*found) for found in unconfirmed_ids(mapper.victims)],
+        people=[person(*found) for found in confirmed_with_ids(mapper.victims)],
+        unconfirmed_people=[person(*found) for found in unconfirmed_with_ids(mapper.victims)],
         finds=finds if mapper.readers is not None else [],
         was_searched=mapper.detector is not None,
         end_reason=end_reason,

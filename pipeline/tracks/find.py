@@ -13,9 +13,9 @@ KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "do
 """The kinds of objects that a rescue robot looks for, as named in report.json; living victims give off heat."""
 FIND_KINDS = KINDS[1:]
 """All kinds except victims, which are reported separately."""
-SHAPED = ("fire_extinguisher", "door_lever")
+KINDS_WITH_SHAPE = ("fire_extinguisher", "door_lever")
 """Kinds that are recognised by their shape."""
-OWN_KIND = re.compile(r"[a-z][a-z0-9_]{0,39}")
+KIND_PATTERN = re.compile(r"[a-z][a-z0-9_]{0,39}")
 """Pattern of valid names for the kinds of a user's own readers, in the style of the names above."""
 HAZMAT_CLASSES = (
     "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
@@ -64,11 +64,11 @@ class Find:
         kind: one of ``KINDS``, or a kind of a user's own reader.
         text: the class of a sign or the content of a code.
         position: position in ``map``.
-        covariance: covariance of the position.
+        covariance: (3, 3) covariance of the position, m².
         time_s: time at which the object was first seen in this run, s; NaN if only an earlier run saw the object.
         confidence: confidence from 0 to 1.
         photo: the photo that shows the object best.
-        of_person: whether the find is heat from a person on the map; its position is then the person's.
+        is_heat_of_person: whether the find is heat from a person on the map; its position is then the person's.
     """
 
     kind: str
@@ -78,7 +78,7 @@ class Find:
     time_s: float
     confidence: float
     photo: Rgb
-    of_person: bool = False
+    is_heat_of_person: bool = False
 
 
 def box_corners(box: tuple[float, float, float, float]) -> Pixels:
@@ -89,15 +89,15 @@ def box_corners(box: tuple[float, float, float, float]) -> Pixels:
 
 def is_find_kind(kind: str) -> bool:
     """Whether a name can be the kind of a find, for example of a user's own reader; people are not finds."""
-    return kind != VICTIM and OWN_KIND.fullmatch(kind) is not None
+    return kind != VICTIM and KIND_PATTERN.fullmatch(kind) is not None
 
 
 def is_same(one: Pixels, other: Pixels) -> bool:
     """Whether more than half of the smaller of two outlines lies in the other."""
-    return overlap(one, other)[1] > 0.5
+    return overlap_ratios(one, other)[1] > 0.5
 
 
-def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
+def overlap_ratios(one: Pixels, other: Pixels) -> tuple[float, float]:
     """Ratios of the area that two outlines share to the area of their union and to the area of the smaller one."""
     common, _ = cv2.intersectConvexConvex(cv2.convexHull(one), cv2.convexHull(other))
     areas = cv2.contourArea(one), cv2.contourArea(other)

@@ -10,7 +10,7 @@ from pipeline.arrays import Points, Pose
 from pipeline.frame import Frame
 from pipeline.tracks.config import ObjectConfig, TracksConfig
 from pipeline.tracks.find import HEAT, Find, Reading
-from pipeline.tracks.objects import ObjectPolicy, shown, sight
+from pipeline.tracks.objects import ObjectPolicy, best_returns, observe_reading
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks, join_one_to_one
 from pipeline.transforms import inverse
@@ -42,7 +42,7 @@ class Finds(Tracks):
     @property
     def reported(self) -> list[Find]:
         """The finds to report; a person's heat is one find, and shapes that belong to a person are left out."""
-        found = [track.find() for track in self.confirmed]
+        found = [track.to_find() for track in self.confirmed]
         reach = {
             kind: policy.max_person_distance for kind, policy in self._policies.items() if policy.max_person_distance
         }
@@ -51,12 +51,12 @@ class Finds(Tracks):
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
 
     @property
-    def shown(self) -> list[Points]:
-        """The points of each confirmed find that is flat.
+    def flat_find_points(self) -> list[Points]:
+        """The points of each confirmed find that is flat, m in ``map``.
 
-        Flat finds on a wall look like the wall; other finds stand out from the wall.
+        The shape of a flat find on a wall does not distinguish it from the wall; other finds stand out from the wall.
         """
-        return [shown(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
+        return [best_returns(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
 
     def policy_of(self, kind: str) -> ObjectPolicy:
         """The policy for tracking a kind, which may be a kind of a user's own reader."""
@@ -77,8 +77,8 @@ class Finds(Tracks):
         new, T_base_map = [], inverse(T_map_base)
         for reading in readings:
             policy = self.policy_of(reading.kind)
-            seen = sight(frame, reading, keyframe, T_map_base, policy)
-            new.append(Track(policy, [seen.moved(T_base_map)], [seen], float(T_map_base[2, 3])))
+            seen = observe_reading(frame, reading, keyframe, T_map_base, policy)
+            new.append(Track(policy, [seen.transformed(T_base_map)], [seen], float(T_map_base[2, 3])))
         self.add(new, frame, T_map_base @ frame.T_base_camera, keyframe)
 
 
@@ -111,4 +111,4 @@ def one_per_person(
             warm[nearest] = first if first.time_s <= find.time_s else find
     for k, find in warm.items():
         person = everyone[k]
-        yield replace(find, text="", position=person.position, covariance=person.covariance, of_person=True)
+        yield replace(find, text="", position=person.position, covariance=person.covariance, is_heat_of_person=True)

@@ -17,16 +17,16 @@ from pipeline.arrays import Mask, PixelMask, Points, Values
 from pipeline.geometry.parts import part_numbers
 from pipeline.tracks.config import Extents
 
-THINNEST = 0.02
+MIN_EXTENT = 0.02
 """Noise of a depth camera at its usual range, m, and thus the minimum of a visible extent."""
-SPREAD = log(1.5) / 2
+EXTENT_SIGMA = log(1.5) / 2
 """Standard deviation of the logarithm of an extent of a kind: 95% lie within a factor of 1.5 of the median."""
-HIGHEST = 2.0
+MAX_HEIGHT = 2.0
 """Maximum height above the ground of people and signs, m; background is up to twice as high and long."""
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed:
+class ShapeMatch:
     """How well the returns of a detection agree with its kind.
 
     Attributes:
@@ -44,7 +44,7 @@ def weigh(
     ground: float,
     background: Mask | None = None,
     in_box: NDArray[np.float64] | None = None,
-) -> Weighed:
+) -> ShapeMatch:
     """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or of background.
 
     Args:
@@ -56,10 +56,10 @@ def weigh(
             are not those of one detection.
     """
     free = np.ones(len(points), np.bool_) if background is None else ~background
-    best = Weighed(-inf, np.zeros(len(points), np.bool_))
+    best = ShapeMatch(-inf, np.zeros(len(points), np.bool_))
     for form in extents:
         for part in _parts(points, free, form[1] / 2):
-            ratio = _of_shape(points[part], form, ground) - log(len(extents))
+            ratio = _log_bayes_factor(points[part], form, ground) - log(len(extents))
             if in_box is not None:
                 # For background, the part's fractions of the returns in the box and of the box's area are uniformly
                 # distributed. For an object, the fraction of the returns has a triangular distribution. The fraction
@@ -68,22 +68,22 @@ def weigh(
                 spanned = max(np.ptp(in_box[part], axis=0).prod(), 1 / len(points))
                 ratio += log(2 * part.mean()) + log(4) + 3 * log(spanned)
             if ratio > best.log_ratio:
-                best = Weighed(ratio, part)
+                best = ShapeMatch(ratio, part)
     return best
 
 
-def _of_shape(points: Points, extents: Extents, ground: float) -> float:
+def _log_bayes_factor(points: Points, extents: Extents, ground: float) -> float:
     """Log Bayes factor from the extents and the height of a part's points, for an object with these extents."""
-    seen = np.maximum(extents_of(points), THINNEST)
+    seen = np.maximum(extents_of(points), MIN_EXTENT)
     # E[1/F; F > e] for a log-normal full extent F and a visible extent e, divided by the background's density,
     # 1 / (e · log range).
-    sizes = np.log(seen / extents) + SPREAD**2 / 2 + log(log(2 * HIGHEST / THINNEST))
-    sizes += log_ndtr((np.log(extents / seen) - SPREAD**2) / SPREAD)
+    sizes = np.log(seen / extents) + EXTENT_SIGMA**2 / 2 + log(log(2 * MAX_HEIGHT / MIN_EXTENT))
+    sizes += log_ndtr((np.log(extents / seen) - EXTENT_SIGMA**2) / EXTENT_SIGMA)
     above = float(np.median(points[:, 2])) - ground
-    return float(sizes.sum() + log(2) + log_ndtr((HIGHEST - above) / SPREAD))
+    return float(sizes.sum() + log(2) + log_ndtr((MAX_HEIGHT - above) / EXTENT_SIGMA))
 
 
-def places_in_box(pixels: PixelMask, box: PixelMask) -> NDArray[np.float64]:
+def relative_positions(pixels: PixelMask, box: PixelMask) -> NDArray[np.float64]:
     """(N, 2) positions of pixels in the bounding box of the pixels ``box``, as fractions of its two sides."""
     in_box = np.argwhere(box)
     first, last = in_box.min(axis=0), in_box.max(axis=0)

@@ -15,18 +15,18 @@ from pipeline.geometry.thinning import first_in_voxels
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import ObjectConfig
 from pipeline.tracks.find import Reading
-from pipeline.tracks.likelihood import places_in_box, weigh
+from pipeline.tracks.likelihood import relative_positions, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
 
-NEARER = 0.5
+MIN_DISTANCE_FRACTION = 0.5
 """Minimum distance of another look, as a fraction of the shortest distance so far."""
-SAME_SIDE = radians(40)
+MAX_SIDE_ANGLE = radians(40)
 """Maximum angle to an earlier line of sight, rad; at greater angles, a sign looks narrower or is hidden."""
 SIGMAS = 3.0
 """Maximum difference in depth between an object and its return, in standard deviations of the object's position."""
-GAP = 0.3
+MIN_DEPTH_GAP = 0.3
 """Minimum difference in depth between an object and other objects in front of or behind it, m."""
 POSE_SIGMA = 0.03
 """Standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas."""
@@ -52,7 +52,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         covariance = np.asarray(np.linalg.inv(best.information), np.float64)
         return Location(np.asarray(position, np.float64), covariance, position[None].astype(np.float32))
 
-    def shows(self, observation: Observation) -> float:
+    def photo_score(self, observation: Observation) -> float:
         """Side of the object in the image, pixels, times the confidence."""
         return observation.reading.confidence * observation.reading.side
 
@@ -73,12 +73,12 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         if not track.is_placed:
             return False
         here = inverse(T_camera_map)[:3, 3]
-        position, cameras = track.position, np.array(track.cameras)
+        position, cameras = track.position, np.array(track.camera_positions)
         ways = cameras - position
         if np.linalg.norm(here - position) > np.linalg.norm(ways, axis=1).max():
             return False
         bearing = (here - position) @ ways.T / np.linalg.norm(here - position) / np.linalg.norm(ways, axis=1)
-        if bearing.max() < np.cos(SAME_SIDE):
+        if bearing.max() < np.cos(MAX_SIDE_ANGLE):
             return False
         point = transform_points(T_camera_map, position[None])
         pixels, inside = frame.intrinsics.project(point)
@@ -99,11 +99,11 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
         return (is_unread or not track.is_placed) and len(track.missed) < len(track.keyframes)
 
-    def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
+    def viewing_range(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum distance, m, at which an object is in range and, if it looked small, can be read."""
         nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
         way = float(np.linalg.norm(nearest.position - nearest.camera))
-        share = max(nearest.reading.side / self.readable, NEARER)
+        share = max(nearest.reading.side / self.readable, MIN_DISTANCE_FRACTION)
         readable = way * share if track.is_placed else sensor.farthest
         return sensor.nearest, min(sensor.farthest - sensor.margin, max(readable, sensor.nearest + sensor.margin))
 
@@ -113,19 +113,21 @@ def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
     return [seen for seen in placed if seen.has_depth] or placed
 
 
-def shown(track: Track) -> Points:
+def best_returns(track: Track) -> Points:
     """The object's returns in the observation with the best photo; observations with depth take precedence."""
-    return max(with_depth(track.placed), key=track.policy.shows).points
+    return max(with_depth(track.placed), key=track.policy.photo_score).points
 
 
-def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
+def observe_reading(
+    frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy
+) -> Observation:
     """An observation, in ``map``, of a reading in a frame's image.
 
     A flat object's depth is the median within its outline. Any other object is located at the middle of its own
     returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction. Returns
     in at most half of its outline are not used, because they may be from the rim of a nearer object.
     """
-    outline = _inside(frame, reading)
+    outline = _outline_mask(frame, reading)
     inside = outline & frame.returns
     inside &= inside.sum() > outline.sum() / 2
     depth = frame.depth[inside]
@@ -139,10 +141,10 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     T_map_camera = T_map_base @ frame.T_base_camera
     points = k.rays[inside] * depth[:, None]
     if depth.size:
-        in_map, in_box = transform_points(T_map_camera, points), places_in_box(inside, outline)
-        reading, belongs = _weighed(reading, in_map, in_box, T_map_base[2, 3], policy)
+        in_map, in_box = transform_points(T_map_camera, points), relative_positions(inside, outline)
+        reading, belongs = _with_confidence_updated(reading, in_map, in_box, T_map_base[2, 3], policy)
         if not policy.is_flat:
-            near = np.abs(depth - z) < GAP
+            near = np.abs(depth - z) < MIN_DEPTH_GAP
             # If half of the returns lie behind a gap, the median may be in the gap.
             points = points[belongs if belongs.any() else near if near.any() else depth <= z]
             own = points.astype(np.float64)
@@ -160,10 +162,10 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
         photo=photo_of(frame.rgb, reading.box, PHOTO_MARGIN),
         points=points[first_in_voxels(points, 1 / KEPT_VOXEL)],
     )
-    return seen.moved(T_map_camera)
+    return seen.transformed(T_map_camera)
 
 
-def _weighed(
+def _with_confidence_updated(
     reading: Reading, points: Points, in_box: NDArray[np.float64], ground: float, policy: ObjectPolicy
 ) -> tuple[Reading, Mask]:
     """A reading with its confidence updated from its points, and which of the points belong to the object."""
@@ -173,7 +175,7 @@ def _weighed(
     return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
 
 
-def _inside(frame: Frame, reading: Reading) -> PixelMask:
+def _outline_mask(frame: Frame, reading: Reading) -> PixelMask:
     """The pixels within a reading's outline."""
     mask = np.zeros(frame.depth.shape, np.uint8)
     outline = cv2.convexHull(reading.corners.astype(np.float32) - np.float32(0.5))

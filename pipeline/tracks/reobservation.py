@@ -17,7 +17,7 @@ from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.transforms import wrap_angle
 
-NEW_SIDE = radians(40)
+MIN_NEW_ANGLE = radians(40)
 """Minimum angle between a viewpoint and earlier ones, as seen from the object, for the full reward, rad.
 
 Within this angle of a viewpoint that showed nothing, there is no reward, because a person in a box is seen only from
@@ -35,7 +35,8 @@ class Reobservation:
     """Rewards viewpoints towards objects worth another look, and counts the tries to see each object again.
 
     Attributes:
-        camera: the last frame, whose camera the next frame is assumed to share; None before the first.
+        last_frame: the newest keyframe's frame, whose camera the next frame is assumed to share; None before the
+            first keyframe.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Reobservation:
         config: ReobservationConfig = ReobservationConfig(),
     ) -> None:
         """Reward viewpoints towards unconfirmed ``tracks``, with lines of sight free in ``metric_map``."""
-        self.camera: Frame | None = None
+        self.last_frame: Frame | None = None
         self._tracks, self._map, self._keyframes, self._config = tracks, metric_map, keyframes, config
         self._aimed: list[tuple[Track, AnchoredPlaces]] = []
 
@@ -64,19 +65,19 @@ class Reobservation:
         return total
 
     def aim(self, place: Place, heading: float) -> None:
-        """Store which objects the next frame is aimed at, given its place on the ground and its heading, rad."""
+        """Store at which objects the next frame is aimed, given the robot's place (3,), m, and heading, rad."""
         bearing = np.array([heading])
         aimed = [track for track in self.wanted if self._gains(track, place[None], bearing).any()]
         poses = self._keyframes.poses
         anchored = AnchoredPlaces.anchored(place[None], poses, len(poses) - 1)
         self._aimed = [(track, anchored) for track in aimed]
 
-    def count(self, frame: Frame) -> None:
+    def count_try(self, frame: Frame) -> None:
         """Count a keyframe's frame as a try for each object at which it was aimed.
 
         A frame that was taken elsewhere, because the drive ended early, says nothing about the intended place.
         """
-        self.camera = frame
+        self.last_frame = frame
         poses = self._keyframes.poses
         for track, place in self._aimed:
             is_there = _distances(place.at(poses), poses[-1:, :2, 3])[0] <= SPACING
@@ -86,10 +87,10 @@ class Reobservation:
 
     def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) rewards, m², for one object."""
-        frame = required(self.camera)
+        frame = required(self.last_frame)
         sensor, height = frame.sensor, float(frame.T_base_camera[2, 3])
         target = np.median(track.points, axis=0).astype(np.float64)
-        least, most = track.policy.distances(track, sensor)
+        least, most = track.policy.viewing_range(track, sensor)
         way = target[:2] - places[:, :2]
         distance = np.linalg.norm(way, axis=1)
         reward = np.where((distance >= least) & (distance <= most), self._config.reward, 0.0)
@@ -100,10 +101,10 @@ class Reobservation:
         cameras = places[some] + (0, 0, height)
         reward[some] *= self._map.are_sightlines_free(cameras, target, body, MARGIN, BESIDE_CAMERA)
         off = bearings - np.arctan2(way[:, 1], way[:, 0])[:, None]
-        return reward[:, None] * (np.abs(wrap_angle(off)) <= half_view(frame, track, distance)[:, None])
+        return reward[:, None] * (np.abs(wrap_angle(off)) <= max_view_angles(frame, track, distance)[:, None])
 
 
-def half_view(frame: Frame, track: Track, distance: Values) -> Values:
+def max_view_angles(frame: Frame, track: Track, distance: Values) -> Values:
     """(N,) maximum angles from the image's middle, rad, at which an object at a distance, m, is wholly visible."""
     return np.asarray(frame.intrinsics.half_fov - np.arctan2(track.policy.across / 2, distance), np.float64)
 
@@ -113,13 +114,13 @@ def _newness(track: Track, places: NDArray[np.float64], target: Place) -> Values
 
     A flat object shows nothing new from another side.
     """
-    found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (track.cameras, track.tried_at))
+    found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (track.camera_positions, track.tried_at))
     if track.policy.is_flat:
         return np.where(_distances(places, np.vstack([found, tried])).min(axis=1) > SPACING, 1.0, 0.0)
     useless = tried[_distances(tried, found).min(axis=1) > SPACING]
-    share = np.clip(_angles(places, found, target).min(axis=1) / NEW_SIDE, 0.0, 1.0)
+    share = np.clip(_angles(places, found, target).min(axis=1) / MIN_NEW_ANGLE, 0.0, 1.0)
     is_new = _distances(places, np.vstack([found, tried])).min(axis=1) > SPACING
-    is_new &= _angles(places, useless, target).min(axis=1, initial=np.inf) >= NEW_SIDE
+    is_new &= _angles(places, useless, target).min(axis=1, initial=np.inf) >= MIN_NEW_ANGLE
     return np.where(is_new, share, 0.0)
 
 

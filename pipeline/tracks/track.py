@@ -50,7 +50,7 @@ class Observation:
     time: float = np.nan
     has_depth: bool = True
 
-    def moved(self, T: Pose) -> "Observation":
+    def transformed(self, T: Pose) -> "Observation":
         """The same observation, transformed by ``T``."""
         information = T[:3, :3] @ self.information @ T[:3, :3].T
         position, camera = transform_places(T, self.position), transform_places(T, self.camera)
@@ -103,7 +103,7 @@ class TrackPolicy(ABC):
         return self.locate([*one.placed, *other.placed])
 
     @abstractmethod
-    def shows(self, observation: Observation) -> float:
+    def photo_score(self, observation: Observation) -> float:
         """How much of the object the observation's photo shows, in any unit."""
 
     @abstractmethod
@@ -123,7 +123,7 @@ class TrackPolicy(ABC):
         """Whether another look at the object is worth a drive."""
 
     @abstractmethod
-    def distances(self, track: "Track", sensor: SensorModel) -> tuple[float, float]:
+    def viewing_range(self, track: "Track", sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum horizontal distance from which a camera would show enough of the object, m."""
 
     def has_shape(self, track: "Track") -> bool:
@@ -144,7 +144,7 @@ class Track:
         tried: place on the ground from which the robot tried to see the object again, for each try; no place if the
             robot did not get there.
         tried_at: the same places in ``map``.
-        where: location of the object according to all observations.
+        location: location of the object according to all observations.
     """
 
     policy: TrackPolicy
@@ -156,45 +156,45 @@ class Track:
     tried_at: list[Place] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.where = self.policy.locate(self.placed)
+        self.location = self.policy.locate(self.placed)
 
     def place(self, poses: Poses) -> None:
         """Locate the object again, with the keyframes at these ``poses`` in ``map``."""
-        self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
+        self.placed = [seen.transformed(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
         self.tried_at = list(AnchoredPlaces.joined(self.tried).at(poses))
-        self.where = self.policy.locate(self.placed)
+        self.location = self.policy.locate(self.placed)
 
-    def take(self, other: "Track") -> None:
+    def absorb(self, other: "Track") -> None:
         """Add the observations of a track that has turned out to be of the same object."""
-        self.where = self.policy.joined(self, other)
+        self.location = self.policy.joined(self, other)
         self.seen += other.seen
         self.placed += other.placed
         self.ground = min(self.ground, other.ground)
         self.missed = (self.missed | other.missed) - self.keyframes  # a keyframe that shows a part shows the object
         self.tried += other.tried
         self.tried_at += other.tried_at
-        best = self.best
+        best = self.best_index
         for each in (self.seen, self.placed):
             each[:] = [o if k == best else replace(o, photo=o.photo[:0]) for k, o in enumerate(each)]
 
     @property
     def position(self) -> Place:
         """Position of the object's middle, m in ``map``."""
-        return self.where.position
+        return self.location.position
 
     @property
     def covariance(self) -> Covariance:
         """Covariance of the position."""
-        return self.where.covariance
+        return self.location.covariance
 
     @property
     def points(self) -> Points:
         """Points of the object."""
-        return self.where.points
+        return self.location.points
 
     @property
-    def cameras(self) -> list[Place]:
+    def camera_positions(self) -> list[Place]:
         """Positions of the camera in the frames that show the object."""
         return [observation.camera for observation in self.placed]
 
@@ -204,14 +204,14 @@ class Track:
         return {observation.keyframe for observation in self.seen}
 
     @property
-    def best(self) -> int:
+    def best_index(self) -> int:
         """Index of the observation whose photo shows the most."""
-        return int(np.argmax([self.policy.shows(observation) for observation in self.seen]))
+        return int(np.argmax([self.policy.photo_score(observation) for observation in self.seen]))
 
     @property
     def photo(self) -> Rgb:
         """The photo that shows the object best."""
-        return self.seen[self.best].photo
+        return self.seen[self.best_index].photo
 
     @property
     def times(self) -> list[float]:
@@ -245,7 +245,7 @@ class Track:
     @property
     def baseline(self) -> float:
         """Greatest distance between two camera positions from which the object was seen, m."""
-        each = np.array(self.cameras)
+        each = np.array(self.camera_positions)
         return float(np.linalg.norm(each[:, None] - each[None], axis=2).max())
 
     @property
@@ -283,7 +283,7 @@ class Track:
             return False
         return self.policy.has_shape(self)
 
-    def find(self) -> Find:
+    def to_find(self) -> Find:
         """The find to report, with the time of this run's first frame of the object, or NaN without such a frame."""
         first, confidence = min(self.times, default=np.nan), min(1.0, self.confidence)
         return Find(self.policy.kind, self.text, self.position, self.covariance, first, confidence, self.photo)

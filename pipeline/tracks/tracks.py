@@ -63,9 +63,9 @@ class Tracks:
         """Merge tracks that have turned out to be of one object."""
         kept: list[Track] = []
         for track in self.all:
-            apart = [_of_kind(track.policy.merge_distance, other, track) for other in kept]
+            apart = [_distance_within_kind(track.policy.merge_distance, other, track) for other in kept]
             if min(apart, default=np.inf) < np.inf:
-                kept[int(np.argmin(apart))].take(track)
+                kept[int(np.argmin(apart))].absorb(track)
             else:
                 kept.append(track)
         self.all = kept
@@ -75,10 +75,10 @@ def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
     """Add each observation to its nearest track, because a frame's observations may be parts of one object."""
     seen = []
     for one in new:
-        distances = [_of_kind(one.policy.distance, track, one) for track in tracks]
+        distances = [_distance_within_kind(one.policy.distance, track, one) for track in tracks]
         if min(distances, default=np.inf) < np.inf:
             nearest = tracks[int(np.argmin(distances))]
-            nearest.take(one)
+            nearest.absorb(one)
             seen.append(nearest)
         else:
             tracks.append(one)
@@ -88,18 +88,18 @@ def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
 def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
     """Add observations to tracks one to one with minimum total distance, because a frame shows each object once."""
     before = list(tracks)
-    cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
+    cost = np.array([[_distance_within_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))
     rows, columns = linear_sum_assignment(np.minimum(cost, 2 * GATE))
     same = {row: before[column] for row, column in zip(rows, columns, strict=True) if cost[row, column] <= GATE}
     for row, one in enumerate(new):
         if row in same:
-            same[row].take(one)
+            same[row].absorb(one)
         else:
             tracks.append(one)
     return list(same.values())
 
 
-def _of_kind(distance: Callable[[Track, Track], float], one: Track, other: Track) -> float:
+def _distance_within_kind(distance: Callable[[Track, Track], float], one: Track, other: Track) -> float:
     """The distance between two tracks; infinite if they are of different kinds."""
     return distance(one, other) if one.policy.kind == other.policy.kind else np.inf

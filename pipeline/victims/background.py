@@ -19,19 +19,19 @@ CANDIDATES = 12
 
 The sample nearest to the first point in the image is chosen, because planes are small and far apart.
 """
-MIN_SHARE = 0.02
+MIN_PLANE_FRACTION = 0.02
 """Minimum fraction of all samples that must lie on a plane."""
-BEYOND = 0.25
+MIN_OUTSIDE_RATIO = 0.25
 """Minimum ratio of a plane's samples outside the box to its samples inside for the plane to be background."""
 TOLERANCE = 0.012
 """Maximum distance of a point from its plane, in addition to the sensor's noise, m."""
 SIGMAS = 2.0
 """Number of standard deviations of the sensor's noise that are added to ``TOLERANCE``."""
-FLAT = 0.6
+MIN_FLAT_FRACTION = 0.6
 """Minimum fraction of a plane's samples within ``FLAT_TOLERANCE`` for it to be flatter than any person."""
 FLAT_TOLERANCE = 0.002
 """Maximum distance of these samples from the plane, in addition to one standard deviation of the noise, m."""
-FLAT_AREA = 0.04
+MIN_FLAT_AREA = 0.04
 """Minimum area of the plane's samples across the line of sight, m²."""
 
 
@@ -63,14 +63,14 @@ def background_planes(frame: Frame, box: tuple[float, float, float, float], rng:
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
     samples, planes = _samples(frame, box), []
-    enough = max(3, MIN_SHARE * len(samples.points))
+    enough = max(3, MIN_PLANE_FRACTION * len(samples.points))
     while len(samples.points) >= enough:
-        plane = _plane(samples, rng)
-        near = near_plane(samples.points, plane, samples.sensor)
+        plane = _largest_plane(samples, rng)
+        near = is_near_plane(samples.points, plane, samples.sensor)
         if np.count_nonzero(near) < enough:
             break
         outside = np.count_nonzero(near & ~samples.inside)
-        is_beyond = outside >= BEYOND * np.count_nonzero(near & samples.inside)
+        is_beyond = outside >= MIN_OUTSIDE_RATIO * np.count_nonzero(near & samples.inside)
         if is_beyond or _is_flat(samples[near], plane):
             planes.append(plane)
         samples = samples[~near]
@@ -82,10 +82,10 @@ def _is_flat(samples: _Samples, plane: Planes) -> bool:
     points = samples.points
     near = np.abs(distances(points, plane)) < FLAT_TOLERANCE + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
-    return bool(near.mean() >= FLAT and area >= FLAT_AREA)
+    return bool(near.mean() >= MIN_FLAT_FRACTION and area >= MIN_FLAT_AREA)
 
 
-def near_plane(points: Points, plane: Planes, sensor: SensorModel) -> Mask:
+def is_near_plane(points: Points, plane: Planes, sensor: SensorModel) -> Mask:
     """Which points in ``camera_optical`` belong to a plane (4,)."""
     return np.abs(distances(points, plane)) < _tolerance(points, sensor)
 
@@ -115,14 +115,14 @@ def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
     return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy), frame.sensor)
 
 
-def _plane(samples: _Samples, rng: np.random.Generator) -> Planes:
+def _largest_plane(samples: _Samples, rng: np.random.Generator) -> Planes:
     """The plane with the most samples according to RANSAC, refitted to these samples."""
     points, sensor = samples.points, samples.sensor
     found = ransac_plane(points, _triples(samples, rng), _tolerance(points, sensor))
     if found is None:
         return np.full(4, np.nan)  # all samples lie on one line
     best, _ = found
-    members = points[near_plane(points, best, sensor)]
+    members = points[is_near_plane(points, best, sensor)]
     if len(members) < 3:
         return best
     plane, _ = Moments.of(members).fit(best[:3])

@@ -16,7 +16,7 @@ def joined(parts: Iterable[ScoredBoxes]) -> ScoredBoxes:
     return np.concatenate(boxes), np.concatenate(scores)
 
 
-def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+def pairwise_iou(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
     """(N, M) intersection over union of (N, 4) with (M, 4) boxes; 0 where both are empty."""
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, 2:], b[None, :, 2:])
@@ -32,7 +32,7 @@ If a network sees people everywhere, comparing all takes minutes.
 """
 
 
-def best_boxes(
+def suppress_non_maxima(
     boxes: NDArray[np.float32], scores: NDArray[np.float32], min_confidence: float, overlap: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One box per object, by non-maximum suppression: (M, 4) and their (M,) scores, the best first.
@@ -41,7 +41,7 @@ def best_boxes(
         boxes: (N, 4); empty boxes are dropped.
         scores: (N,) confidences.
         min_confidence: minimum confidence, greater than 0.
-        overlap: intersection over union with a better box above which a box is dropped.
+        overlap: a box is dropped if its intersection over union with a better box exceeds this value.
     """
     good = (scores >= min_confidence) & (_areas(boxes) > 0)
     boxes = boxes[good]

@@ -20,12 +20,12 @@ from pipeline.files import check_hash, read_bytes, read_text
 from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.opencv_network import OpenCvNetwork, checked_network, kinds_of
 
-WHOLE = re.compile(
+WHOLE_NUMBER_KEYS = re.compile(
     "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"
 )
-PLACES = re.compile("mask|layers|from")
-DECIMAL = re.compile("anchors|scale_x_y")
-"""Names of settings that hold one whole number (WHOLE), or several whole numbers (PLACES) or decimals (DECIMAL)."""
+WHOLE_NUMBER_LIST_KEYS = re.compile("mask|layers|from")
+DECIMAL_LIST_KEYS = re.compile("anchors|scale_x_y")
+"""Names of settings that hold one whole number, several whole numbers, or several decimal numbers."""
 DEFAULTS = {
     "convolutional": {"filters": "1", "size": "1", "activation": "logistic"},
     "maxpool": {"stride": "1"},
@@ -132,10 +132,20 @@ class Section:
         stride = self.settings.get("stride", "1")
         only = IGNORED.get(self.kind, {}) | {"stride_x": stride, "stride_y": stride}
         for key, value in self.settings.items():
-            if WHOLE.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
+            if WHOLE_NUMBER_KEYS.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
                 raise self.error(f"{key}={value:.80}: must be a non-negative whole number of at most 9 digits")
-            number = r"-?\d{1,9}" if PLACES.fullmatch(key) else r"\d*\.?\d+" if DECIMAL.fullmatch(key) else ""
-            wanted = "whole numbers of at most 9 digits" if PLACES.fullmatch(key) else "non-negative decimal numbers"
+            number = (
+                r"-?\d{1,9}"
+                if WHOLE_NUMBER_LIST_KEYS.fullmatch(key)
+                else r"\d*\.?\d+"
+                if DECIMAL_LIST_KEYS.fullmatch(key)
+                else ""
+            )
+            wanted = (
+                "whole numbers of at most 9 digits"
+                if WHOLE_NUMBER_LIST_KEYS.fullmatch(key)
+                else "non-negative decimal numbers"
+            )
             if number and not re.fullmatch(f"{number}( *, *{number})*,?", value):
                 raise self.error(f"{key}={value:.80}: must be {wanted}, separated by commas")
             if value != only.get(key, value):

@@ -9,13 +9,13 @@ import numpy as np
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.victims.boxes import ScoredBoxes, best_boxes
+from pipeline.victims.boxes import ScoredBoxes, suppress_non_maxima
 from pipeline.victims.config import DetectorConfig
 from pipeline.victims.darknet import DarknetNetwork
 from pipeline.victims.detection import Detection
 from pipeline.victims.input_image import evenly_exposed
 from pipeline.victims.onnx_network import OnnxNetwork
-from pipeline.victims.two_stages import TwoStages
+from pipeline.victims.two_stages import TwoStageNetwork
 
 
 class BoxNetwork(Protocol):
@@ -27,7 +27,10 @@ class BoxNetwork(Protocol):
         ...
 
     def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
-        """Boxes, pixels, several per object, including all with a confidence of at least ``min_confidence``."""
+        """Boxes, pixels, several per object, and their (N, classes) confidences.
+
+        The result includes all boxes with a confidence of at least ``min_confidence``.
+        """
         ...
 
 
@@ -51,14 +54,14 @@ class VictimDetector:
             config: limits that decide which boxes are detections.
 
         Raises:
-            InputError: see :meth:`TwoStages.load`, :meth:`OnnxNetwork.load` and :meth:`DarknetNetwork.load`; or the
-                files are of other types.
+            InputError: see :meth:`TwoStageNetwork.load`, :meth:`OnnxNetwork.load` and :meth:`DarknetNetwork.load`; or
+                the files are of other types.
         """
         endings = [file.suffix.lower() for file in files]
         if endings == [".safetensors"] and names is not None:
             raise InputError(f"--detector-names {names}: the shipped network finds only people; leave the names out")
         if endings == [".safetensors"]:
-            return cls(TwoStages.load(files[0], config), config)
+            return cls(TwoStageNetwork.load(files[0], config), config)
         if endings == [".onnx"]:
             return cls(OnnxNetwork.load(files[0], *_class_names(files[0], names)), config)
         if len(files) == 2 and endings[0] == ".cfg" and endings[1] not in (".safetensors", ".onnx"):
@@ -80,7 +83,7 @@ class VictimDetector:
         found: list[Detection] = []
         for kind, classes in self._network.kinds.items():
             of_kind = scores[:, list(classes)].max(axis=1)
-            best = best_boxes(boxes, of_kind, config.confidence, config.suppressing_iou)
+            best = suppress_non_maxima(boxes, of_kind, config.confidence, config.suppressing_iou)
             found += [Detection(tuple(box.tolist()), float(sure), kind) for box, sure in zip(*best, strict=True)]
         return sorted(found, key=lambda detection: -detection.confidence)
 

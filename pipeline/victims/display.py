@@ -11,12 +11,12 @@ PROBABILITY = 0.95
 """Probability with which a position lies in its ellipsoid."""
 
 
-def confirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
+def confirmed_with_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The confirmed victims with their ids: "1", "2", …"""
     return [(str(k), victim) for k, victim in enumerate(victims.confirmed, start=1)]
 
 
-def unconfirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
+def unconfirmed_with_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The unconfirmed victims that are worth another look, with their ids: "A", "B", …"""
     return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
 

@@ -7,11 +7,11 @@ import numpy as np
 from pipeline.arrays import Mask, PixelMask, Points, Pose
 from pipeline.frame import Frame
 from pipeline.tracks.find import VICTIM, Reading, box_corners
-from pipeline.tracks.likelihood import extents_of, places_in_box, weigh
+from pipeline.tracks.likelihood import extents_of, relative_positions, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.background import background_planes, near_plane
+from pipeline.victims.background import background_planes, is_near_plane
 from pipeline.victims.detection import Detection
 from pipeline.victims.people import SKIN_TO_MIDDLE, PeoplePolicy, middle
 
@@ -39,7 +39,7 @@ def observe(
         keyframe: index of the keyframe.
         policy: how people are tracked.
     """
-    window = _window(frame, detection)
+    window = _box_pixels(frame, detection)
     returns = frame.returns & window
     if not returns.any():
         return Refusal(detection, "no depth in the box")
@@ -49,7 +49,7 @@ def observe(
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
-    weighed = weigh(policy.extents, points, ground, is_background, places_in_box(returns, window))
+    weighed = weigh(policy.extents, points, ground, is_background, relative_positions(returns, window))
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
@@ -68,7 +68,7 @@ def observe(
     )
 
 
-def _window(frame: Frame, detection: Detection) -> PixelMask:
+def _box_pixels(frame: Frame, detection: Detection) -> PixelMask:
     """The pixels in a detection's box."""
     x0, y0, x1, y1 = detection.box
     u, v = np.arange(frame.intrinsics.width) + 0.5, np.arange(frame.intrinsics.height) + 0.5
@@ -79,5 +79,5 @@ def _stands_out(frame: Frame, detection: Detection, points: Points) -> Mask:
     """Which of the box's points, in ``camera_optical``, lie on none of the background's planes."""
     result = np.ones(len(points), np.bool_)
     for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
-        result &= ~near_plane(points, plane, frame.sensor)
+        result &= ~is_near_plane(points, plane, frame.sensor)
     return result

@@ -20,7 +20,7 @@ from pipeline.tracks.find import KINDS, VICTIM
 from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.input_image import Letterbox
 
-PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
+PERSON_CLASSES = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
 """For networks without class names, by number of classes: index of ``person``, and the source of the classes."""
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
 """Kind of each known class by name, with underscores for spaces; other classes are ignored."""
@@ -67,7 +67,7 @@ class OpenCvNetwork(ABC):
         self.net.setInput(cv2.dnn.blobFromImage(canvas, 1 / 255))
         return self.decode(self.net.forward(self.outputs))
 
-    def shapes(self) -> list[list[tuple[int, ...]]]:
+    def output_shapes(self) -> list[list[tuple[int, ...]]]:
         """The shapes of all layers' outputs."""
         _, _, shapes = self.net.getLayersShapes([1, 3, *self.size[::-1]])
         return [[tuple(map(int, shape)) for shape in layer] for layer in shapes]
@@ -94,7 +94,7 @@ def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -
     try:
         boxes, scores = network.run(np.full((*network.size[::-1], 3), 128, np.uint8))
     except cv2.error as error:
-        raise InputError(f"{files}: {_said(error)}{remedy}") from error
+        raise InputError(f"{files}: {_opencv_message(error)}{remedy}") from error
     if not (np.isfinite(boxes).all() and np.isfinite(scores).all()):
         raise InputError(f"{files}: the network's outputs with these weights are not finite; use other weights")
     return network
@@ -104,10 +104,10 @@ def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
     """The error message if a network is invalid; otherwise GOOD."""
     try:
         network = make()
-        outputs = sum(4 * prod(shape) for layer in network.shapes() for shape in layer)
+        outputs = sum(4 * prod(shape) for layer in network.output_shapes() for shape in layer)
         network.check()
     except cv2.error as error:
-        return _said(error) + remedy
+        return _opencv_message(error) + remedy
     except InputError as error:
         return str(error)
     if outputs <= MEMORY:
@@ -118,7 +118,7 @@ def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
     )
 
 
-def _said(error: cv2.error) -> str:
+def _opencv_message(error: cv2.error) -> str:
     return f"OpenCV cannot run this network: {' '.join(error.err.split())}"
 
 
@@ -135,8 +135,8 @@ def kinds_of(path: Path, count: int, names: Sequence[str], where: str) -> dict[s
         InputError: there are more or fewer names than classes, or none of the names is known.
     """
     words = ["_".join(word.split()).casefold() for word in names if word.strip()]
-    if not words and count in PERSON:
-        number, whose = PERSON[count]
+    if not words and count in PERSON_CLASSES:
+        number, whose = PERSON_CLASSES[count]
         if count > 1:
             print(f"{path}: no names of its classes; assuming the {count} classes of {whose}", file=sys.stderr)
         return {VICTIM: [number]}

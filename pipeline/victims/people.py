@@ -20,7 +20,7 @@ from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
 
-ACROSS = 0.85
+WIDTH_IN_IMAGE = 0.85
 """Width of a person that must be in the image when the person is looked at again, m."""
 EXTENTS = (1.7, 0.5, 0.25), (1.1, 0.7, 0.5), (0.45, 0.2, 0.14)
 """Median extents of each form of people, the longest first, m.
@@ -30,13 +30,13 @@ EXTENTS = (1.7, 0.5, 0.25), (1.1, 0.7, 0.5), (0.45, 0.2, 0.14)
   on the ground and 1.3 m on a seat.
 - Dolls, as in the RoboCup Rescue arena designer.
 """
-TOUCH = 0.15
+TOUCH_DISTANCE = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
-OPEN_SHARE = 0.7
+MIN_VISIBLE_FRACTION = 0.7
 """Minimum fraction of a person's points that must be in view."""
 VOXEL = 0.03
 """Edge length of a person's voxels, m."""
-AGREED = 0.2
+MIN_AGREEMENT = 0.2
 """Minimum fraction of the keyframes showing a person that must show a voxel for the voxel to belong to the person.
 
 Keyframes in which the voxel is hidden or outside the image do not count, because they say nothing about it.
@@ -47,17 +47,17 @@ SKIN_TO_MIDDLE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class PersonVoxels:
-    """The voxels that a person's observations show; voxels that only a few observations show belong to other objects.
+    """The voxels that a person's observations show; voxels that only a few of them show may belong to other objects.
 
     Attributes:
         edge: edge length of a voxel, m.
-        seen: a point in each voxel.
-        shown: number of observations that show each voxel.
+        points: a point in each voxel.
+        counts: number of observations that show each voxel.
     """
 
     edge: float
-    seen: Points
-    shown: Indices
+    points: Points
+    counts: Indices
 
     @classmethod
     def of(cls, points: Points, edge: float) -> "PersonVoxels":
@@ -68,18 +68,18 @@ class PersonVoxels:
     @classmethod
     def joined(cls, observations: Sequence["PersonVoxels"]) -> "PersonVoxels":
         """The voxels of one or more observations together."""
-        seen, edge = np.concatenate([voxels.seen for voxels in observations]), observations[0].edge
+        seen, edge = np.concatenate([voxels.points for voxels in observations]), observations[0].edge
         voxel, keys = voxels_of(seen / edge)
-        shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
+        shown = np.bincount(voxel, np.concatenate([voxels.counts for voxels in observations])).astype(np.int64)
         return cls(edge, seen[first_points(voxel, len(keys))], shown)
 
-    def agreed(self, frames: float | Values) -> Points:
+    def agreed_points(self, frames: float | Values) -> Points:
         """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel.
 
         ``frames``: one number, or (N,) one for each voxel.
         """
-        is_agreed = self.shown >= frames
-        return self.seen[is_agreed] if is_agreed.any() else self.seen
+        is_agreed = self.counts >= frames
+        return self.points[is_agreed] if is_agreed.any() else self.points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     """
 
     kind: str = VICTIM
-    across: float = ACROSS
+    across: float = WIDTH_IN_IMAGE
     extents: tuple[Extents, ...] = EXTENTS
     keyframes: Keyframes | None = None
 
@@ -104,7 +104,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def joined(self, one: Track, other: Track) -> "PersonBody":
         """The location of a person, from the voxels and the information of both tracks."""
-        a, b = cast(PersonBody, one.where), cast(PersonBody, other.where)
+        a, b = cast(PersonBody, one.location), cast(PersonBody, other.location)
         voxels = PersonVoxels.joined([a.voxels, b.voxels])
         # The order is that of `locate`, because the result depends on it.
         information = reduce(self.fused_information, [seen.information for seen in other.placed], a.information)
@@ -112,60 +112,65 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
         """A person located by voxels; voxels shown by few of the keyframes in whose view they lie are left out."""
-        points = voxels.agreed(AGREED * self._views(voxels.seen, keyframes))
+        points = voxels.agreed_points(MIN_AGREEMENT * self._view_counts(voxels.points, keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
-    def _views(self, points: Points, keyframes: Collection[int]) -> Values:
+    def _view_counts(self, points: Points, keyframes: Collection[int]) -> Values:
         """(N,) number of the keyframes in view of each point."""
         if self.keyframes is None:
             return np.full(len(points), float(len(keyframes)))
         views = np.zeros(len(points))
         for k in keyframes:
             frame = self.keyframes.seen[k].frame
-            views += _in_view(points, frame, inverse(self.keyframes.poses[k] @ frame.T_base_camera))
+            views += _are_in_view(points, frame, inverse(self.keyframes.poses[k] @ frame.T_base_camera))
         return views
 
     def fused_information(self, one: Information, other: Information) -> Information:
         """The sum of two information matrices, limited because errors from one viewpoint are correlated."""
         return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
-    def shows(self, observation: Observation) -> float:
+    def photo_score(self, observation: Observation) -> float:
         """Number of voxels that the observation shows, times its confidence."""
         return len(observation.points) * observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
         """Squared Mahalanobis distance; infinite if the tracks are too far apart, or if a frame shows them apart."""
         distance = mahalanobis(track, new)
-        is_near = distance <= GATE or self._touch(track.points, new.points)
+        is_near = distance <= GATE or self._are_touching(track.points, new.points)
         return distance if is_near and not self._are_seen_apart(track, new) else np.inf
 
     def merge_distance(self, one: Track, other: Track) -> float:
         """0 if both tracks touch and no frame shows them apart; otherwise infinite."""
-        return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
+        return (
+            0.0 if self._are_touching(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
+        )
 
-    def _touch(self, one: Points, other: Points) -> bool:
-        """Whether the nearest points of two sets are at most ``TOUCH`` apart."""
+    def _are_touching(self, one: Points, other: Points) -> bool:
+        """Whether the nearest points of two sets are at most ``TOUCH_DISTANCE`` apart."""
         small, large = sorted((one, other), key=len)
-        return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
+        return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH_DISTANCE)[0].min() <= TOUCH_DISTANCE)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
         """Whether a keyframe shows both tracks apart, so that they are two people, however near to each other."""
         both = one.keyframes & other.keyframes
-        return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
+        return any(
+            not self._are_touching(_points_in_keyframe(one, keyframe), _points_in_keyframe(other, keyframe))
+            for keyframe in both
+        )
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the person is near enough, and most points are in the image with nothing in front of them."""
         depth = transform_points(T_camera_map, track.points)[:, 2]
-        _, farthest = self.distances(track, frame.sensor)
+        _, farthest = self.viewing_range(track, frame.sensor)
         if np.median(depth) > farthest:
             return False
-        return bool(_in_view(track.points, frame, T_camera_map).mean() > OPEN_SHARE)
+        return bool(_are_in_view(track.points, frame, T_camera_map).mean() > MIN_VISIBLE_FRACTION)
 
     def is_worth_a_look(self, track: Track) -> bool:
         """Whether there is evidence of the person, but not enough to confirm the person."""
         return track.evidence >= self.evidence_to_look and not track.is_confirmed
 
-    def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
+    def viewing_range(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum distance at which the whole person is in the image and in the camera's range, m."""
         return sensor.nearest + self.across / 2, sensor.farthest - self.across / 2
 
@@ -194,16 +199,16 @@ def middle(points: Points) -> Place:
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 
-def _in_view(points: Points, frame: Frame, T_camera_map: Pose) -> Mask:
-    """(N,) whether each point is in a frame's image, and the return there is not nearer by ``TOUCH`` or more."""
+def _are_in_view(points: Points, frame: Frame, T_camera_map: Pose) -> Mask:
+    """(N,) whether each point is in a frame's image, with no return nearer by ``TOUCH_DISTANCE`` or more in front."""
     in_camera = transform_points(T_camera_map, points)
     pixels, result = frame.intrinsics.project(in_camera)
     row, column = pixels[result].T
-    result[result] = frame.returns[row, column] & (frame.depth[row, column] > in_camera[result, 2] - TOUCH)
+    result[result] = frame.returns[row, column] & (frame.depth[row, column] > in_camera[result, 2] - TOUCH_DISTANCE)
     return result
 
 
-def _in_frame(track: Track, keyframe: int) -> Points:
+def _points_in_keyframe(track: Track, keyframe: int) -> Points:
     """A track's points as a keyframe shows them, in its ``base_link``; the keyframe must show the object."""
     return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
 

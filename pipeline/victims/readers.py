@@ -36,7 +36,7 @@ class FindReader(Protocol):
         ...
 
 
-class SeveralReaders:
+class CombinedReaders:
     """Combines several readers; if several readers find the same object, the reading of the first reader is kept."""
 
     def __init__(self, readers: Sequence[FindReader]):
@@ -84,7 +84,7 @@ class BackgroundReader:
 
     def __init__(self, heat: HeatConfig = HeatConfig()) -> None:
         """``heat``: which regions of a thermal image are warm."""
-        self._thread, self._heat = ThreadPoolExecutor(1, initializer=_compute_alone), heat
+        self._thread, self._heat = ThreadPoolExecutor(1, initializer=_limit_to_one_thread), heat
         self._begun: Future[ReadFrame] | None = None
 
     def begin(self, frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> None:
@@ -97,7 +97,11 @@ class BackgroundReader:
         self._begun = self._thread.submit(_read, frame, keyframe, detector, readers, self._heat)
 
     def end(self) -> ReadFrame | None:
-        """Wait until the frame that was begun has been read, and return it with its objects; None without a frame."""
+        """Wait until the frame of :meth:`begin` has been read, and return it with its objects; None without a frame.
+
+        Raises:
+            InputError: the detector or a reader has returned something invalid.
+        """
         begun, self._begun = self._begun, None
         return None if begun is None else begun.result()
 
@@ -105,6 +109,7 @@ class BackgroundReader:
 def _read(
     frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None, heat: HeatConfig
 ) -> ReadFrame:
+    """The objects in a frame; InputError if the detector or a reader returns something invalid."""
     detections = [] if detector is None else detector.detect(frame.rgb)
     check_detections(detections, detector)
     readings = [] if readers is None else readers.read(frame, detections)
@@ -129,7 +134,7 @@ def warm_regions(thermal: NDArray[np.float32], shape: tuple[int, ...], config: H
             yield Reading(HEAT, "", (middles * scale).astype(np.float32), 1.0)
 
 
-def _compute_alone() -> None:
+def _limit_to_one_thread() -> None:
     """Keep OpenCV and PyTorch from starting threads of their own, which would wait for work in a busy loop.
 
     On two cores, while another thread computes as well, such loops make an image take up to seven times as long.

@@ -48,7 +48,7 @@ class Victims(Tracks):
 
     def _track(self, observation: Observation, T_map_base: Pose) -> Track:
         """A track of a single observation in ``map``."""
-        thinned = replace(observation, points=PersonVoxels.of(observation.points, VOXEL).seen)
-        seen = thinned.moved(inverse(T_map_base))
+        thinned = replace(observation, points=PersonVoxels.of(observation.points, VOXEL).points)
+        seen = thinned.transformed(inverse(T_map_base))
         # The track is placed from the stored observation, so that a rebuilt map is identical.
-        return Track(self.policy, [seen], [seen.moved(T_map_base)], float(T_map_base[2, 3]))
+        return Track(self.policy, [seen], [seen.transformed(T_map_base)], float(T_map_base[2, 3]))

@@ -31,7 +31,7 @@ BATCH_NORM_EPSILON = 1e-6  # as in Darknet's batchnorm_layer.c on a CPU, and in 
 LEAKY_SLOPE = 0.1  # as in Darknet's activations.h
 OBJECTNESS = 4
 """Index of the objectness among an anchor's numbers in a cell: after x, y, width and height, before the class."""
-LARGEST_EXPONENT = 20.0
+MAX_EXPONENT = 20.0
 """Limit of the exponent that scales an anchor; no box in an image is so large, and the square still fits float32."""
 Anchors = tuple[tuple[float, float], ...]
 """Widths and heights in the input, pixels."""
@@ -81,7 +81,7 @@ class Yolo(ABC):
     GRIDS: ClassVar[tuple[Anchors, ...]]
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
-        """Create a network from the float32 tensors of the shipped file, ``layers.N.conv.weight`` and so on."""
+        """Create a network from the float32 tensors of the shipped file, named ``layers.N.conv.weight`` and so on."""
         self.layers: dict[int, Convolution] = {}
         for number, (*_, stride) in self.LAYERS.items():
             start = f"layers.{number}."
@@ -217,7 +217,7 @@ def decode(head: NDArray[np.float32], anchors: Anchors, width: int, height: int,
     found = cells[anchor, :, y, x]
     shares = expit(found)
     middle = (shares[:, :2] + np.stack([x, y], axis=1)) * (width / columns, height / rows)
-    half = np.exp(np.minimum(found[:, 2:OBJECTNESS], LARGEST_EXPONENT)) * np.array(anchors)[anchor] / 2
+    half = np.exp(np.minimum(found[:, 2:OBJECTNESS], MAX_EXPONENT)) * np.array(anchors)[anchor] / 2
     boxes = np.concatenate([middle - half, middle + half], axis=1)
     return boxes.astype(np.float32), shares[:, OBJECTNESS + 1 :] * shares[:, OBJECTNESS, None]
 

@@ -11,7 +11,7 @@ from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection import Detector
 from pipeline.victims.detector import VictimDetector
-from pipeline.victims.readers import FindReader, SeveralReaders
+from pipeline.victims.readers import CombinedReaders, FindReader
 from sarsim.assets import asset
 from sarsim.methods.make import make_own
 from sarsim.settings import POINT_NETWORKS, LabelSource, PerceptionConfig
@@ -36,7 +36,7 @@ def make_readers(config: PerceptionConfig, plugins: Sequence[Plugin] = ()) -> Fi
     """
     readers = [reader for plugin in plugins for reader in plugin.readers()]
     readers += [make_own("reader", name, FindReader) for name in config.reader]
-    return SeveralReaders(readers) if readers else None
+    return CombinedReaders(readers) if readers else None
 
 
 def make_classifier(

@@ -6,7 +6,7 @@ Unlike in COCO, precision is evaluated at every recall, not at 101 recall values
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victims.boxes import overlaps
+from pipeline.victims.boxes import pairwise_iou
 
 MATCHING_IOU = 0.5  # Minimum intersection over union of a detection with its true box
 
@@ -28,7 +28,7 @@ class AveragePrecision:
     ) -> None:
         """Add an image: (N, 4) detections and their (N,) scores, (M, 4) true boxes and whether each is ignored."""
         order = np.argsort(-scores, kind="stable")
-        found = match(overlaps(boxes[order], truths), ignored, MATCHING_IOU)
+        found = match(pairwise_iou(boxes[order], truths), ignored, MATCHING_IOU)
         counts = (found < 0) | ~np.append(ignored, False)[found]
         self._scores += scores[order][counts].tolist()
         self._right += (found >= 0)[counts].tolist()

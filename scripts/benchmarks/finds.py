@@ -20,7 +20,7 @@ from pipeline.files import read_text
 from pipeline.frame import decoded
 from pipeline.plugins.finds.readers import FindReaders
 from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
-from pipeline.victims.boxes import overlaps
+from pipeline.victims.boxes import pairwise_iou
 from pipeline.victims.detection import Detection, Detector
 from pipeline.victims.detector import VictimDetector
 from sarsim.commands.cli import tracked
@@ -128,7 +128,7 @@ class PhotoScore:
         clear = [(x, y, x + w, y + h) for x, y, w, h, sure in reference if sure >= CLEAR and max(w, h) >= LONG * side]
         for name, least in (("people_found_50", SURE), ("people_found_25", LIKELY)):
             found = np.array([p.box for p in people if p.confidence >= least], np.float64).reshape(-1, 4)
-            hits = sum(bool((overlaps(np.array([box]), found) > OVERLAP).any()) for box in clear)
+            hits = sum(bool((pairwise_iou(np.array([box]), found) > OVERLAP).any()) for box in clear)
             self._add(name, hits, len(clear))
 
     def add_board(self, readings: Sequence[Reading], board: dict[str, Any], distance: str) -> None:

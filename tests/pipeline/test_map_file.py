@@ -18,7 +18,7 @@ from pipeline.map_file import LAYOUT, load_elevation_map, load_keyframes, save_k
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.tracks.objects import shown
+from pipeline.tracks.objects import best_returns
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
 from pipeline.victims.people import PeoplePolicy
@@ -105,10 +105,10 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     assert (find.policy.kind, find.text, find.missed, len(find.tried)) == ("qr_code", code.text, {3}, 1)
     np.testing.assert_allclose(find.position, code.position, atol=1e-3)
     np.testing.assert_allclose(find.covariance, np.eye(3) / 9, atol=1e-9)
-    np.testing.assert_array_equal(find.find().photo, code.find().photo)
-    np.testing.assert_allclose(shown(find), shown(code), atol=1e-3)
+    np.testing.assert_array_equal(find.to_find().photo, code.to_find().photo)
+    np.testing.assert_allclose(best_returns(find), best_returns(code), atol=1e-3)
     np.testing.assert_allclose(victim.tried_at, before.tried_at)
-    np.testing.assert_allclose(victim.cameras[1], before.cameras[1])
+    np.testing.assert_allclose(victim.camera_positions[1], before.camera_positions[1])
 
 
 def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):

@@ -10,7 +10,7 @@ from pipeline.arrays import Pixels
 from pipeline.plugins.finds.config import HazmatConfig
 from pipeline.plugins.finds.patch_network import PatchNetwork
 from pipeline.plugins.finds.squares import Pyramid, SquareCandidates, rectified
-from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap
+from pipeline.tracks.find import HAZMAT_CLASSES, Reading, is_same, overlap_ratios
 
 SIGN = "hazmat_sign"
 SIGN_SIDE = 96  # Side of a patch, pixels; the sign covers 80% of the side, so that a letter of a word has ten pixels
@@ -62,7 +62,7 @@ class HazmatReader:
         config, left = self._config, list(probabilities[:, -1].argsort(kind="stable"))
         while left and (confidence := float(self._sign_probability(probabilities[left[0], -1]))) > config.confidence:
             best, *others = left
-            alike = [best, *(k for k in others if overlap(quads[best], quads[k])[0] > config.alike)]
+            alike = [best, *(k for k in others if overlap_ratios(quads[best], quads[k])[0] > config.alike)]
             votes = probabilities[alike, :-1].sum(axis=0)
             yield quads[best], confidence, votes / votes.sum()
             left = [k for k in others if not is_same(quads[best], quads[k])]

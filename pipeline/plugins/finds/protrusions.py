@@ -16,7 +16,7 @@ from pipeline.arrays import Depth, PixelMask, Pixels, Rgb
 from pipeline.frame import Frame, Intrinsics
 from pipeline.plugins.finds.config import FindsConfig, ShapesConfig
 from pipeline.sensor import SensorModel
-from pipeline.tracks.likelihood import SPREAD, THINNEST
+from pipeline.tracks.likelihood import EXTENT_SIGMA, MIN_EXTENT
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Sizes:
         """The sizes that follow from the medians and the spread of the extents."""
         bottle, lever = config.fire_extinguisher.extents[0], config.door_lever.extents[0]
         spreads = config.shapes.spreads
-        larger = exp(spreads * SPREAD)
-        smallest = lever[1] * exp(-spreads * SPREAD)
+        larger = exp(spreads * EXTENT_SIGMA)
+        smallest = lever[1] * exp(-spreads * EXTENT_SIGMA)
         max_width = bottle[1] * larger * larger
-        return cls(bottle[1], bottle[0] * larger, max_width, smallest, THINNEST * smallest, larger)
+        return cls(bottle[1], bottle[0] * larger, max_width, smallest, MIN_EXTENT * smallest, larger)
 
 
 @dataclass(frozen=True, eq=False)

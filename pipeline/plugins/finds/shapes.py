@@ -9,7 +9,7 @@ from pipeline.plugins.finds.config import FindsConfig
 from pipeline.plugins.finds.patch_network import PatchNetwork
 from pipeline.plugins.finds.protrusions import Protrusions, convex_hull, square_around
 from pipeline.plugins.finds.squares import Pyramid, rectified
-from pipeline.tracks.find import SHAPED, Reading, is_same
+from pipeline.tracks.find import KINDS_WITH_SHAPE, Reading, is_same
 
 
 class ShapeReader:
@@ -22,7 +22,7 @@ class ShapeReader:
     @classmethod
     def load(cls, weights: Path, config: FindsConfig = FindsConfig()) -> "ShapeReader":
         """A reader with the weights of a safetensors file; InputError as for :meth:`PatchNetwork.load`."""
-        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config)
+        return cls(PatchNetwork.load(weights, len(KINDS_WITH_SHAPE), has_relief=True), config)
 
     def read(self, frame: Frame) -> list[Reading]:
         """The objects recognised in a frame with sufficient confidence, the most confident first, each once."""
@@ -37,5 +37,5 @@ class ShapeReader:
             kind, corners = int(probabilities[best, :-1].argmax()), convex_hull(seen.regions[best])
             is_sure = probabilities[best, kind] > self._config.shapes.confidence
             if is_sure and not any(is_same(corners, other.corners) for other in found):
-                found.append(Reading(SHAPED[kind], "", corners, float(probabilities[best, kind])))
+                found.append(Reading(KINDS_WITH_SHAPE[kind], "", corners, float(probabilities[best, kind])))
         return found

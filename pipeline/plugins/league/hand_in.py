@@ -39,7 +39,7 @@ class LeagueFiles(Sink):
             mapper, begin = result.mapper, result.trajectory.begin
             # A robot that never moved has no odometry between keyframes.
             driven = np.array(result.trajectory.estimated() or mapper.keyframes.poses)
-            finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
+            finds = [*(person.to_find() for person in mapper.victims.confirmed), *mapper.finds.reported]
             maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
             hand_in(result.folder, self._brief, driven, finds, *maps, begin=begin, config=self._config)
 

@@ -11,7 +11,7 @@ STOVE = Find(HEAT, "", np.array([1.0, 2.0, 0.5]), np.eye(3), 3.0, 0.9, np.zeros(
 
 
 def test_heat_of_a_person_is_not_marked_on_top_of_the_persons_name():
-    person = replace(STOVE, position=np.array([3.0, 2.0, 0.3]), of_person=True)
+    person = replace(STOVE, position=np.array([3.0, 2.0, 0.3]), is_heat_of_person=True)
     drawn = marks([STOVE, person])
     np.testing.assert_allclose(drawn.positions.as_arrow_array().to_pylist(), [STOVE.position])
     assert drawn.labels.as_arrow_array().to_pylist() == ["heat"]

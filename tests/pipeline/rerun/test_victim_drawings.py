@@ -73,7 +73,7 @@ def test_the_ellipsoid_holds_95_percent(rows):
 def test_ellipsoids_turn_as_their_covariance_does():
     person = victim(block((1, 0, 0), (0.3, 0.3, 0.3)))
     axis = np.array([1, 1, 0]) / np.sqrt(2)
-    person.where = replace(person.where, covariance=0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
+    person.location = replace(person.location, covariance=0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
     drawn = victim_drawings.confidence_ellipsoids(victims(person))
     longest = np.array(drawn.half_sizes.as_arrow_array().to_pylist())[0]
     x, y, z, w = drawn.quaternions.as_arrow_array().to_pylist()[0]

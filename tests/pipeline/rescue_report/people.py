@@ -44,7 +44,7 @@ def victim(points: NDArray[np.float32], cameras: int = 2) -> Track:
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
     seen = [Observation(reading, k, points[0], information, place, points, photo) for k, place in enumerate(places)]
     track = Track(PeoplePolicy(), seen, list(seen))
-    track.where = PeoplePolicy().body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
+    track.location = PeoplePolicy().body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
     return track
 
 

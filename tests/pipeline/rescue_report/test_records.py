@@ -50,13 +50,16 @@ def test_finds_come_back_as_json_with_the_confirmed_people(situation: Situation,
 def test_a_person_was_found_when_this_run_first_saw_the_person() -> None:
     person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)), 3)
     person.seen = [replace(seen, time=time) for seen, time in zip(person.seen, (np.nan, 7.0, 5.0), strict=True)]
-    found = person.find()
+    found = person.to_find()
     assert (found.kind, found.text, found.time_s) == ("victim", "", 5.0)
 
 
 def test_the_heat_of_a_person_is_told_on_the_persons_card_alone(situation: Situation) -> None:
     alice, bob = situation.people[0], situation.unconfirmed_people[0]
-    lamp, warmth = find("heat", "lamp"), replace(find("heat", ""), position=alice.victim.position, of_person=True)
+    lamp, warmth = (
+        find("heat", "lamp"),
+        replace(find("heat", ""), position=alice.victim.position, is_heat_of_person=True),
+    )
     warm = replace(situation, people=[replace(alice, is_warm=True)], finds=[lamp, warmth])
     root = read(page(warm, {"arena": "nist_6x4"}))
     (table,) = root.all("table", "finds")

@@ -11,7 +11,7 @@ from pipeline.sensor import XTION
 from pipeline.tracks.config import Confirmation
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.finds import Finds
-from pipeline.tracks.objects import sight
+from pipeline.tracks.objects import observe_reading
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
@@ -61,7 +61,7 @@ def test_the_map_shows_the_returns_of_what_is_reported_and_flat() -> None:
     kinds = ("hazmat_sign", 0.9), ("hazmat_sign", 0.02), ("heat", 0.9)
     at = [on_wall(WALL, y, 0.8) for y in (0.5, -0.5, 0.0)]
     finds.update(frame, [sign("", box, sure, kind) for box, (kind, sure) in zip(at, kinds, strict=True)], T, 0)
-    (shown,) = finds.shown
+    (shown,) = finds.flat_find_points
     half = 6 * (WALL - 1) / 144
     np.testing.assert_allclose(shown.min(axis=0), (WALL, 0.5 - half, 0.8 - half), atol=0.03)
     np.testing.assert_allclose(shown.max(axis=0), (WALL, 0.5 + half, 0.8 + half), atol=0.03)
@@ -94,7 +94,7 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
     finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.6, -1.0))], T, 0)
     assert finds.reported == []
     (wanted,) = finds.unconfirmed
-    least, most = wanted.policy.distances(wanted, XTION)
+    least, most = wanted.policy.viewing_range(wanted, XTION)
     assert XTION.nearest <= least < most <= XTION.farthest
     frame, T = seen_from(3.3, 0.4)
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.6, 3.3, 0.4, half=30))], T, 1)
@@ -189,7 +189,7 @@ def test_without_depth_only_the_direction_is_known(has_depth: bool) -> None:
     frame, _ = seen_from()
     if not has_depth:
         frame = replace(frame, depth=np.zeros_like(frame.depth))
-    sighting = sight(frame, sign("poison", on_wall(WALL, 0.0, HEIGHT)), 0, START, SIGN)
+    sighting = observe_reading(frame, sign("poison", on_wall(WALL, 0.0, HEIGHT)), 0, START, SIGN)
     deviations = np.sqrt(np.linalg.eigvalsh(np.linalg.inv(sighting.information)))
     assert sighting.has_depth == has_depth
     assert (deviations[-1] > 1) != has_depth
@@ -216,7 +216,7 @@ def test_of_several_sightings_the_best_keeps_its_photo_alone() -> None:
         finds.update(frame, [sign("poison", on_wall(WALL, 0.0, 0.8, x), confidence)], T, k)
     (track,) = finds.all
     assert [seen.photo.size > 0 for seen in track.seen] == [False, True, False]
-    assert track.find().photo.size > 0
+    assert track.to_find().photo.size > 0
 
 
 def test_the_photo_shows_the_surroundings_and_stays_within_the_image() -> None:
@@ -224,7 +224,7 @@ def test_the_photo_shows_the_surroundings_and_stays_within_the_image() -> None:
     rgb = (
         np.arange(INTRINSICS.height * INTRINSICS.width * 3, dtype=np.uint32).astype(np.uint8).reshape(frame.rgb.shape)
     )
-    corner = sight(replace(frame, rgb=rgb), sign("poison", box_corners((0, 0, 10, 10))), 0, START, SIGN)
+    corner = observe_reading(replace(frame, rgb=rgb), sign("poison", box_corners((0, 0, 10, 10))), 0, START, SIGN)
     np.testing.assert_array_equal(corner.photo, rgb[:15, :15])
 
 
@@ -235,10 +235,10 @@ def test_what_is_beyond_the_range_is_not_placed_on_a_rim_before_it() -> None:
     depth = frame.depth.copy()
     depth[y0:y1, x0:x1] = 0
     depth[y0:y1, x0 : x0 + 3] = 0.9  # a quarter of the outline is a post
-    far = sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM)
+    far = observe_reading(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM)
     assert not far.has_depth
     depth[y0:y1, x0 : x1 - 3] = 0.9
-    assert sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM).has_depth
+    assert observe_reading(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM).has_depth
 
 
 @pytest.mark.parametrize(
@@ -267,5 +267,5 @@ def test_what_returns_show_half_near_and_half_far_is_near() -> None:
     depth = np.full_like(frame.depth, 3.0)
     depth[:55] = 2.0
     corners = box_corners((70.5, 50.5, 79.5, 59.5))  # five rows of pixels are near, and five are far
-    seen = sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM)
+    seen = observe_reading(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START, WARM)
     np.testing.assert_allclose(seen.points[:, 0], 2.0, atol=1e-6)

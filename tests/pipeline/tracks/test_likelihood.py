@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.plugins.finds.config import FindsConfig
-from pipeline.tracks.likelihood import extents_of, places_in_box, weigh
+from pipeline.tracks.likelihood import extents_of, relative_positions, weigh
 from pipeline.victims.people import PeoplePolicy
 
 EXTENTS = {
@@ -91,7 +91,7 @@ def test_places_are_measured_in_the_whole_box() -> None:
     box, returns = np.zeros((6, 9), bool), np.zeros((6, 9), bool)
     box[1:6, 2:5] = True
     returns[[1, 3], [2, 3]] = True
-    np.testing.assert_array_equal(places_in_box(returns, box), [(0, 0), (0.5, 0.5)])
+    np.testing.assert_array_equal(relative_positions(returns, box), [(0, 0), (0.5, 0.5)])
 
 
 def test_without_returns_nothing_is_likely() -> None:

@@ -11,7 +11,7 @@ from pipeline.tracks.find import Reading, box_corners, is_find_kind
 from pipeline.tracks.finds import Finds
 from pipeline.transforms import from_yaw
 from pipeline.victims.detection import Detection
-from pipeline.victims.readers import SeveralReaders
+from pipeline.victims.readers import CombinedReaders
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import WALL, camera_at, step
 
@@ -33,7 +33,7 @@ def test_of_one_object_the_first_readers_word_counts() -> None:
         Reading(kind, "", at, 0.5)
         for kind, at in (("hazmat_sign", box + 1), ("hazmat_sign", beside), ("red_square", box))
     )
-    readers = SeveralReaders([ReaderOf(sign), ReaderOf(same, other, red)])
+    readers = CombinedReaders([ReaderOf(sign), ReaderOf(same, other, red)])
     assert readers.read(step(camera_at(1, 0)), []) == [sign, other, red]
 
 

@@ -9,7 +9,7 @@ from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.tracks.config import ReobservationConfig
-from pipeline.tracks.reobservation import Reobservation, half_view
+from pipeline.tracks.reobservation import Reobservation, max_view_angles
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
@@ -41,7 +41,7 @@ def seen_once(
     frame = step(T, [PERSON])
     victims.update(frame, [detection_of(T, PERSON)], T, 0)
     result = Reobservation([victims], metric_map, one_keyframe() if keyframes is None else keyframes, config)
-    result.count(frame)
+    result.count_try(frame)
     return victims, result
 
 
@@ -74,7 +74,7 @@ def test_an_unconfirmed_victim_is_worth_a_viewpoint_on_another_side(reobservatio
 def test_only_viewpoints_towards_it_count(reobservation):
     x, y = 0.6, 1.1
     towards = bearing_to_person(x, y)
-    off = np.array([0.0, 0.6, -0.6, 1.6, -1.6, 3.0, 9.0]) * half_view(
+    off = np.array([0.0, 0.6, -0.6, 1.6, -1.6, 3.0, 9.0]) * max_view_angles(
         step(camera_at(0, 0)), reobservation.wanted[0], np.array([1.5])
     )
     counts = reobservation.gains(place(x, y), towards + off)[0] > 0
@@ -91,7 +91,7 @@ def test_a_near_object_must_be_nearer_to_the_middle_of_the_image(reobservation):
 @pytest.mark.parametrize(("limits", "counts"), [({}, True), ({"nearest": 1.4}, False), ({"farthest": 1.7}, False)])
 def test_neither_too_near_nor_too_far(reobservation, limits, counts):
     x, y = 0.6, 1.1  # 1.5 m away from what is seen
-    reobservation.count(replace(step(camera_at(0, 0)), sensor=replace(XTION, **limits)))
+    reobservation.count_try(replace(step(camera_at(0, 0)), sensor=replace(XTION, **limits)))
     assert (reobservation.gains(place(x, y), bearing_to_person(x, y)) > 0) == counts
 
 
@@ -121,7 +121,7 @@ def test_a_victims_own_feet_do_not_hide_it():
     feet = np.array(PERSON[:3]) + 0.4 * towards  # further before its middle than the margin
     add_ball(metric_map, (*map(float, feet), 0.15))
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # they may belong to another object
-    victim.where = replace(victim.where, points=np.vstack([victim.points, feet[None]]).astype(np.float32))
+    victim.location = replace(victim.location, points=np.vstack([victim.points, feet[None]]).astype(np.float32))
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) > 0
 
 
@@ -145,10 +145,10 @@ def test_after_some_tries_in_vain_it_is_given_up():
         (victim,) = reobservation.wanted
         assert len(victim.tried) == tries
         reobservation.aim(place(x, y)[0], heading + np.pi)
-        reobservation.count(frame)  # that one was for something else
+        reobservation.count_try(frame)  # that one was for something else
         reobservation.aim(place(x, y)[0], heading)
         take_keyframe(keyframes, x, y)
-        reobservation.count(frame)
+        reobservation.count_try(frame)
         assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # not from there again
     assert reobservation.wanted == []
     assert not reobservation.gains(place(0.6, 0.5), BEARINGS).any()
@@ -161,7 +161,7 @@ def test_a_try_that_ended_elsewhere_counts_but_leaves_the_place_to_look_from():
     before = reobservation.gains(there, towards)
     reobservation.aim(there[0], float(towards[0]))
     take_keyframe(keyframes, 0.1, 0.0)
-    reobservation.count(step(camera_at(0, 0)))
+    reobservation.count_try(step(camera_at(0, 0)))
     assert len(victims.all[0].tried) == 1
     assert reobservation.gains(there, towards) == before > 0
     victims.place(keyframes.poses)
@@ -183,5 +183,5 @@ def test_what_the_next_frame_is_aimed_at_follows_a_correction() -> None:
     reobservation.aim(there, float(bearing_to_person(0.6, 1.1)[0]))
     keyframes.poses = from_yaw(2, 0, 0, np.pi / 2)[None]
     take_keyframe(keyframes, 0.9, 0.6)
-    reobservation.count(step(camera_at(0, 0)))
+    reobservation.count_try(step(camera_at(0, 0)))
     np.testing.assert_allclose(victims.all[0].tried_at, [(0.9, 0.6, 0)], atol=1e-12)

@@ -35,7 +35,7 @@ class MarkPolicy(TrackPolicy):
         position = np.mean([seen.position for seen in placed], axis=0)
         return Location(position, np.eye(3), position[None].astype(np.float32))
 
-    def shows(self, observation: Observation) -> float:
+    def photo_score(self, observation: Observation) -> float:
         return observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
@@ -51,7 +51,7 @@ class MarkPolicy(TrackPolicy):
     def is_worth_a_look(self, track: Track) -> bool:
         return not track.is_confirmed
 
-    def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
+    def viewing_range(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         return sensor.nearest, sensor.farthest
 
 
@@ -127,6 +127,6 @@ SOME_KEYFRAMES = st.frozensets(st.integers(2, 9))
 def test_misses_do_not_depend_on_which_track_takes_the_other(one: frozenset[int], other: frozenset[int]) -> None:
     a, b = mark(0.0, 0, missed=one), mark(0.1, 1, missed=other)
     c, d = mark(0.0, 0, missed=one), mark(0.1, 1, missed=other)
-    a.take(b)
-    d.take(c)
+    a.absorb(b)
+    d.absorb(c)
     assert a.missed == d.missed == one | other

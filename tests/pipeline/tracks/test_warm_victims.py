@@ -26,7 +26,7 @@ def test_the_warm_parts_of_a_person_are_one_find_in_its_middle() -> None:
     left = list(one_per_person(finds, [lying(3.0)], [], REACH))
     assert [(f.kind, f.time_s) for f in left] == [("heat", 1.0), ("qr_code", 1.0), ("heat", 3.0)]
     np.testing.assert_allclose(left[0].position, [9, 0, 0.1])
-    assert [f.of_person for f in left] == [False, False, True]
+    assert [f.is_heat_of_person for f in left] == [False, False, True]
     np.testing.assert_allclose(left[2].position, [3, 0, 0.1], atol=0.02)
     np.testing.assert_allclose(left[2].covariance, np.eye(3) / 100)
 

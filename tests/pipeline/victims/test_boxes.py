@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.boxes import MAX_BOXES, best_boxes, overlaps
+from pipeline.victims.boxes import MAX_BOXES, pairwise_iou, suppress_non_maxima
 from pipeline.victims.yolo import decode
 
 
@@ -32,26 +32,26 @@ def test_what_is_far_out_stays_finite() -> None:
 def test_overlap_by_hand() -> None:
     a = np.array([[0, 0, 2, 2], [5, 5, 5, 9]], float)
     b = np.array([[1, 1, 3, 3], [0, 0, 2, 2], [5, 5, 5, 9]], float)
-    np.testing.assert_allclose(overlaps(a, b), np.array([[1 / 7, 1, 0], [0, 0, 0]]))
+    np.testing.assert_allclose(pairwise_iou(a, b), np.array([[1 / 7, 1, 0], [0, 0, 0]]))
 
 
 @given(count=st.integers(0, 12), seed=st.integers(0, 999), overlap=st.sampled_from([0.2, 0.45, 0.7]))
 def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -> None:
     boxes, scores = random_boxes(count, seed)
-    kept, kept_scores = best_boxes(boxes, scores, 1e-9, overlap)
+    kept, kept_scores = suppress_non_maxima(boxes, scores, 1e-9, overlap)
     assert (kept_scores[:-1] >= kept_scores[1:]).all()
-    between = overlaps(kept, kept) - np.eye(len(kept))
+    between = pairwise_iou(kept, kept) - np.eye(len(kept))
     assert (between <= overlap).all()
     left = [tuple(box) for box in kept]
     for box, score in zip(boxes, scores, strict=True):
         if tuple(box) not in left:
-            over = overlaps(box[None], kept)[0] > overlap
+            over = pairwise_iou(box[None], kept)[0] > overlap
             assert kept_scores[over].max() >= score
 
 
 def test_only_boxes_with_an_area_and_enough_confidence_are_kept() -> None:
     boxes = np.array([[0, 0, 4, 4], [10, 0, 14, 4], [20, 4, 24, 0], [30, 0, 34, 4]], np.float32)
-    kept, scores = best_boxes(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5)
+    kept, scores = suppress_non_maxima(boxes, np.array([0.3, 0.5, 0.9, 0.7], np.float32), 0.4, 0.5)
     np.testing.assert_array_equal(kept, boxes[[3, 1]])
     assert scores.tolist() == [np.float32(0.7), 0.5]
 
@@ -59,5 +59,5 @@ def test_only_boxes_with_an_area_and_enough_confidence_are_kept() -> None:
 def test_only_the_best_of_very_many_boxes_are_compared() -> None:
     left = 2 * np.arange(MAX_BOXES + 1)
     boxes = np.stack([left, 0 * left, left + 1, 0 * left + 1], axis=1).astype(np.float32)
-    kept, _ = best_boxes(boxes, np.linspace(0.2, 0.9, len(boxes), dtype=np.float32), 0.1, 0.5)
+    kept, _ = suppress_non_maxima(boxes, np.linspace(0.2, 0.9, len(boxes), dtype=np.float32), 0.1, 0.5)
     np.testing.assert_array_equal(kept, boxes[:0:-1])

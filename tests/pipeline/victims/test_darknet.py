@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victims.boxes import overlaps
+from pipeline.victims.boxes import pairwise_iou
 from pipeline.victims.detector import VictimDetector
 from tests.pipeline.victims.networks import HEADER, SMALL, darknet_files, small_numbers
 
@@ -83,7 +83,7 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
             [(x, y, x + w, y + h) for x, y, w, h, sure in boxes.get(PUBLISHED[name], ()) if sure >= 0.6]
         )
         wanted += len(theirs)
-        found += int((overlaps(theirs.reshape(-1, 4), ours).max(axis=1, initial=0) > 0.5).sum())
+        found += int((pairwise_iou(theirs.reshape(-1, 4), ours).max(axis=1, initial=0) > 0.5).sum())
     assert wanted > 5
     assert found >= 0.9 * wanted
 

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.two_stages import TwoStages, surroundings, turned_back
+from pipeline.victims.two_stages import TwoStageNetwork, rotated_back, surroundings
 
 SHIPPED = Path(__file__).parents[3] / "assets" / "weights" / "victims.safetensors"
 RED, BLUE = 0, 2
@@ -43,7 +43,7 @@ def image_of(*spots: tuple[int, slice, slice]) -> np.ndarray:
 PERSON = slice(100, 140), slice(200, 220)
 
 
-def found(network: TwoStages, image: np.ndarray) -> list[tuple[list[int], float]]:
+def found(network: TwoStageNetwork, image: np.ndarray) -> list[tuple[list[int], float]]:
     boxes, scores = network.find(image, 0.25)
     sure = scores[:, 0] >= 0.25
     return [
@@ -54,19 +54,19 @@ def found(network: TwoStages, image: np.ndarray) -> list[tuple[list[int], float]
 
 def test_a_suspect_counts_only_with_a_witness() -> None:
     for other, count in (((BLUE, *PERSON), 1), ((BLUE, slice(100, 110), slice(200, 203)), 0)):
-        network = TwoStages(Spots(RED, score=0.9), Spots(BLUE, score=0.06), CONFIG)
+        network = TwoStageNetwork(Spots(RED, score=0.9), Spots(BLUE, score=0.06), CONFIG)
         assert found(network, image_of((RED, *PERSON), other)) == [([200, 100, 220, 140], 0.9)] * count
 
 
 def test_what_the_witness_is_sure_of_counts_by_itself() -> None:
-    network = TwoStages(Spots(RED, score=0.3), Spots(BLUE, score=0.7), CONFIG)
+    network = TwoStageNetwork(Spots(RED, score=0.3), Spots(BLUE, score=0.7), CONFIG)
     boxes = found(network, image_of((RED, *PERSON), (BLUE, slice(110, 120), slice(205, 210))))
     assert boxes == [([205, 110, 210, 120], 0.7)]
 
 
 def test_the_witness_looks_only_where_there_is_a_suspect() -> None:
     arena, coco = Spots(RED), Spots(BLUE)
-    network = TwoStages(arena, coco, CONFIG)
+    network = TwoStageNetwork(arena, coco, CONFIG)
     assert found(network, image_of((BLUE, *PERSON))) == []
     assert (len(arena.looks), coco.looks) == (1, [])
     found(network, image_of((RED, *PERSON), (BLUE, *PERSON)))
@@ -77,7 +77,7 @@ def test_the_witness_looks_only_where_there_is_a_suspect() -> None:
 def test_who_may_lie_is_seen_from_the_side_too(spot: tuple[slice, slice], looks: int) -> None:
     """Here the witness knows only people who stand, and those who are 20 × 40 pixels do so in the turned image."""
     coco = Spots(BLUE, max_width=0.8, score=0.06)
-    assert len(found(TwoStages(Spots(RED), coco, CONFIG), image_of((RED, *spot), (BLUE, *spot)))) == 1
+    assert len(found(TwoStageNetwork(Spots(RED), coco, CONFIG), image_of((RED, *spot), (BLUE, *spot)))) == 1
     assert len(coco.looks) == looks
 
 
@@ -85,7 +85,7 @@ def test_the_witness_looks_everywhere_if_there_are_hints_everywhere() -> None:
     image = image_of((BLUE, *PERSON))
     for always, sizes in ((CONFIG.max_hints, set()), (CONFIG.max_hints + 1, {image.shape})):
         coco = Spots(BLUE)
-        found_there = found(TwoStages(Spots(RED, always=always), coco, CONFIG), image)
+        found_there = found(TwoStageNetwork(Spots(RED, always=always), coco, CONFIG), image)
         assert set(coco.looks) == sizes
         assert len(found_there) == len(sizes)
 
@@ -103,11 +103,11 @@ def test_boxes_are_turned_back(turns: int) -> None:
     image[4:9, 2:14] = 255
     rows, columns = np.nonzero(np.rot90(image, turns)[..., 0])
     box = np.array([[columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]], np.float32)
-    assert turned_back(box, turns, image.shape).tolist() == [[2, 4, 14, 9]]
+    assert rotated_back(box, turns, image.shape).tolist() == [[2, 4, 14, 9]]
 
 
 def test_the_shipped_networks_see_nothing_in_nothing() -> None:
-    boxes, _ = TwoStages.load(SHIPPED, CONFIG).find(np.zeros((48, 64, 3), np.uint8), 0.25)
+    boxes, _ = TwoStageNetwork.load(SHIPPED, CONFIG).find(np.zeros((48, 64, 3), np.uint8), 0.25)
     assert len(boxes) == 0
 
 
@@ -115,7 +115,7 @@ def test_other_weights_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "v.safetensors"
     path.write_bytes(SHIPPED.read_bytes()[:5000])
     with pytest.raises(InputError, match=r"v\.safetensors"):
-        TwoStages.load(path, CONFIG)
+        TwoStageNetwork.load(path, CONFIG)
     with pytest.raises(InputError, match=r"v\.safetensors.*the weights do not fit the network"):
         path.write_bytes((SHIPPED.parent / "hazmat.safetensors").read_bytes())
-        TwoStages.load(path, CONFIG)
+        TwoStageNetwork.load(path, CONFIG)

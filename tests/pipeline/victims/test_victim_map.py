@@ -237,7 +237,7 @@ def test_a_person_seen_in_parts_is_one_person() -> None:
     both = detection_of(camera_at(0.1, 0.4), (x, y - 0.4, z, r + 0.4))
     look(victims, (0.1, 0.4), [PERSON, LEGS], [both])
     (victim,) = victims.all
-    assert len(victim.cameras) == 3
+    assert len(victim.camera_positions) == 3
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
 
 
@@ -281,7 +281,7 @@ def test_two_boxes_of_one_person_in_one_frame_are_one_person() -> None:
     boxes = [(x0, y0, x1, y1), (x0, y0, x1, y0 + 0.6 * (y1 - y0)), (x0, y0 + 0.4 * (y1 - y0), x1, y1)]
     look(victims, (0, 0), [PERSON], [Detection(box, 0.9) for box in boxes])
     (victim,) = victims.all
-    assert len(victim.cameras) == 3
+    assert len(victim.camera_positions) == 3
 
 
 def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:
@@ -313,7 +313,9 @@ def test_victims_follow_the_keyframes_that_showed_them() -> None:
     (old,), (new,) = victims.all, moved.all
     np.testing.assert_allclose(new.position - old.position, (2, -1, 0.1), atol=5e-3)
     np.testing.assert_allclose(new.covariance, old.covariance, atol=1e-4)
-    np.testing.assert_allclose(np.array(new.cameras) - old.cameras, np.tile((2, -1, 0.1), (3, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        np.array(new.camera_positions) - old.camera_positions, np.tile((2, -1, 0.1), (3, 1)), atol=1e-9
+    )
     np.testing.assert_allclose(new.tried_at, [(3, -1, 0.1)], atol=1e-9)
     assert (new.confidence, new.missed) == (old.confidence, old.missed)
 

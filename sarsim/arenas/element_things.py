@@ -33,7 +33,7 @@ TOWARDS_VIEWER = np.array([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])
 SIGN_SIDE, SIGN_POSITION = 0.28, (0.0, 0.588, 0.2)  # Signs, as in the arena designer
 WALL_CODE_SIDE, WALL_CODE_POSITION = 0.2, (0.0, 0.594, 0.6)  # Codes of ``small_wall_qr``
 BOX_CODE_SIDE, BOX_CODE_POSITION = 0.08, (-0.17, 0.579, 0.12)  # Codes in a back corner of a doll's box
-BOTTLE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
+BOTTLE_SIZE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
 _Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
 """An object to find, with the object's position (3,) m and axes (3, 3) in the frame of its element."""
 
@@ -61,7 +61,7 @@ def _things(
         code = qr_code(f"qr_code_{number}", f"wall {number}", WALL_CODE_SIDE)
         yield code, np.array(WALL_CODE_POSITION), TOWARDS_VIEWER
     elif kind == "fire_extinguisher":
-        yield fire_extinguisher(f"fire_extinguisher_{number}", *BOTTLE, number, number), np.zeros(3), np.eye(3)
+        yield fire_extinguisher(f"fire_extinguisher_{number}", *BOTTLE_SIZE, number, number), np.zeros(3), np.eye(3)
     elif kind.startswith(("victim_with_box", "victim_doll")):
         yield from _doll_in_box(builder, kind, number)
 

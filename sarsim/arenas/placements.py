@@ -28,7 +28,7 @@ STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "co
 """States of victims by words in their names; the Virtual Robot league has hot, cold and moving victims."""
 START_WORDS = ("start", "robot")
 """Words in the name on a line that mark the line as a start of the robot."""
-ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
+GROUND_POSTURES: tuple[Posture, ...] = ("lying", "prone", "side")
 """Postures from which one is drawn for each person, because arena files and lists give no postures."""
 MAX_LINES = 1000
 """Maximum number of lines in a list; the league's worlds have at most 20 victims."""
@@ -140,7 +140,7 @@ def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
     name = builder.next_victim_name
     number = name.removeprefix(VICTIM_PREFIX)
     rng = np.random.default_rng(int(number))
-    person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
+    person = make_victim(number, rng, GROUND_POSTURES[int(rng.integers(len(GROUND_POSTURES)))])
     ahead, aside = person.footprint.mean(axis=0)  # the pose gives the person's centre
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)

@@ -41,14 +41,14 @@ TYPES = frozenset(
     )
 )
 """Types that have the same name in the element library; the library has further elements for random arenas."""
-FAMILIES = {
+TYPE_PREFIXES = {
     "victim_with_box": "victim_with_box",
     "victim_doll_": "victim_with_box",
     "hazmat": "hazmat_sign",
     "start_check": "start_check",
 }
 """Prefixes of further types, each with the library element that gives these types their shape."""
-_HANGING = ("victim_", "start_check", "hazmat")
+_HANGING_PREFIXES = ("victim_", "start_check", "hazmat")
 ATTRIBUTES = "type", "x", "y", "rotation", "mount-point", "offset-x", "offset-y"
 
 
@@ -79,7 +79,11 @@ class RafElement:
 
 def _kind(type_: str) -> str | None:
     """Name of the library element for a type; None if the type is unknown."""
-    return type_ if type_ in TYPES else next((k for prefix, k in FAMILIES.items() if type_.startswith(prefix)), None)
+    return (
+        type_
+        if type_ in TYPES
+        else next((k for prefix, k in TYPE_PREFIXES.items() if type_.startswith(prefix)), None)
+    )
 
 
 def read_raf(path: Path) -> list[RafElement]:
@@ -128,7 +132,7 @@ def _element(where: str, line: "Element") -> RafElement:
         raise InputError(f"{where}: unknown attribute {name[:40]!r}{_suggestion(name, ATTRIBUTES)}")
     type_ = _text(where, line, "type")
     if _kind(type_) is None:
-        raise InputError(f"{where}: unknown type {type_[:40]!r}{_suggestion(type_, [*TYPES, *FAMILIES])}")
+        raise InputError(f"{where}: unknown type {type_[:40]!r}{_suggestion(type_, [*TYPES, *TYPE_PREFIXES])}")
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
@@ -198,7 +202,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
 
 def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> Place:
     """(3,) m, offset from a tile to the element's mount point; zero if the element does not hang on a wall."""
-    if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
+    if mounts is None or not element.type.startswith(_HANGING_PREFIXES) or element.mount_point >= len(mounts):
         return np.zeros(3)
     along, up = mounts[element.mount_point]
     yaw = -np.radians(element.rotation)

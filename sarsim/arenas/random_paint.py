@@ -8,7 +8,7 @@ from sarsim.arenas.random_draws import RandomDraws
 
 Colour = tuple[float, float, float]  # Red, green, blue, from 0 to 1
 _TEXTURES = {"terrain": "concrete", "wall": "osb", "straight_ramp": "plywood"}  # Texture by material
-_PLAIN = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
+_PLAIN_MATERIALS = ("inclined_ramp", "hole_rim", "ceiling", "board", "timber", "cardboard", "plaster", "grey")
 _PATTERNS = ("none", "random", "edge", "cross")
 """MuJoCo's texture marks; edges and crosses make a wall or a floor look tiled."""
 
@@ -27,7 +27,7 @@ def paint(builder: ArenaBuilder, draws: RandomDraws) -> None:
         builder.change_asset("texture", texture, step)
         repeats = draws.number(1, 3)
         builder.change_asset("material", material, {"texrepeat": (repeats, repeats)})
-    for material in _PLAIN:
+    for material in _PLAIN_MATERIALS:
         builder.change_asset("material", material, {"rgba": (*random_colour(draws), 1.0)})
 
 

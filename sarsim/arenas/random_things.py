@@ -34,7 +34,7 @@ MAX_RISE, MIN_RISE = 0.25, -0.15
 DEAD_FRACTION = 1 / 3  # Fraction of the people and dolls who are dead
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
-FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
+STANDING_AXES = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
 """Axes of an object that stands with its back to a wall (x right, z up) in the frame of an object on the wall."""
 CODE_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX_DEPTH = 0.59  # m from a doll's origin to the back of its box
@@ -81,11 +81,11 @@ def _hang(
     """Hang object number ``turn``, counted from 0, at ``point`` (3,) m of a wall with ``normal`` (3,)."""
     kind, R = KINDS_IN_TURN[turn % len(KINDS_IN_TURN)], wall_axes(normal)
     if kind == "doll":
-        _hang_doll(builder, draws, point + DOLL_BOX_DEPTH * normal, R @ FRONT)
+        _hang_doll(builder, draws, point + DOLL_BOX_DEPTH * normal, R @ STANDING_AXES)
         return
-    thing = MODELS[kind](f"{kind}_{builder.next_thing_number}", draws)
+    thing = MODEL_MAKERS[kind](f"{kind}_{builder.next_thing_number}", draws)
     if kind == "fire_extinguisher":
-        builder.add_thing(thing, point + BRACKET_DEPTH * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
+        builder.add_thing(thing, point + BRACKET_DEPTH * normal - [0.0, 0.0, WALL_ROOM], R @ STANDING_AXES)
         return
     tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED_FRACTION) else 0.0
     builder.add_thing(thing, point + (kind != "door_lever") * PAPER_THICKNESS * normal, R @ about_z(tilt))
@@ -122,7 +122,7 @@ def _lever(name: str, draws: RandomDraws) -> ThingModel:
     return door_lever(name, draws.number(11, 14) / 100, draws.chance(0.5))
 
 
-MODELS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
+MODEL_MAKERS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
     "hazmat_sign": _sign,
     "qr_code": _code,
     "april_tag": _tag,

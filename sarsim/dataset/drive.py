@@ -57,7 +57,7 @@ class WheelContact:
         count = np.bincount(cell, minlength=number.size).reshape(grid.shape)
         start = count.cumsum().reshape(grid.shape) - count
         listed = body[np.argsort(cell, kind="stable")]
-        self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
+        self._ground = kernels.Ground(bodies.planes, bodies.first_plane, start, count, listed, grid.origin, grid.cell)
 
     def rest_pose(self, x: float, y: float, yaw: float, height: float) -> Pose | None:
         """Pose of ``base_link`` at rest at (x, y), m, with heading ``yaw``, rad, on rigid tyres.

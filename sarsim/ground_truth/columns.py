@@ -28,7 +28,7 @@ class ConvexBodies:
 
     Attributes:
         planes: (M, 4) float64 planes (n, d); n·p ≤ d inside the body.
-        first: (N + 1,) index of each body's first plane.
+        first_plane: (N + 1,) index of each body's first plane.
         corners: (C, 2) m, corners of the bodies' outlines seen from above, counter-clockwise.
         first_corner: (N + 1,) index of each outline's first corner.
         low, high: (N, 3) float64 m, the bounding box of each body.
@@ -36,7 +36,7 @@ class ConvexBodies:
     """
 
     planes: NDArray[np.float64]
-    first: NDArray[np.int64]
+    first_plane: NDArray[np.int64]
     corners: Places
     first_corner: NDArray[np.int64]
     low: Places
@@ -70,7 +70,7 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
     number = [len(p.planes) for p in prisms]
     return ConvexBodies(
         planes=np.concatenate([*planes, *(p.planes.reshape(-1, 4) for p in prisms)]),
-        first=_offsets([*map(len, planes), *[5] * sum(number)]),
+        first_plane=_offsets([*map(len, planes), *[5] * sum(number)]),
         corners=np.concatenate([*outlines, *(p.outline.reshape(-1, 2) for p in prisms)]),
         first_corner=_offsets([*map(len, outlines), *[3] * sum(number)]),
         low=np.concatenate([position + np.reshape([s.low for s in shapes], (-1, 3)), *(p.low for p in prisms)]),
@@ -139,11 +139,11 @@ def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
     """The columns of bodies over the cells of a grid."""
     windows = bodies.windows(grid)
     count = np.zeros(grid.shape, np.int64)
-    kernels.count_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, count)
+    kernels.count_bodies(bodies.planes, bodies.first_plane, windows, grid.origin, grid.cell, count)
     start = np.cumsum(count.ravel()).reshape(count.shape) - count
     total = int(count.sum())
     arrays = (np.empty(total), np.empty(total), np.empty(total), np.empty(total, np.int64))
-    kernels.fill_bodies(bodies.planes, bodies.first, windows, grid.origin, grid.cell, start.copy(), *arrays)
+    kernels.fill_bodies(bodies.planes, bodies.first_plane, windows, grid.origin, grid.cell, start.copy(), *arrays)
     kernels.merge_bodies(start, count, *arrays, _MERGE_GAP)
     return Columns(start, count, *arrays)
 

@@ -46,13 +46,13 @@ class ViewpointDrive:
     Attributes:
         stops: (N, 2) m, the ends of the lines, beginning with the start of the drive.
         backwards: (N - 1,) bool, whether each line is driven backwards.
-        first, last: headings at the two viewpoints, rad.
+        first_heading, last_heading: headings at the two viewpoints, rad.
     """
 
     stops: Places
     backwards: Mask
-    first: float
-    last: float
+    first_heading: float
+    last_heading: float
 
     @property
     def lines(self) -> list[tuple[float, bool, float]]:
@@ -67,7 +67,7 @@ class ViewpointDrive:
     @property
     def total_turn(self) -> float:
         """Sum of the angles of all turns, rad."""
-        headings = [self.first, *(heading for _, _, heading in self.lines), self.last]
+        headings = [self.first_heading, *(heading for _, _, heading in self.lines), self.last_heading]
         return float(sum(abs(wrap_angle(b - a)) for a, b in pairwise(headings)))
 
 
@@ -144,7 +144,7 @@ class Oracle(ViewTours):
         """The drive between two viewpoints, with keyframes spaced as the robot's are on level ground."""
         if (here, there) not in self._legs:
             drive, shown = self.drive(here, there), np.zeros(len(self.sight.cells), np.bool_)
-            keyframes = _keyframes(drive.stops, drive.backwards, drive.first, drive.last)
+            keyframes = _keyframes(drive.stops, drive.backwards, drive.first_heading, drive.last_heading)
             shown[self.sight.views(np.array([*keyframes, self.poses[there]])).indices] = True
             metres = float(np.linalg.norm(np.diff(drive.stops, axis=0), axis=1).sum())
             x, y, heading = self.poses[there]
@@ -184,23 +184,25 @@ class Oracle(ViewTours):
 
 
 def _keyframes(
-    stops: NDArray[np.float64], backwards: NDArray[np.bool_], first: float, last: float
+    stops: NDArray[np.float64], backwards: NDArray[np.bool_], first_heading: float, last_heading: float
 ) -> list[NDArray[np.float64]]:
     """Keyframe poses on the drives between stops (N, 2), and in the turns before and after each drive."""
-    poses, heading = list[NDArray[np.float64]](), first
+    poses, heading = list[NDArray[np.float64]](), first_heading
     for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
         if (a != b).any():
             along = float(np.arctan2(b[1] - a[1], b[0] - a[0])) + np.pi * bool(is_backwards)
             poses += _keyframes_of_turn(a, heading, along) + _keyframes_of_line(a, b, along)
             heading = along
-    return poses + _keyframes_of_turn(stops[-1], heading, last)
+    return poses + _keyframes_of_turn(stops[-1], heading, last_heading)
 
 
-def _keyframes_of_turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
+def _keyframes_of_turn(
+    place: NDArray[np.float64], first_heading: float, last_heading: float
+) -> list[NDArray[np.float64]]:
     """Keyframe poses in a turn in place."""
-    turn = float(wrap_angle(last - first))
+    turn = float(wrap_angle(last_heading - first_heading))
     steps = np.arange(1, int(abs(turn) / KEYFRAME_SPACING.turn) + 1) * KEYFRAME_SPACING.turn * np.sign(turn)
-    return [np.array([*place, first + step]) for step in steps]
+    return [np.array([*place, first_heading + step]) for step in steps]
 
 
 def _keyframes_of_line(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:

@@ -20,7 +20,7 @@ HAIR = (
     (0.55, 0.55, 0.56),
 )  # fmt: skip
 DARK_HAIR = (*HAIR[:2], HAIR[-1])
-MEDIUM_SKIN = 1.7  # Sum of a skin's RGB values below which the hair is dark or grey
+MEDIUM_SKIN_SUM = 1.7  # Sum of a skin's RGB values below which the hair is dark or grey
 TOPS = (
     (0.75, 0.12, 0.12), (0.14, 0.28, 0.60), (0.10, 0.42, 0.22), (0.90, 0.74, 0.15), (0.90, 0.90, 0.88),
     (0.12, 0.12, 0.14), (0.50, 0.20, 0.50), (0.90, 0.45, 0.12), (0.35, 0.65, 0.80), (0.92, 0.60, 0.68),
@@ -37,7 +37,7 @@ PATTERNS, PATTERN_PROBABILITIES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.
 """Patterns of tops other than overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))  # Ratios of the lips' RGB values to the skin's
+LIP_RATIOS = np.array((0.85, 0.55, 0.52))  # Ratios of the lips' RGB values to the skin's
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
@@ -81,7 +81,7 @@ class Outfit:
         top, overall = one_of(TOPS), build != "child" and rng.random() < 0.2
         return cls(
             skin=skin,
-            hair=one_of(HAIR if sum(skin) > MEDIUM_SKIN else DARK_HAIR),
+            hair=one_of(HAIR if sum(skin) > MEDIUM_SKIN_SUM else DARK_HAIR),
             top=top,
             bottom=top if overall else one_of(BOTTOMS),
             shoes=one_of(SHOES),
@@ -130,7 +130,7 @@ def _materials(name: str, outfit: Outfit) -> list[Element]:
             Element("material", name=texture, texture=texture, specular="0.05", shininess="0.05"),
         ]
     colours = {"skin": outfit.skin, "hair": outfit.hair, "shoes": outfit.shoes}
-    colours |= {"lips": tuple(LIPS * outfit.skin), "eye": EYE, "iris": IRIS}
+    colours |= {"lips": tuple(LIP_RATIOS * outfit.skin), "eye": EYE, "iris": IRIS}
     return materials + [
         Element("material", name=f"{name}_{what}", rgba=numbers((*colour, 1)), specular="0.1", shininess="0.2")
         for what, colour in colours.items()

@@ -72,7 +72,7 @@ class Figure:
         grown = points + (self.head_scale - 1) * (points - NECK)
         return self.scale * grown @ self.head_rotation.T + self.head_offset
 
-    def places(self, hair_style: str) -> Places:
+    def visible_vertices(self, hair_style: str) -> Places:
         """(N, 3) m, vertices of the body, and of the hair if there is any."""
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
@@ -103,7 +103,7 @@ class Figure:
 
     def centred(self) -> "Figure":
         """The person shifted horizontally to be centred at the origin, and vertically to rest on the floor."""
-        shown = self.places("bald")
+        shown = self.visible_vertices("bald")
         low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
 

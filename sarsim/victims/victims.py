@@ -158,12 +158,12 @@ def make_victim(
         )
     posture = choice[rng.integers(len(choice))]
     figures = _figures(posture, placement, stature, rng)
-    fitting = ((f, b) for f, b in figures if np.all(np.ptp(f.places("bald"), axis=0)[:2] <= room))
+    fitting = ((f, b) for f, b in figures if np.all(np.ptp(f.visible_vertices("bald"), axis=0)[:2] <= room))
     figure, build = next(fitting, (None, ""))
     if figure is None:
         raise InputError(f"victim {id}: no {posture} person fits into {room[0]:g} × {room[1]:g} m")
     outfit = Outfit.random(build, rng)
-    person = figure.places(outfit.hair_style)
+    person = figure.visible_vertices(outfit.hair_style)
     cover = _cover(COVER_PREFIX + id, posture, placement, figure, person, rng)
     everything = np.concatenate([person, cover.points])
     return VictimModel(

@@ -34,7 +34,7 @@ _NAMED: dict[str, Colour] = {
     ),
 }  # fmt: skip
 """Diffuse colours of the materials ``Gazebo/NAME`` in Gazebo's media/materials/scripts/gazebo.material."""
-_VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
+_VARIANT_SUFFIXES = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
 """Suffixes of material names that leave the colour unchanged."""
 MAX_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
 SAMPLE_SIZE = 64  # pixels along a texture's shorter side that suffice for the mean colour
@@ -131,7 +131,7 @@ class Materials:
 def _gazebo_colour(name: str) -> Colour | None:
     """The colour of a Gazebo material or of a variant of one; None for other names."""
     plain = name.removeprefix("Gazebo/")
-    stems = [plain, *(plain.removesuffix(ending) for ending in _VARIANTS)]
+    stems = [plain, *(plain.removesuffix(ending) for ending in _VARIANT_SUFFIXES)]
     return next((_NAMED[stem] for stem in stems if stem in _NAMED), None)
 
 

@@ -34,7 +34,9 @@ def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterat
     """Yield the corners (N, 3) m of each plate below a mesh's facets, given as arrays of triangle indices."""
     for faces in facets:
         normal = mesh.face_normals[faces[mesh.area_faces[faces].argmax()]]
-        for polygon in _merged(mesh.faces[faces], [mesh.vertices @ _across(normal).T], mesh.vertices @ normal):
+        for polygon in _merged(
+            mesh.faces[faces], [mesh.vertices @ _perpendicular_axes(normal).T], mesh.vertices @ normal
+        ):
             corners = mesh.vertices[polygon]
             spokes = corners - corners[0]
             up = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
@@ -53,17 +55,17 @@ def _extrusion_prisms(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | 
     if not _is_closed(upper, sides, is_high):
         return None
     below = _points_below(mesh.vertices, sides, is_high, axis)
-    xy, xy_below = mesh.vertices @ _across(axis).T, below @ _across(axis).T
+    xy, xy_below = mesh.vertices @ _perpendicular_axes(axis).T, below @ _perpendicular_axes(axis).T
     polygons = _merged(upper, [xy, xy_below])
     if not mesh.is_watertight and any(_min_width(xy[polygon]) > MAX_OPEN_WIDTH for polygon in polygons):
         return None
     lower = np.flatnonzero(number == 0)
-    beside = lower[~_covered(xy[mesh.faces[lower]].mean(axis=1), [xy_below[polygon] for polygon in polygons])]
+    beside = lower[~_is_covered(xy[mesh.faces[lower]].mean(axis=1), [xy_below[polygon] for polygon in polygons])]
     parts = [np.concatenate([mesh.vertices[polygon], below[polygon]]) for polygon in polygons]
     return [*parts, *plates(mesh, beside[:, None])]
 
 
-def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
+def _is_covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
     """(N,) bool, whether points (N, 2) lie in one of the convex polygons (K, 2) with counter-clockwise corners."""
     is_in = np.zeros(len(points), np.bool_)
     for corners in polygons if len(points) else []:
@@ -106,7 +108,7 @@ def _points_below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[n
     return below
 
 
-def _across(axis: Direction) -> NDArray[np.float64]:
+def _perpendicular_axes(axis: Direction) -> NDArray[np.float64]:
     """(2, 3) two unit vectors that form a right-handed orthonormal basis with the axis."""
     x, y = np.linalg.svd(axis[None])[2][1:]
     return np.stack([x, y]) if np.cross(x, y) @ axis > 0 else np.stack([y, x])

@@ -128,7 +128,7 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
 def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pose) -> list[GroundTile]:
     cells = np.array(heights.shape[::-1]) - 1  # along x and y
     step = size / cells
-    ends = [_ends(int(n), float(length)) for n, length in zip(cells, size, strict=True)]
+    ends = [_tile_ends(int(n), float(length)) for n, length in zip(cells, size, strict=True)]
     tiles = []
     for x0, x1 in zip(ends[0][:-1], ends[0][1:], strict=True):
         for y0, y1 in zip(ends[1][:-1], ends[1][1:], strict=True):
@@ -138,7 +138,7 @@ def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pos
     return tiles
 
 
-def _ends(cells: int, length: float) -> NDArray[np.int64]:
+def _tile_ends(cells: int, length: float) -> NDArray[np.int64]:
     """Indices of the points at which tiles start and end, along an axis with ``cells`` cells and ``length`` m."""
     count = int(np.clip(round(length / TILE_SIDE), 1, min(MAX_TILES, cells)))
     return np.linspace(0, cells, count + 1).round().astype(np.int64)

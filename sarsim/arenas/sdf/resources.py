@@ -17,7 +17,7 @@ from sarsim.vetting.model_files import MAX_MODEL_BYTES, RefusedError, parse_xml
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-VARIABLES = (
+PATH_VARIABLES = (
     "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_RESOURCE_PATH",
     "GZ_FUEL_CACHE_PATH", "IGN_FUEL_CACHE_PATH",
 )  # fmt: skip
@@ -33,7 +33,7 @@ _SUBFOLDERS = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
 
-SEARCHED_PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[:2])}"
+SEARCHED_PLACES = f"the world's folders or the folders listed in {' and '.join(PATH_VARIABLES[:2])}"
 """The places where a world's files are searched for, as text for messages."""
 
 
@@ -90,7 +90,7 @@ class Resources:
     def __init__(self, world: Path):
         """``world``: path of the world's file."""
         home = world.resolve().parent
-        named = [Path(text) for name in VARIABLES for text in os.environ.get(name, "").split(os.pathsep) if text]
+        named = [Path(text) for name in PATH_VARIABLES for text in os.environ.get(name, "").split(os.pathsep) if text]
         self._size = 0
         self._read: dict[Path, bytes] = {}
         self._parsed: dict[Path, Element] = {}

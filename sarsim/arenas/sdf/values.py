@@ -12,7 +12,7 @@ from pipeline.transforms import FARTHEST, from_rotation
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
+ROTATION_FORMATS = {"euler_rpy": 3, "quat_xyzw": 4}
 """Formats of a rotation, each with its number of values."""
 
 
@@ -47,9 +47,9 @@ def pose_of(owner: "Element", where: str) -> Pose:
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
     style = pose.get("rotation_format", "euler_rpy")
-    if style not in ROTATIONS:
-        raise InputError(f"{where}: rotation_format must be {' or '.join(ROTATIONS)}, not {style[:40]!r}")
-    values = numbers(pose.text, 3 + ROTATIONS[style], where)
+    if style not in ROTATION_FORMATS:
+        raise InputError(f"{where}: rotation_format must be {' or '.join(ROTATION_FORMATS)}, not {style[:40]!r}")
+    values = numbers(pose.text, 3 + ROTATION_FORMATS[style], where)
     if style == "euler_rpy":
         turn = Rotation.from_euler("xyz", values[3:], degrees=pose.get("degrees") in ("true", "1"))
     elif values[3:].any():

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 LEFT_OUT = ("plugin", "sensor", "actor", "light", "road", "projector")
 """Elements that are left out of a world."""
-ROOTS = ("sdf", "gazebo")
+ROOT_TAGS = ("sdf", "gazebo")
 """Root elements of SDF files."""
 WORLD = "world"
 _OLD_ELEMENTS = (
@@ -192,7 +192,7 @@ class SdfWorld:
 
     def _root(self, path: Path) -> "Element":
         root = self.resources.parse(path)
-        if root.tag not in ROOTS:
+        if root.tag not in ROOT_TAGS:
             tag = root.tag.rpartition("}")[2][:40]
             raise InputError(f"{path}: the root element of an SDF file must be <sdf>, not <{tag}>")
         if any(root.find(old) is not None for old in _OLD_ELEMENTS):

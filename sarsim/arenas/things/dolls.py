@@ -13,7 +13,7 @@ from pipeline.labels import Label
 from sarsim.arenas.things.models import ColouredGeom, ThingModel
 from sarsim.victims.body import HAIR, SKIN, TOPS
 
-DOLL_BACK = 0.50  # m, y of a doll's trunk
+TRUNK_Y = 0.50  # m, y of a doll's trunk
 LYING_HEIGHT = -0.09  # m, z of the trunk of a lying doll
 SITTING_HEIGHT = -0.05  # m, z of the trunk of a sitting doll
 LIPS, EYE = (0.70, 0.25, 0.25), (0.08, 0.06, 0.06)
@@ -28,7 +28,7 @@ def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
 
     skin, hair, cloth, cover = one_of(SKIN[:4]), one_of(HAIR), one_of(TOPS), one_of(BLANKETS)
     roll = float(rng.choice([0.0, 0.0, 1.0, -1.0]) * np.pi / 2 + rng.uniform(-0.2, 0.2))
-    trunk = np.array([0.0, DOLL_BACK, SITTING_HEIGHT if abs(roll) < 1 else LYING_HEIGHT])
+    trunk = np.array([0.0, TRUNK_Y, SITTING_HEIGHT if abs(roll) < 1 else LYING_HEIGHT])
     parts = [_placed(part, roll, trunk) for part in _body(skin, hair, cloth)]
     geoms = [part.geom(name, Label.VICTIM) for part in parts]
     blanket = ColouredGeom("blanket", "ellipsoid", (0, -0.035, -0.10), (0.11, 0.05, 0.075), cover)

@@ -77,7 +77,7 @@ class ColouredGeom:
     Attributes:
         name: name of the geom, which is appended to the body's name.
         shape: type of the geom, as in MJCF.
-        place: (3,) m, position of its centre.
+        position: (3,) m, position of its centre.
         size: sizes as in MJCF, m.
         colour: red, green, blue, from 0 to 1.
         quat: (4,) orientation, as a quaternion (w, x, y, z).
@@ -85,20 +85,20 @@ class ColouredGeom:
 
     name: str
     shape: str
-    place: ArrayLike
+    position: ArrayLike
     size: ArrayLike
     colour: tuple[float, ...]
     quat: ArrayLike = (1.0, 0.0, 0.0, 0.0)
 
-    def moved(self, R: Rotation3, position: NDArray[np.float64]) -> "ColouredGeom":
-        """The geom rotated by ``R`` (3, 3) about the origin, then shifted by ``position`` (3,) m."""
+    def moved(self, R: Rotation3, shift: NDArray[np.float64]) -> "ColouredGeom":
+        """The geom rotated by ``R`` (3, 3) about the origin, then shifted by ``shift`` (3,) m."""
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, quaternion(R), np.asarray(self.quat, np.float64))
-        return replace(self, place=R @ np.asarray(self.place, np.float64) + position, quat=quat)
+        return replace(self, position=R @ np.asarray(self.position, np.float64) + shift, quat=quat)
 
     def geom(self, body: str, label: Label = Label.CLUTTER) -> Element:
         """The geom as MJCF, for the body named ``body``."""
-        pose = {"pos": numbers(np.asarray(self.place), 5), "quat": numbers(np.asarray(self.quat), 6)}
+        pose = {"pos": numbers(np.asarray(self.position), 5), "quat": numbers(np.asarray(self.quat), 6)}
         look = {"size": numbers(np.asarray(self.size), 5), "rgba": numbers((*self.colour, 1))}
         return geom(f"{body}_{self.name}", label, type=self.shape, **pose, **look)
 

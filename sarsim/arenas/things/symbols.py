@@ -107,34 +107,34 @@ class Symbol:
         centre: (2,) centre of the symbol on the drawing.
         scale: half size of the symbol on the drawing.
         ink: colour of the symbol.
-        ground: background colour.
+        background: background colour.
     """
 
     drawing: Drawing
     centre: tuple[float, float]
     scale: float
     ink: Colour
-    ground: Colour
+    background: Colour
 
     def flame(self) -> None:
         """Draw a flame above a line."""
         self._polygon(FLAME, self.ink)
-        self._polygon(FLAME_CORE, self.ground)
+        self._polygon(FLAME_CORE, self.background)
         self._polygon(BASE, self.ink)
 
     def flame_over_circle(self) -> None:
         """Draw a flame on a ring above a line, the symbol of oxidisers."""
         self._polygon(np.array(FLAME) * 0.62 + [0.0, -0.4], self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.42 * self.scale, self.ink)
-        self.drawing.disc(self._at((0, 0.38)), 0.31 * self.scale, self.ground)
+        self.drawing.disc(self._at((0, 0.38)), 0.31 * self.scale, self.background)
         self._polygon(BASE, self.ink)
 
     def skull(self) -> None:
         """Draw a skull and crossbones, outlined in ink and filled with the background colour."""
         for end in ((0.85, 0.9), (0.85, 0.2)):
-            for width, colour in ((0.24, self.ink), (0.14, self.ground)):
+            for width, colour in ((0.24, self.ink), (0.14, self.background)):
                 self._bone(np.array([end, (-end[0], 1.1 - end[1])]), width, colour)
-        for grown, colour in ((1.0, self.ink), (0.9, self.ground)):
+        for grown, colour in ((1.0, self.ink), (0.9, self.background)):
             self.drawing.disc(self._at((0, -0.3)), 0.56 * grown * self.scale, colour)
             self._polygon(np.array(JAW) * [grown, grown**0.5], colour)
         for x in (-0.22, 0.22):
@@ -154,14 +154,14 @@ class Symbol:
     def biohazard(self) -> None:
         """Draw three open crescents on a ring, the symbol of infectious substances."""
         ways = [np.array([np.cos(a), -np.sin(a)]) for a in np.radians((90, 210, 330))]
-        for shift, radius, colour in ((0.44, 0.5, self.ink), (0.56, 0.4, self.ground)):
+        for shift, radius, colour in ((0.44, 0.5, self.ink), (0.56, 0.4, self.background)):
             for way in ways:
                 self.drawing.disc(self._at(shift * way), radius * self.scale, colour)
         for way in ways:
-            self._line([0.7 * way, 1.1 * way], 0.2, self.ground)
-            self._line([0.0 * way, 0.2 * way], 0.06, self.ground)
+            self._line([0.7 * way, 1.1 * way], 0.2, self.background)
+            self._line([0.0 * way, 0.2 * way], 0.06, self.background)
         self.drawing.ring(self._at((0, 0)), 0.5 * self.scale, 0.1 * self.scale, self.ink)
-        self.drawing.disc(self._at((0, 0)), 0.12 * self.scale, self.ground)
+        self.drawing.disc(self._at((0, 0)), 0.12 * self.scale, self.background)
 
     def corrosion(self) -> None:
         """Draw two test tubes with drops that corrode a piece of metal and a hand."""
@@ -169,13 +169,13 @@ class Symbol:
             cos, sin = np.cos(turn), np.sin(turn)
             tube = 0.7 * np.array(TUBE) @ np.array([(cos, sin), (-sin, cos)])
             self._polygon(tube + np.array([x, -0.35]), self.ink)
-            self._polygon(tube * [0.88, 0.6] + np.array([x, -0.35]), self.ground)
+            self._polygon(tube * [0.88, 0.6] + np.array([x, -0.35]), self.background)
         for x, y in ((-0.1, 0.05), (-0.55, 0.28), (-0.3, 0.4), (0.12, 0.05), (0.5, 0.3), (0.66, 0.42)):
             self._polygon(np.array(DROP) + np.array([x, y]), self.ink)
         self._polygon(METAL, self.ink)
         self._polygon(HAND, self.ink)
         for x in (0.62, 0.78, 0.94):
-            self._line([(x, 0.66), (x + 0.1, 0.8)], 0.03, self.ground)
+            self._line([(x, 0.66), (x + 0.1, 0.8)], 0.03, self.background)
 
     def gas_cylinder(self) -> None:
         """Draw a tilted gas cylinder."""

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pipeline.errors import InputError
 from sarsim.arenas.elements import element_library
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.raf import FAMILIES, TYPES, build_raf
+from sarsim.arenas.raf import TYPE_PREFIXES, TYPES, build_raf
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import victims_of
 from tests.sarsim.arenas.raf_geometry import CLUTTER, ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
@@ -56,8 +56,8 @@ def compare(path, elements, x, y):
 
 
 def test_every_type_of_the_format_is_known():
-    assert element_library().types >= TYPES | set(FAMILIES.values())
-    assert {k for k in (*ELEMENTS, *LOOSE_TYPES) if not k.startswith(tuple(FAMILIES))} == TYPES
+    assert element_library().types >= TYPES | set(TYPE_PREFIXES.values())
+    assert {k for k in (*ELEMENTS, *LOOSE_TYPES) if not k.startswith(tuple(TYPE_PREFIXES))} == TYPES
 
 
 @pytest.mark.parametrize("kind", sorted(ELEMENTS))

@@ -12,7 +12,7 @@ from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.layout import BLOCKED, Layout
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.random_rooms import BACK, FURNITURE, furnish
+from sarsim.arenas.random_rooms import BACK_Y, FURNITURE, furnish
 from sarsim.dataset.settings import ArenaRange
 from sarsim.sensors.camera import geom_labels
 
@@ -32,7 +32,7 @@ def test_a_piece_stays_on_its_tile_and_is_no_deck(kind) -> None:
         low, high = boxes[:, ::2], boxes[:, 1::2]
         assert (low < high).all()
         assert np.abs(boxes[:, :2]).max() <= 60
-        assert -60 <= boxes[:, 2].min() < boxes[:, 3].max() <= BACK
+        assert -60 <= boxes[:, 2].min() < boxes[:, 3].max() <= BACK_Y
         assert 0 <= boxes[:, 4].min() < boxes[:, 5].max() <= 215
         # The highest deck is 34 cm high: a level top that no step leads to is higher.
         assert boxes[:, 5].max() > 37

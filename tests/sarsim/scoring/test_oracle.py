@@ -93,7 +93,7 @@ def test_a_robot_is_compared_with_the_tour():
 
 def test_physics_allows_less_time_than_the_robots_own_planner_takes():
     oracle = oracle_in(4.0, 2.0, (1.0, 1.0, 0.0), wall=((1.9, 0.0), (2.1, 0.9)), share=0.95)
-    figures, body = oracle.figures(), oracle.body
+    figures, body = oracle.figures(), oracle.drive_model
     assert figures["oracle_path_m"] / body.top_speed < figures["physical_time_s"] < figures["oracle_time_s"]
 
 

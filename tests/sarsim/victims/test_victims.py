@@ -140,7 +140,7 @@ def test_a_bust_is_closed_and_smaller() -> None:
     bust = figure.only(UPPER_BODY)
     edges = np.sort(bust.body.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)
-    assert np.ptp(bust.places("bald")[:, 2]) < 0.65 < np.ptp(figure.places("bald")[:, 2])
+    assert np.ptp(bust.visible_vertices("bald")[:, 2]) < 0.65 < np.ptp(figure.visible_vertices("bald")[:, 2])
 
 
 def test_stature_scales_and_room_limits() -> None:

@@ -5,14 +5,14 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.sdf.model_folders import model_file
-from sarsim.arenas.sdf.resources import VARIABLES, Resources
+from sarsim.arenas.sdf.resources import PATH_VARIABLES, Resources
 from sarsim.arenas.sdf.world import SdfWorld
 from tests.sarsim.arenas.sdf.worlds import box, model, write
 
 
 @pytest.fixture(autouse=True)
 def no_model_folders(monkeypatch):
-    for name in VARIABLES:
+    for name in PATH_VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
 

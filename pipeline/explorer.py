@@ -26,7 +26,7 @@ from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.tracks.reobservation import Reobservation
 
-NEAR_TOUCHED = 0.15
+MAX_TOUCH_ERROR = 0.15
 """Maximum distance between a mapped hazard and the point at which the robot touched it, m, because poses are no more
 accurate."""
 
@@ -36,6 +36,7 @@ class Explorer:
 
     Attributes:
         mapper: holds all maps.
+        reobservation: rewards other looks at unconfirmed or unread objects.
         mission: decides what to do next.
         pilot: moves the robot.
         steps: number of steps so far.
@@ -185,7 +186,7 @@ class Explorer:
 
     def _own_poses(self, context: Context) -> Poses:
         """(K, 4, 4) poses of the keyframes of this episode."""
-        return context.poses[self.mapper.keyframes.loaded :]
+        return context.poses[self.mapper.keyframes.loaded_count :]
 
     def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
         heading = viewpoint.heading if viewpoint.turn else None
@@ -273,7 +274,7 @@ def probable_contact_points(halt: Halt, ground: Traversability) -> Places:
     passage.
     """
     points = halt.contact_points(ground.robot, ground.grid.cell)
-    may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= NEAR_TOUCHED
+    may_be = ground.grid.at(ground.to_hazard, points[:, :2], outside=np.inf) <= MAX_TOUCH_ERROR
     return points[may_be] if may_be.any() else points
 
 
@@ -286,11 +287,16 @@ def context_of(
     rewards: ViewpointRewards,
     ignores_downhill_room: bool = False,
 ) -> Context:
-    """The context in which the robot decides where to go at a keyframe; see :class:`PosePaths` for ``caution``.
+    """The context in which the robot decides where to go at a keyframe.
 
-    ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
-    margin. ``rewards``: rewards for viewpoints that confirm finds. ``ignores_downhill_room``: whether paths may do
-    without room downhill.
+    Args:
+        mapper: holds all maps.
+        keyframe: the newest keyframe.
+        pose: (3,) x and y, m, and heading, rad, at which paths start.
+        caution: see :class:`PosePaths`.
+        is_tight: whether paths may do without the safety margin.
+        rewards: rewards for viewpoints that confirm finds.
+        ignores_downhill_room: whether paths may do without room downhill.
     """
     ground = mapper.drivable.without_downhill_room if ignores_downhill_room else mapper.drivable
     ground = ground.without_margin if is_tight else ground

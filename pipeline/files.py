@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 
 MAX_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; a growing map takes twice as much
-MAX_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
-STARTING = 60  # s, maximum time that a new Python process takes to start on a busy machine
-GOOD = "good"  # The answer of a separate process that has found no error
+MAX_TEXT_BYTES = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
+START_TIMEOUT = 60  # s, maximum time that a new Python process takes to start on a busy machine
+NO_ERROR = "good"  # The answer of a separate process that has found no error
 
 
 @contextmanager
@@ -159,7 +159,7 @@ def read_bytes(path: Path, max_bytes: float = np.inf) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def read_text(path: Path, max_bytes: float = MAX_TEXT) -> str:
+def read_text(path: Path, max_bytes: float = MAX_TEXT_BYTES) -> str:
     """The content of a UTF-8 text file; InputError if it has more than ``max_bytes`` bytes or is not UTF-8 text."""
     try:
         return read_bytes(path, max_bytes).decode("utf-8-sig")
@@ -270,8 +270,8 @@ def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory:
     Args:
         function: function that returns its answer as text; it must be importable.
         args: arguments of the function, which must be picklable.
-        seconds: limit of processor time, s. The wall time is limited to ten times as much plus ``STARTING``, because
-            the process may have to wait.
+        seconds: limit of processor time, s. The wall time is limited to ten times as much plus ``START_TIMEOUT``,
+            because the process may have to wait.
         memory: limit of the additional memory that the process may use during the call, bytes.
 
     Returns:
@@ -285,7 +285,7 @@ def run_isolated(function: Callable[..., str], *args: Any, seconds: int, memory:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-            timeout=STARTING + 10 * seconds,
+            timeout=START_TIMEOUT + 10 * seconds,
         )
     except subprocess.TimeoutExpired:
         return ""

@@ -152,7 +152,7 @@ class Frame:
         return np.isfinite(self.depth) & (self.depth > 0)
 
     @property
-    def millimetres(self) -> NDArray[np.uint16]:
+    def depth_mm(self) -> NDArray[np.uint16]:
         """(H, W) depth along the optical axis in whole mm, as depth images are stored; 0 = no return."""
         depth = np.where(self.returns, self.depth, 0)
         return np.rint(1e3 * depth).clip(max=np.iinfo(np.uint16).max).astype(np.uint16)

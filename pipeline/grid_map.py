@@ -82,7 +82,7 @@ class Grid:
         mask[i, j] = True
         return mask
 
-    def touched(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
+    def touched_by(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
         """The cells touched by boxes (M, 2, 3), m, and a function that returns which other boxes touch them."""
         mask = np.zeros(self.shape, np.bool_)
         for (i, j), (k, m) in self.cell_of(boxes):
@@ -141,7 +141,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Layer:
+class LayerType:
     """The type of a layer's cells.
 
     Attributes:
@@ -177,7 +177,7 @@ class GridMap:
         revision: number of times that the grid has grown or a write has changed a value.
     """
 
-    def __init__(self, cell: float, layers: Mapping[str, Layer]):
+    def __init__(self, cell: float, layers: Mapping[str, LayerType]):
         """Start without cells; ``cell``: cell size, m."""
         self.grid = Grid(np.zeros(2, np.int64), cell, (0, 0))
         self.revision = 0
@@ -255,6 +255,7 @@ def check_memory(name: str, size: int) -> None:
 
 
 def _bits(values: NDArray) -> NDArray:
+    """The bits of the values as integers of the same shape, so that NaN equals NaN."""
     return values.view(f"u{values.itemsize}")
 
 
@@ -287,7 +288,7 @@ def box_around(mask: MaskLayer, margin: int) -> CellWindow:
     return slices[0], slices[1]
 
 
-def inside(inner: CellWindow, outer: CellWindow) -> CellWindow:
+def relative_to(inner: CellWindow, outer: CellWindow) -> CellWindow:
     """The box ``inner`` in indices relative to the first corner of the box ``outer``, which contains it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j

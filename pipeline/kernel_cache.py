@@ -15,9 +15,8 @@ PIPELINE = Path(__file__).parent
 
 
 def drop_outdated(packages: Iterable[Path]) -> None:
-    """Delete the compiled kernels in the folders of packages if any ``*_kernels.py`` is newer than the oldest.
-
-    Kernels that another user compiled and that this user cannot delete remain.
+    """Delete the compiled kernels in the folders of packages if any ``*_kernels.py`` is newer than one of them.
+    Compiled kernels in folders in which this user cannot delete files remain.
     """
     files = [file for package in packages for file in package.rglob("*") if file.suffix in (".py", ".nbi", ".nbc")]
     sources = [file for file in files if file.match("*_kernels.py") and file.is_file()]

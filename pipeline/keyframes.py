@@ -37,7 +37,7 @@ from pipeline.transforms import POSE, are_poses, transform_places, yaw_of
 
 UNIT = 2.5e-4
 """Resolution of the stored points and depths, m: a fifth of the noise of the best depth camera."""
-FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
+MAX_COORDINATE = np.iinfo(np.int16).max * UNIT
 """Largest coordinate that can be stored, m: more than the indoor range of any depth camera."""
 
 
@@ -179,9 +179,9 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 
 def kept_cloud(points: Points, voxel: float | tuple[float, float, float]) -> tuple[VoxelCloud, NDArray[np.intp]]:
-    """Points in ``base_link`` thinned to voxels of size ``voxel``, m, and (K,) indices of storable points."""
+    """Points in ``base_link`` thinned to voxels of size ``voxel``, m, and (K,) indices of those to be stored."""
     cloud = VoxelCloud.of(points, voxel)
-    return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
+    return cloud, np.flatnonzero((np.abs(cloud.points) < MAX_COORDINATE).all(axis=1))
 
 
 class Moves(NamedTuple):
@@ -207,25 +207,25 @@ class Moves(NamedTuple):
         return cls(ways, turns, reach, min_displacement)
 
     @property
-    def in_view(self) -> Values:
+    def max_displacements(self) -> Values:
         """Largest displacement of each keyframe or of anything in its view, m."""
         return np.maximum(self.distances, self.turns * self.reach)
 
     @property
     def are_noticeable(self) -> Mask:
         """(K,) whether each keyframe moved noticeably, at its own position or at the end of its view."""
-        return self.in_view > self.min_displacement
+        return self.max_displacements > self.min_displacement
 
 
 class Keyframes:
     """The observations of all keyframes, and their poses.
 
     Attributes:
-        seen: the observation of each keyframe.
-        ground: all evidence about the ground in the order in which it was found, each item with the index of its
-            keyframe.
+        observations: the observation of each keyframe.
+        ground_evidence: all evidence about the ground in the order in which it was found, each item preceded by the
+            index of its keyframe.
         poses: (K, 4, 4) ``T_map_base`` of the keyframes, from which the maps are built.
-        loaded: number of keyframes from an earlier episode.
+        loaded_count: number of keyframes from an earlier episode.
     """
 
     def __init__(self, robot: RobotModel, reach: float, cell: float, min_displacement: float) -> None:
@@ -237,25 +237,25 @@ class Keyframes:
             cell: cell size of the elevation map, m.
             min_displacement: threshold in m; see :class:`pipeline.config.KeyframesConfig`.
         """
-        self.seen: list[KeyframeObservation] = []
-        self.ground: list[tuple[int, GroundEvidence]] = []
+        self.observations: list[KeyframeObservation] = []
+        self.ground_evidence: list[tuple[int, GroundEvidence]] = []
         self.poses = np.zeros((0, 4, 4))
-        self.loaded = 0
+        self.loaded_count = 0
         self._reach, self._margin, self._min_displacement = reach, robot.half_width + cell, min_displacement
         self._boxes = np.zeros((0, 2, 3))
 
     def __len__(self) -> int:
-        return len(self.seen)
+        return len(self.observations)
 
     def add(self, seen: KeyframeObservation, T_map_base: Pose) -> None:
         """Add a keyframe with its pose."""
-        self.seen.append(seen)
+        self.observations.append(seen)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view_frustum(self._reach))[None]])
 
     def add_ground(self, keyframe: int, evidence: GroundEvidence) -> None:
         """Add evidence about the ground near a keyframe."""
-        self.ground.append((keyframe, evidence))
+        self.ground_evidence.append((keyframe, evidence))
         self._boxes[keyframe] = box_of(self._boxes[keyframe], evidence.box)
 
     def boxes(self) -> Boxes:
@@ -270,13 +270,18 @@ class Keyframes:
     def start_height(self) -> float:
         """Height in ``map`` at which the robot was set down, m; 0 without a set-down, as with a hand-held camera."""
         return next(
-            (float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, AssumedGround)), 0.0
+            (
+                float(self.poses[k, 2, 3])
+                for k, evidence in self.ground_evidence
+                if isinstance(evidence, AssumedGround)
+            ),
+            0.0,
         )
 
     @property
     def highest_camera(self) -> float:
         """Maximum height of the keyframes' cameras in ``map``, m; 0 without keyframes."""
-        heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.seen, strict=True)]
+        heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.observations, strict=True)]
         return float(max(heights, default=0.0))
 
     def place(self, T_map_base: Poses) -> Moves:
@@ -324,7 +329,7 @@ class AnchoredPlaces:
         ``poses``: the poses of all keyframes, at least one. Places without a height get the height of their keyframe.
         """
         places = np.asarray(places, np.float64)
-        owner = np.full(len(places), keyframe, np.int64) if keyframe is not None else nearest(places, poses)
+        owner = np.full(len(places), keyframe, np.int64) if keyframe is not None else nearest_keyframes(places, poses)
         if places.shape[1:] == (2,):
             places = np.column_stack([places, poses[owner, 2, 3]])
         T = poses[owner]
@@ -342,6 +347,6 @@ class AnchoredPlaces:
         return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))
 
 
-def nearest(places: NDArray[np.floating], poses: Poses) -> Indices:
+def nearest_keyframes(places: NDArray[np.floating], poses: Poses) -> Indices:
     """Index of the keyframe nearest to each place (N, 2 or 3) in ``map``, m."""
     return np.asarray(cKDTree(poses[:, :2, 3]).query(places[:, :2])[1], np.int64).reshape(-1)

@@ -105,7 +105,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
 }
 """The fields of the rows of each kind. A field whose length varies is stored concatenated, with an array of its
 lengths."""
-OF_KEYFRAMES = "keyframe", "missed", "tried_from"
+KEYFRAME_INDEX_FIELDS = "keyframe", "missed", "tried_from"
 """The fields that hold indices of keyframes."""
 
 
@@ -164,7 +164,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         InputError: the file is missing, damaged, of another kind or version, or without surfaces that the mapper's
             localisation needs. The mapper must not be used after this error.
     """
-    with _opened(path) as rows:
+    with _checked_rows(path) as rows:
         keyframes = rows["keyframe"]
         owner = np.repeat(np.arange(len(keyframes)), [len(row["surfaces"]) for row in keyframes])
         surfaces, normals = (np.concatenate([row[name] for row in keyframes]) for name in ("surfaces", "normals"))
@@ -185,7 +185,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
     """The keyframes of a map alone, with their evidence about the ground; for errors, see :func:`load_keyframes`."""
     keyframes = Keyframes(robot, reach=0.0, cell=config.cell, min_displacement=0.0)
-    with _opened(path) as rows:
+    with _checked_rows(path) as rows:
         _restore_keyframes(rows, keyframes)
     return keyframes
 
@@ -200,13 +200,13 @@ def load_elevation_map(
     """
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
     with elevation_map.rebuilding(keyframes.boxes()):
-        for k, evidence in keyframes.ground:
+        for k, evidence in keyframes.ground_evidence:
             evidence.add_to_elevation_map(elevation_map, keyframes.poses[k])
     return elevation_map, keyframes.poses
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
+def _checked_rows(path: Path) -> Iterator[dict[str, list[Row]]]:
     """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
     arrays = load_results(path, "map saved by a run", KEYFRAMES, FORMAT, VERSION)
     try:
@@ -260,7 +260,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
         raise ValueError(f"the poses of each keyframe and its camera must be {POSE}")
     if len(odometry) != 1 or np.linalg.eigvalsh(odometry[0])[0] <= 0:
         raise ValueError("it must have exactly one odometry covariance, which must be positive definite")
-    columns = [(kind, name) for kind, layout in LAYOUT.items() for name in layout if name in OF_KEYFRAMES]
+    columns = [(kind, name) for kind, layout in LAYOUT.items() for name in layout if name in KEYFRAME_INDEX_FIELDS]
     if not all(((np.asarray(k) >= 0) & (np.asarray(k) < keyframes)).all() for of in columns for k in every(*of)):
         raise ValueError("an entry refers to a keyframe that does not exist")
     if any((camera[:2] <= 0).any() for camera in every("keyframe", "camera")):
@@ -279,9 +279,9 @@ def _check(rows: dict[str, list[Row]]) -> None:
 
 def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
     keyframes, surfaces = mapper.keyframes, mapper.localisation.keyframes()
-    order = {id(evidence): n for n, (_, evidence) in enumerate(keyframes.ground)}
+    order = {id(evidence): n for n, (_, evidence) in enumerate(keyframes.ground_evidence)}
     bounds = np.searchsorted(surfaces.owner, np.arange(len(keyframes) + 1))
-    for k, seen in enumerate(keyframes.seen):
+    for k, seen in enumerate(keyframes.observations):
         camera, own = seen.intrinsics, slice(bounds[k], bounds[k + 1])
         top_two_classes = seen.top_two_classes or TopTwoClasses(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
         yield {
@@ -300,7 +300,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
 
 
 def _ground_rows(keyframes: Keyframes, kind: type) -> Iterator[Row]:
-    for n, (k, evidence) in enumerate(keyframes.ground):
+    for n, (k, evidence) in enumerate(keyframes.ground_evidence):
         if isinstance(evidence, kind):
             yield {"keyframe": k, "order": n, **vars(evidence)}
 

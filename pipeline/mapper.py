@@ -15,7 +15,7 @@ from pipeline.elevation_map.ground_evidence import AssumedGround, DrivenTrack, G
 from pipeline.elevation_map.traversability import Traversability, TraversabilityLayer
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
-from pipeline.keyframes import KeyframeObservation, Keyframes, Moves, nearest
+from pipeline.keyframes import KeyframeObservation, Keyframes, Moves, nearest_keyframes
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, LocalisedFrame
 from pipeline.localisation.pose_check import ConfirmedPose
@@ -85,7 +85,7 @@ class Mapper:
     Attributes:
         observers: notified of all events, in the order of this list.
         config: all parameters.
-        policy: the spacing of keyframes and of labelled keyframes.
+        policy: when a frame becomes a keyframe, and which keyframes are labelled.
         keyframes: the observations and poses of all keyframes.
         knows_camera: whether the camera's pose on the robot is known, and hence the ground at the start.
         stopwatch: the time that each stage has taken.
@@ -172,11 +172,11 @@ class Mapper:
     def T_map_start(self) -> NDArray[np.float64] | None:
         """4×4 pose of this episode's first keyframe; None before that keyframe."""
         keyframes = self.keyframes
-        return keyframes.poses[keyframes.loaded] if len(keyframes) > keyframes.loaded else None
+        return keyframes.poses[keyframes.loaded_count] if len(keyframes) > keyframes.loaded_count else None
 
     def restore(self) -> None:
-        """Build every map from an earlier episode's keyframes, segments and victims, which the caller has added."""
-        self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
+        """Build every map from an earlier episode's keyframes, segments and tracks, which the caller has added."""
+        self.keyframes.loaded_count = self._newest_at_drive = len(self.keyframes)
         self._start_height = self.keyframes.start_height
         self._rebuild(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
         self.revise_labels()
@@ -190,7 +190,7 @@ class Mapper:
     def is_label_due(self) -> bool:
         """Whether the policy requires a label for the next keyframe of a drive."""
         since = max(0, len(self.keyframes) + 1 - self.policy.labelled_every)
-        return all(seen.top_two_classes is None for seen in self.keyframes.seen[since:])
+        return all(seen.top_two_classes is None for seen in self.keyframes.observations[since:])
 
     def localise(self, frame: Frame) -> LocalisedFrame:
         """Remove isolated returns from a new frame and localise it; LostError if its pose is unknown."""
@@ -324,7 +324,7 @@ class Mapper:
         first, self._newest_at_drive = self._newest_at_drive, len(self.keyframes) - 1
         poses = self.keyframes.poses[first:]
         felt = np.vstack([np.zeros((0, 3)), *touched])
-        near_track, near_obstacles, near_felt = (nearest(p, poses) for p in (track, obstacles, felt))
+        near_track, near_obstacles, near_felt = (nearest_keyframes(p, poses) for p in (track, obstacles, felt))
         on_ground = np.column_stack([track[:, :2], poses[near_track, 2, 3]])
         for k, T in enumerate(poses):
             is_own = near_track == k
@@ -348,7 +348,10 @@ class Mapper:
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
         poses = self.localisation.poses
-        if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.correction_threshold:
+        if (
+            waits
+            and self.keyframes.moves_to(poses).max_displacements.max() <= self.config.keyframes.correction_threshold
+        ):
             return None
         moves = self.correct(poses)
         if not moves.are_noticeable.any():
@@ -398,21 +401,21 @@ class Mapper:
         keyframes = self.keyframes
         with self.stopwatch("correction_metric_map"), self.metric_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
-                keyframes.seen[k].add_to_metric_map(self.metric_map, keyframes.poses[k])
+                keyframes.observations[k].add_to_metric_map(self.metric_map, keyframes.poses[k])
 
     def _rebuild_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
-        if not any(keyframes.seen[k].top_two_classes for k in np.flatnonzero(moving)):
+        if not any(keyframes.observations[k].top_two_classes for k in np.flatnonzero(moving)):
             return
         with self.stopwatch("correction_semantic_map"), self.semantic_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
-                keyframes.seen[k].add_to_semantic_map(self.semantic_map, keyframes.poses[k], int(k))
+                keyframes.observations[k].add_to_semantic_map(self.semantic_map, keyframes.poses[k], int(k))
 
     def _rebuild_elevation_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
         with self.elevation_map.rebuilding(boxes) as meets:
             is_met = meets(keyframes.boxes())
-            for k, evidence in keyframes.ground:
+            for k, evidence in keyframes.ground_evidence:
                 if is_met[k]:
                     evidence.add_to_elevation_map(self.elevation_map, keyframes.poses[k])
 

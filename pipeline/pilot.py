@@ -74,7 +74,7 @@ class Pilot:
             LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
         last = self._last
-        self._note(localised)
+        self._remember(localised)
         if last is None:
             self.faults.check_depth_scale(localised.frame)
 
@@ -105,13 +105,13 @@ class Pilot:
                     return confirmed
                 self.correct()
                 self.navigator.drive_back(self._move)
-            last, localised = None, self._note(self._mapper.localise(self.sense()))
+            last, localised = None, self._remember(self._mapper.localise(self.sense()))
         return self.pose_check.confirm(localised, last, self._turn)
 
     def _turn(self, angle: float) -> LocalisedFrame | None:
         """Turn by an angle, rad, and localise a frame taken after the turn; None if the robot cannot turn."""
         can_turn = self.navigator.turn(angle, self._move) is Outcome.REACHED
-        return self._note(self._mapper.localise(self.sense())) if can_turn else None
+        return self._remember(self._mapper.localise(self.sense())) if can_turn else None
 
     def correct(self) -> None:
         """Pass the newest estimate of the robot's pose to the navigator."""
@@ -125,26 +125,26 @@ class Pilot:
 
         ``is_done``: called after each frame taken on the drive; the drive ends early if it returns True.
         """
-        outcome = self.navigator.follow(course, partial(self._watched, check, is_done))
-        self._leave(outcome)
+        outcome = self.navigator.follow(course, partial(self._follow_if_clear, check, is_done))
+        self._remember_end(outcome)
         return outcome
 
     def halt(self) -> None:
         """Stop the robot if it is still rolling."""
         if self.navigator.motion is not None:
-            self._leave(self.navigator.halt(self._move))
+            self._remember_end(self.navigator.halt(self._move))
 
-    def _leave(self, outcome: Outcome) -> None:
+    def _remember_end(self, outcome: Outcome) -> None:
         """Remember where a drive ended, unless the robot was carried after its pose was confirmed."""
         was_carried = outcome is Outcome.MOVED or self._T_odom_left is None
         self._T_odom_left = None if was_carried else required(self.navigator.motion).T_odom_base
 
-    def _watched(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
+    def _follow_if_clear(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
         """Let the robot follow a command if its pose is certain and its path is clear."""
-        verdict = Verdict.FINE if command == STOP else self._look(check, is_done, command)
+        verdict = Verdict.FINE if command == STOP else self._map_and_check(check, is_done, command)
         return self._move(command) if verdict is Verdict.FINE else verdict
 
-    def _look(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
+    def _map_and_check(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:
         """If a keyframe or an obstacle check is due, map a frame, and judge whether the robot may drive on.
 
         A frame that repeats another is mapped only for an obstacle check.
@@ -156,7 +156,7 @@ class Pilot:
             return Verdict.FINE
 
         def compare(localised: LocalisedFrame) -> ConfirmedPose | None:
-            self.pose_check.compare(self._note(localised), is_driving=True)
+            self.pose_check.compare(self._remember(localised), is_driving=True)
             self.faults.check_motion(belief, localised.frame.time)
             if checked is not None:
                 check.look(checked, localised.frame.points(localised.T_map_camera))
@@ -192,7 +192,7 @@ class Pilot:
             sink.on_motion(motion)
         return Verdict.FINE
 
-    def _note(self, localised: LocalisedFrame) -> LocalisedFrame:
+    def _remember(self, localised: LocalisedFrame) -> LocalisedFrame:
         """Remember the newest frame; LostError if the camera no longer measures anything."""
         self._last = localised.frame
         self.pose_check.check_depth(localised)

@@ -9,10 +9,10 @@ class Progress:
 
     Attributes:
         text: the robot's activity and the explored area, or the results that are being written at the end.
-        share: fraction of the run that is done, 0 to 1; None if unknown.
-        is_timed: whether ``share`` is a fraction of time, so that the remaining time follows from it.
+        fraction: fraction of the run that is done, 0 to 1; None if unknown.
+        is_timed: whether ``fraction`` is a fraction of time, so that the remaining time follows from it.
     """
 
     text: str
-    share: float | None = None
+    fraction: float | None = None
     is_timed: bool = False

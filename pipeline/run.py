@@ -86,7 +86,7 @@ class RunParts:
     plugins: Sequence[Plugin] = ()
 
 
-def _ignore(progress: Progress) -> None:
+def _show_no_progress(progress: Progress) -> None:
     """Show no progress."""
 
 
@@ -103,7 +103,7 @@ class Run:
     def __init__(self, parts: RunParts):
         self.parts, self.mapper, self.recorder = parts, parts.mapper, parts.recorder
         self.report: dict[str, Any] = {}
-        self._watch: Callable[[Progress], object] = _ignore
+        self._watch: Callable[[Progress], object] = _show_no_progress
         self.start_clock()
 
     def start_clock(self) -> None:
@@ -158,7 +158,7 @@ class MappingRun(Run):
         self.labelled.append(keyframe.index)
 
 
-DRIVING = {"goals": "driving to the goals", "home": "driving home", "park": "driving to a victim"}
+TASK_TEXTS = {"goals": "driving to the goals", "home": "driving home", "park": "driving to a victim"}
 """The tasks after exploration, as shown in the progress."""
 
 
@@ -215,7 +215,9 @@ class ExplorerRun(Run, ABC):
         return self.mapped_text
 
     def run(
-        self, interrupted: Callable[[], bool] = lambda: False, on_progress: Callable[[Progress], object] = _ignore
+        self,
+        interrupted: Callable[[], bool] = lambda: False,
+        on_progress: Callable[[Progress], object] = _show_no_progress,
     ) -> bool:
         """Explore, drive to the goals and home, and write the results.
 
@@ -246,7 +248,7 @@ class ExplorerRun(Run, ABC):
         except LostError as error:
             self.lost_reason = str(error)
             self.end_reason = "lost" if mission.explores else self.end_reason
-            self._notice("lost", f"the robot is lost and has stopped: {error}")
+            self._note_fault("lost", f"the robot is lost and has stopped: {error}")
         finally:
             self._finish(self._time() - begin)
         return not interrupted()
@@ -260,7 +262,7 @@ class ExplorerRun(Run, ABC):
 
     def _progress_of(self, task: str) -> Progress:
         """Progress after a step of a task: fraction of the mission's time or, without one, of the ground explored."""
-        doing = DRIVING.get(task, task)
+        doing = TASK_TEXTS.get(task, task)
         text, deadline = f"{self.parts.place}: {doing}, {self.explored_text}", self.explorer.mission.deadline
         if deadline is None:
             return Progress(f"{text}, step {self.explorer.steps}", self._explored_fraction())
@@ -285,9 +287,9 @@ class ExplorerRun(Run, ABC):
         if step.was_carried:
             found_itself = pilot.pose_check.relocalised > self._relocalised
             how = "looked around and was localised" if found_itself else "was carried and set down"
-            self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
+            self._note_fault("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._relocalised = pilot.pose_check.relocalised
-        self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
+        self._log("INFO" if step.can_drive else "WARN", self._step_line(step))
         if step.explores:
             self.end_reason = step.end_reason or "interrupted"
             self._viewpoints_left = step.viewpoints_left
@@ -298,11 +300,11 @@ class ExplorerRun(Run, ABC):
         leg = self.explorer.pilot.navigator.legs[-1]
         line = f"the drive to {place_name(leg.target)} ended: {leg.outcome.value}"
         if leg.outcome is Outcome.STUCK:
-            self._notice("stuck", line)
+            self._note_fault("stuck", line)
         else:
             self._log("WARN", line)
 
-    def _notice(self, kind: str, text: str) -> None:
+    def _note_fault(self, kind: str, text: str) -> None:
         self._faults.note(kind, self._time(), text)
         self._log_faults()
 
@@ -320,7 +322,7 @@ class ExplorerRun(Run, ABC):
         for line, is_good in self.explorer.mission.new_outcomes():
             self._log("INFO" if is_good else "WARN", line)
 
-    def _outcome_of(self, step: Step) -> str:
+    def _step_line(self, step: Step) -> str:
         """The outcome of a step, as a line for the log."""
         if not step.can_drive:
             return f"{self.mapped_text}; the robot cannot leave its current position"

@@ -99,10 +99,12 @@ def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Pro
         bar = bars.add_task(description, total=None, is_timed=False)
 
         def show(progress: Progress) -> None:
-            has_share = progress.share is not None
+            has_fraction = progress.fraction is not None
             # Set directly, because Rich's update ignores a new total of None.
-            bars.tasks[0].total = 1.0 if has_share else None
-            bars.update(bar, description=progress.text, completed=progress.share or 0.0, is_timed=progress.is_timed)
+            bars.tasks[0].total = 1.0 if has_fraction else None
+            bars.update(
+                bar, description=progress.text, completed=progress.fraction or 0.0, is_timed=progress.is_timed
+            )
 
         yield show
 

@@ -40,7 +40,7 @@ def stereo_noise(focal_length: float, baseline: float, subpixel: float = DISPARI
 
 
 def _camera(name: str, pattern: str, nearest: float, farthest: float, noise: DepthNoise) -> KnownCamera:
-    return KnownCamera(name, re.compile(pattern, re.IGNORECASE), SensorModel.measuring(nearest, farthest, noise))
+    return KnownCamera(name, re.compile(pattern, re.IGNORECASE), SensorModel.with_range(nearest, farthest, noise))
 
 
 # Ranges of stereo cameras end where the noise reaches 5 cm, half a voxel; focal lengths are for 848 × 480 pixels.
@@ -61,7 +61,7 @@ KNOWN_CAMERAS = (
     ),
 )
 """Known cameras. The first camera whose pattern matches a name is used; an unspecified RealSense matches the D435."""
-DEFAULT_SENSOR = SensorModel.measuring(0.5, 5.0, STRUCTURED_LIGHT)
+DEFAULT_SENSOR = SensorModel.with_range(0.5, 5.0, STRUCTURED_LIGHT)
 """Sensor model that is used if a recording does not name its camera."""
 
 
@@ -105,7 +105,7 @@ def with_overrides(
     if depth_noise is not None and not 0 < depth_noise <= MAX_NOISE:
         raise InputError(f"{names[1]} {depth_noise:g}: must be above 0 and at most {MAX_NOISE:g} m at 1 m")
     noise = sensor.noise if depth_noise is None else DepthNoise(0.0, depth_noise)
-    given = SensorModel.measuring(nearest, farthest, noise)
+    given = SensorModel.with_range(nearest, farthest, noise)
     if not nearest + given.margin < farthest - given.margin:
         found = f"depths from {nearest:g} to {farthest:g} m, with a noise of {given.sigma(farthest):.2g} m at the end"
         raise InputError(f"{found}: too short or too noisy; correct {names[0]} or {names[1]}")

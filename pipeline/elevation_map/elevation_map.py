@@ -16,7 +16,16 @@ from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.overhangs_kernels import OPEN, ROOFED
-from pipeline.grid_map import CellWindow, Grid, GridMap, Layer, box_around, check_memory, ensure_capacity, inside
+from pipeline.grid_map import (
+    CellWindow,
+    Grid,
+    GridMap,
+    LayerType,
+    box_around,
+    check_memory,
+    ensure_capacity,
+    relative_to,
+)
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
@@ -25,29 +34,34 @@ STRAY_FRACTION = 0.1
 RAY_HEIGHT = 0.3
 """Maximum height above a cell's ground at which a passing ray shows that the cell contains no wall, m."""
 NO_POINTS = np.zeros((0, 3), np.float32)
-_UNKNOWN = Layer(np.float32, np.nan)
-_DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
+_UNKNOWN = LayerType(np.float32, np.nan)
+_DERIVED = {
+    "measured": _UNKNOWN,
+    "elevation": _UNKNOWN,
+    "dropout": LayerType(np.bool_),
+    "driven": LayerType(np.uint16),
+}
 _SCRATCH = {
-    "returned": Layer(np.float32, np.nan, in_place=True),
+    "returned": LayerType(np.float32, np.nan, in_place=True),
     # Numbers of returns and dropouts of the keyframe that is being added; 0 otherwise.
-    "returns": Layer(np.int32, in_place=True),
-    "dropouts": Layer(np.int32, in_place=True),
+    "returns": LayerType(np.int32, in_place=True),
+    "dropouts": LayerType(np.int32, in_place=True),
 }
 
 
 _EVIDENCE = {
-    "ceiling": Layer(np.float32, np.inf, in_place=True),
-    "roofed": Layer(np.float32, np.inf, in_place=True),
-    "open": Layer(np.float32, np.inf, in_place=True),
-    "assumed": Layer(np.float32, np.nan, in_place=True),
-    "touched": Layer(np.float32, np.nan, in_place=True),
-    "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-    "dropout_extent": Layer(np.float32, in_place=True),
-    "been": Layer(np.uint16, in_place=True),
-    "swept": Layer(np.bool_, in_place=True),
+    "ceiling": LayerType(np.float32, np.inf, in_place=True),
+    "roofed": LayerType(np.float32, np.inf, in_place=True),
+    "open": LayerType(np.float32, np.inf, in_place=True),
+    "assumed": LayerType(np.float32, np.nan, in_place=True),
+    "touched": LayerType(np.float32, np.nan, in_place=True),
+    "dropout_direction": LayerType(np.float32, per_cell=(2,), in_place=True),
+    "dropout_extent": LayerType(np.float32, in_place=True),
+    "been": LayerType(np.uint16, in_place=True),
+    "swept": LayerType(np.bool_, in_place=True),
 }
 """The layers that keyframes change, in addition to the bins of columns."""
-_ROWS = {"row": Layer(np.int32, kernels.NO_COLUMN, in_place=True)}
+_ROWS = {"row": LayerType(np.int32, kernels.NO_COLUMN, in_place=True)}
 
 
 class ElevationMap:
@@ -214,7 +228,7 @@ class ElevationMap:
             A function that returns whether each of some other boxes overlaps these cells.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
-        within, meets = self.grid.touched(boxes)
+        within, meets = self.grid.touched_by(boxes)
         for name, layer in _EVIDENCE.items():
             self.layers[name][within] = layer.fill
         rows = self.layers["row"][within]
@@ -276,8 +290,8 @@ class ElevationMap:
         known = np.where(np.isnan(measured) & ~doubtful, assumed, measured)
         bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, RAY_HEIGHT)
         filled = kernels.fill_pockets(bridged, doubtful, gap - 1, self.config.bin)
-        layers.write("measured", measured[inside(here, around)], here)
-        layers.write("elevation", filled[inside(here, around)], here)
+        layers.write("measured", measured[relative_to(here, around)], here)
+        layers.write("elevation", filled[relative_to(here, around)], here)
 
     def _is_overhung(self, box: CellWindow) -> MaskLayer:
         """The cells of a box where a surface hides part of the headroom, and no keyframe has seen all of it.

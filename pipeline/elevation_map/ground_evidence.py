@@ -178,7 +178,7 @@ def find_depth_dropouts(
     dropouts = np.zeros_like(depth)
     limits = MIN_GAP_EXTENT, MAX_GAP_WIDTH
     interpolate_dropouts(
-        depth, intrinsics.fy, sensor.min_grazing_angle, np.float32(sensor.same_surface), *limits, dropouts
+        depth, intrinsics.fy, sensor.min_grazing_angle, np.float32(sensor.max_relative_depth_step), *limits, dropouts
     )
     gaps, _ = ndimage.label(dropouts[::ROW_STEP] > 0, np.ones((3, 3)))
     is_panel = [False, *(rows.stop - rows.start >= MIN_GAP_EXTENT for rows, _ in ndimage.find_objects(gaps))]

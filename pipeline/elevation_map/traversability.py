@@ -15,7 +15,7 @@ from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.errors import InputError
-from pipeline.grid_map import CellWindow, Grid, box_around, inside
+from pipeline.grid_map import CellWindow, Grid, box_around, relative_to
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
 
@@ -509,7 +509,7 @@ def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Trav
     # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])
     dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
-    within = inside(here, around)
+    within = relative_to(here, around)
     part = assess(last.grid.part(around), elevation, dropout, driven, robot, config, within)
     layers = {name: getattr(last, name).copy() for name in LAYERS}
     for name, layer in layers.items():

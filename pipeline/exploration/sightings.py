@@ -10,7 +10,7 @@ from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import unseen_cells
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
-from pipeline.grid_map import GridMap, Layer
+from pipeline.grid_map import GridMap, LayerType
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
@@ -21,7 +21,11 @@ MAX_MISSES = np.iinfo(np.uint8).max
 MAX_TURNED = np.deg2rad(5)
 """Maximum angle, rad, by which a robot that could not set out has turned."""
 NO_PLACES = AnchoredPlaces.joined([])
-LAYERS = {"target": Layer(np.bool_), "misses": Layer(np.uint8), "missed_from": Layer(np.float32, np.inf, (2,))}
+LAYERS = {
+    "target": LayerType(np.bool_),
+    "misses": LayerType(np.uint8),
+    "missed_from": LayerType(np.float32, np.inf, (2,)),
+}
 
 
 class Sightings:

@@ -158,7 +158,7 @@ class PoseCheck:
     @property
     def _is_lost(self) -> bool:
         """Whether the robot has yet to be localised in the map of an earlier episode."""
-        return self._localisation.may_err and 0 < len(self._keyframes) == self._keyframes.loaded
+        return self._localisation.may_err and 0 < len(self._keyframes) == self._keyframes.loaded_count
 
     @property
     def _view_angle(self) -> float:

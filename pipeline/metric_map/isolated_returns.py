@@ -19,6 +19,6 @@ MIN_ALIKE = 2
 
 def remove_isolated_returns(frame: Frame) -> Frame:
     """The frame without the returns that have too few neighbours of similar depth in the image."""
-    same_surface = np.float32(frame.sensor.same_surface)
+    same_surface = np.float32(frame.sensor.max_relative_depth_step)
     depth = kernels.remove_isolated_returns(frame.depth, REACH, same_surface, MIN_ALIKE)
     return replace(frame, depth=depth)

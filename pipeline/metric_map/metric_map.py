@@ -59,7 +59,7 @@ class MetricMap:
             A function that returns whether each of some other boxes touches these columns.
         """
         columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
-        within, meets = columns.touched(boxes - self.corner)
+        within, meets = columns.touched_by(boxes - self.corner)
         self._rebuilding = columns, within
         for first, block in self._log_odds.items():
             block[self._are_rebuilt(first, block.shape)] = 0

@@ -133,7 +133,7 @@ class Trust:
 
 def trust_in(mapper: Mapper, config: RescueReportConfig) -> Trust:
     """The evidence against a mapper's map from the keyframes and the localisation."""
-    kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
+    kept = list(zip(mapper.keyframes.observations, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // MAX_CHECKED_KEYFRAMES]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     slam = mapper.localisation
@@ -247,7 +247,7 @@ def situation_of(
     """
     traversability = mapper.traversability
     measured = mapper.elevation_map.measured
-    poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
+    poses = mapper.keyframes.poses[mapper.keyframes.loaded_count :]
     paths = PosePaths(traversability, poses[0][:2, 3])
     points = mapper.semantic_map.points()
     # Paths start at all keyframes, because ground at the entrance or along the robot's trajectory may be unseen.

@@ -100,7 +100,7 @@ class SemanticMap:
             A function that returns whether each of other boxes touches these columns.
         """
         columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
-        within, meets = columns.touched(boxes)
+        within, meets = columns.touched_by(boxes)
         self._columns = columns.low, within
         blocks, first_hit = slice(self._blocks), self._first_hit[: self._size]
         gone = forget(self._block_keys[blocks], self._voxels[blocks], first_hit, self._columns)

@@ -11,7 +11,7 @@ from scipy import ndimage
 from pipeline.arrays import Cells, Indices, Mask, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.geometry.sight import visible_cells
-from pipeline.grid_map import CellWindow, Grid, GridMap, Layer, best_of_blocks, box_around
+from pipeline.grid_map import CellWindow, Grid, GridMap, LayerType, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
 from pipeline.topological_map import cover_kernels as kernels
 from pipeline.topological_map.config import TopologicalMapConfig
@@ -51,8 +51,8 @@ class NodeCover:
     @cached_property
     def _layers(self) -> GridMap:
         """The layers, created with the first ground, which determines the size of the cells."""
-        mask = Layer(np.bool_)
-        counts, unworthy = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
+        mask = LayerType(np.bool_)
+        counts, unworthy = LayerType(np.int32, in_place=True), LayerType(np.bool_, in_place=True)
         kinds = {"target": mask, "standable": mask, "walls": mask, "view_counts": counts, "unworthy": unworthy}
         return GridMap(self.traversability.grid.cell, kinds)
 

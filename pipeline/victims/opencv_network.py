@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
-from pipeline.files import GOOD, run_isolated
+from pipeline.files import NO_ERROR, run_isolated
 from pipeline.tracks.find import KINDS, VICTIM
 from pipeline.victims.boxes import ScoredBoxes
 from pipeline.victims.input_image import Letterbox
@@ -88,7 +88,7 @@ def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -
         InputError: OpenCV cannot run the network, or its outputs are not finite; the message names the ``files``.
     """
     said = run_isolated(_error_in, make, remedy, seconds=SECONDS, memory=MEMORY)
-    if said != GOOD:
+    if said != NO_ERROR:
         raise InputError(f"{files}: {said or CRASHED}")
     network = make()
     try:
@@ -101,7 +101,7 @@ def checked_network(files: str, make: Callable[[], Network], remedy: str = "") -
 
 
 def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
-    """The error message if a network is invalid; otherwise GOOD."""
+    """The error message if a network is invalid; otherwise NO_ERROR."""
     try:
         network = make()
         outputs = sum(4 * prod(shape) for layer in network.output_shapes() for shape in layer)
@@ -111,7 +111,7 @@ def _error_in(make: Callable[[], OpenCvNetwork], remedy: str) -> str:
     except InputError as error:
         return str(error)
     if outputs <= MEMORY:
-        return GOOD
+        return NO_ERROR
     return (
         f"the network is too large: its layers take {outputs / 1e9:.2g} GB, more than {MEMORY / 1e9:g} GB; "
         "use one with a smaller input"

@@ -121,7 +121,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
             return np.full(len(points), float(len(keyframes)))
         views = np.zeros(len(points))
         for k in keyframes:
-            frame = self.keyframes.seen[k].frame
+            frame = self.keyframes.observations[k].frame
             views += _are_in_view(points, frame, inverse(self.keyframes.poses[k] @ frame.T_base_camera))
         return views
 

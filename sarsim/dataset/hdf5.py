@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import GOOD, check_regular, run_isolated
+from pipeline.files import NO_ERROR, check_regular, run_isolated
 
 FAST_COMPRESSION = {"compression": "gzip", "compression_opts": 1}
 """Options for fast compression. HDF5's other fast filter, LZF, does not give the same bytes for the same data."""
@@ -98,7 +98,7 @@ def open_file(path: Path) -> h5py.File:
             fill all memory.
     """
     check_regular(path)
-    if (said := run_isolated(_check_file, path, seconds=CHECK_SECONDS, memory=CHECK_MEMORY)) != GOOD:
+    if (said := run_isolated(_check_file, path, seconds=CHECK_SECONDS, memory=CHECK_MEMORY)) != NO_ERROR:
         limits = f"{CHECK_SECONDS} s or {CHECK_MEMORY / 1e9:g} GB"
         raise InputError(f"{path}: {said or f'damaged: HDF5 crashed or needed more than {limits} to read it'}")
     try:
@@ -108,14 +108,14 @@ def open_file(path: Path) -> h5py.File:
 
 
 def _check_file(path: Path) -> str:
-    """The error in a file's attributes, datasets or chunk indices, or :data:`GOOD`; the data are not read."""
+    """The error in a file's attributes, datasets or chunk indices, or :data:`NO_ERROR`; the data are not read."""
     try:
         with h5py.File(path, "r") as file:
             dict(file.attrs)
             file.visititems(_check_chunks)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         return f"not a readable HDF5 file: {' '.join(str(error).split())}"
-    return GOOD
+    return NO_ERROR
 
 
 def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:

@@ -56,19 +56,19 @@ class EpisodeScore(Sink):
         self._coverage = Coverage(robot)
         self.surface = self._coverage.surface
         self._navigation = NavigationScore(robot, self.surface)
-        self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
+        self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded_count > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         voxel = explorer.mapper.semantic_map.config.voxel
         self._semantics = KeyframeTruth(explorer.mapper.keyframes, voxel)
         self._surfaces = SurfaceScore(voxel)
         self._victims = VictimScore(model, data)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
-        for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
+        for seen, T in zip(explorer.mapper.keyframes.observations, explorer.mapper.keyframes.poses, strict=True):
             self._coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
         self._start_time, self._T_world_start = robot.time, robot.trajectory[-1].T_world_base
         # Not after earlier episodes, because their map already shows ground at the start.
-        self._wants_oracle = oracle and not explorer.mapper.keyframes.loaded
+        self._wants_oracle = oracle and not explorer.mapper.keyframes.loaded_count
         self._first_frame: Frame | None = None
         self._kidnaps = 0
         self._frontiers_left = 0
@@ -143,7 +143,7 @@ class EpisodeScore(Sink):
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": map_figures(self._semantics.map(), explorer.mapper.semantic_map)
-            | ({} if keyframes.loaded else self._surfaces.report(explorer.mapper.semantic_map.points())),
+            | ({} if keyframes.loaded_count else self._surfaces.report(explorer.mapper.semantic_map.points())),
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),

@@ -32,7 +32,7 @@ class KeyframeTruth:
         self._voxel = voxel
         self._keyframes = keyframes
         self._top_two_classes: dict[int, TopTwoClasses | None] = {
-            k: None for k, s in enumerate(keyframes.seen) if s.top_two_classes
+            k: None for k, s in enumerate(keyframes.observations) if s.top_two_classes
         }
 
     def add(self, keyframe: Keyframe) -> None:
@@ -47,7 +47,7 @@ class KeyframeTruth:
         """The semantic map with the true labels at the keyframes' current poses."""
         truth, keyframes = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
         for k, shares in self._top_two_classes.items():
-            seen, T = keyframes.seen[k], keyframes.poses[k]
+            seen, T = keyframes.observations[k], keyframes.poses[k]
             if shares is not None:
                 truth.update(seen.points_at(T), shares.probabilities, seen.hits)
             else:

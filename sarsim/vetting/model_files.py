@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from defusedxml import DefusedXmlException, ElementTree
 
 from pipeline.errors import InputError
-from pipeline.files import MAX_TEXT, check_regular, read_bytes
+from pipeline.files import MAX_TEXT_BYTES, check_regular, read_bytes
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -35,7 +35,7 @@ class RefusedError(InputError):
     """Raised for a file that may be harmful, rather than merely broken; no model that refers to the file is read."""
 
 
-def parse_xml(path: Path, max_bytes: int = MAX_TEXT) -> "Element":
+def parse_xml(path: Path, max_bytes: int = MAX_TEXT_BYTES) -> "Element":
     """The root element of a file of at most ``max_bytes`` bytes.
 
     Raises:

@@ -8,7 +8,7 @@ from dm_control import mjcf
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.files import GOOD, run_isolated
+from pipeline.files import NO_ERROR, run_isolated
 from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
 from sarsim.vetting.resolved import FLOAT64_DIGITS, resolved
@@ -87,7 +87,7 @@ def vet_mjcf(path: Path) -> None:
     """
     check_files(path)
     said = run_isolated(_trial_result, path, seconds=TRIAL_SECONDS, memory=TRIAL_MEMORY)
-    if said != GOOD:
+    if said != NO_ERROR:
         limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {TRIAL_SECONDS} s of processor time"
         raise InputError(
             f"{path}: {said or f'loading it takes more than {limits}, or crashes MuJoCo; simplify the model'}"
@@ -95,14 +95,14 @@ def vet_mjcf(path: Path) -> None:
 
 
 def _trial_result(path: Path) -> str:
-    """``GOOD`` if a file can be used, otherwise the error message; empty if MuJoCo ran out of memory."""
+    """``NO_ERROR`` if a file can be used, otherwise the error message; empty if MuJoCo ran out of memory."""
     try:
         model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))
         again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=FLOAT64_DIGITS), root.get_assets())
         if not are_alike(model, again):
             return "cannot be read as MJCF: PyMJCF and MuJoCo read different bodies or geoms from it"
-        return GOOD
+        return NO_ERROR
     except InputError as error:
         return str(error)
     except MemoryError:

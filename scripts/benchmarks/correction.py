@@ -106,9 +106,9 @@ def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator
 def from_scratch(mapper: Mapper) -> Mapper:
     """Another mapper, with every map rebuilt from the first mapper's keyframes."""
     other, keyframes = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
-    for seen, T in zip(keyframes.seen, keyframes.poses, strict=True):
+    for seen, T in zip(keyframes.observations, keyframes.poses, strict=True):
         other.keyframes.add(seen, T)
-    for k, evidence in keyframes.ground:
+    for k, evidence in keyframes.ground_evidence:
         other.keyframes.add_ground(k, evidence)
     other.segments.members, other.victims.all = mapper.segments.members, mapper.victims.all
     other.restore()
@@ -141,5 +141,7 @@ def _bytes(mapper: Mapper) -> int:
 
 def kept_bytes(keyframes: Keyframes) -> int:
     """Bytes of the keyframes' observations."""
-    drives = [evidence for _, evidence in keyframes.ground if not isinstance(evidence, KeyframeObservation)]
-    return sum(seen.nbytes for seen in keyframes.seen) + sum(a.nbytes for d in drives for a in vars(d).values())
+    drives = [evidence for _, evidence in keyframes.ground_evidence if not isinstance(evidence, KeyframeObservation)]
+    return sum(seen.nbytes for seen in keyframes.observations) + sum(
+        a.nbytes for d in drives for a in vars(d).values()
+    )

@@ -89,7 +89,7 @@ def read(folder: Path, robot: SimulatedRobot) -> Drive:
         if person["confirmed"]
     ]
     times = true[passing_indices(true[:, 1:], np.array(keyframes.poses)), 0].tolist()
-    seen = list(zip(times, keyframes.seen, strict=True))
+    seen = list(zip(times, keyframes.observations, strict=True))
     turns = Slerp(true[:, 0], Rotation.from_quat(true[:, 4:]))
     return Drive(true[:, 0], true[:, 1:4], turns, seen, keyframes.poses, people)
 

@@ -32,7 +32,7 @@ def draw(folder: Path) -> None:
     keyframes, semantic_map, metric_map = mapper.keyframes, mapper.semantic_map, MetricMap()
     points, labels = semantic_map.points(), semantic_map.labels()
     due, panels = [round(share * len(keyframes)) for share in SHARES], []
-    for count, (seen, T_map_base) in enumerate(zip(keyframes.seen, keyframes.poses, strict=True), 1):
+    for count, (seen, T_map_base) in enumerate(zip(keyframes.observations, keyframes.poses, strict=True), 1):
         seen.add_to_metric_map(metric_map, T_map_base)
         if count in due:
             picture = voxels(metric_map, voxel_labels(metric_map, points, labels))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import InputError
-from pipeline.grid_map import Grid, GridMap, Layer
+from pipeline.grid_map import Grid, GridMap, LayerType
 
 BLOCK, BORDER = 64, 20
 """Cells of the blocks in which a map grows, and beyond the points that it covers."""
@@ -45,10 +45,10 @@ def test_a_part_of_a_grid_lies_where_its_cells_do():
 
 
 LAYERS = {
-    "height": Layer(np.float32, np.nan),
-    "seen": Layer(np.bool_),
-    "slope": Layer(np.float32, per_cell=(2,)),
-    "hits": Layer(np.uint16, per_cell=(3,), in_place=True),
+    "height": LayerType(np.float32, np.nan),
+    "seen": LayerType(np.bool_),
+    "slope": LayerType(np.float32, per_cell=(2,)),
+    "hits": LayerType(np.uint16, per_cell=(3,), in_place=True),
 }
 
 

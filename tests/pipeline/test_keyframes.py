@@ -10,7 +10,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.ground_evidence import DrivenTrack
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import AnchoredPlaces, KeyframeObservation, Keyframes, Moves, nearest
+from pipeline.keyframes import AnchoredPlaces, KeyframeObservation, Keyframes, Moves, nearest_keyframes
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
@@ -20,7 +20,7 @@ from tests.pipeline.robot_model import PIONEER
 CAMERA = Intrinsics(64, 48, 58.0, 58.0, 32.0, 24.0)
 T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 REACH = 3.5
-UNIT, FARTHEST_KEPT = 2.5e-4, 32767 * 2.5e-4
+UNIT, MAX_COORDINATE = 2.5e-4, 32767 * 2.5e-4
 
 
 def frame(depth: np.ndarray) -> Frame:
@@ -47,12 +47,12 @@ def test_what_is_no_return_or_too_far_away_is_left_out():
     depth = np.full((48, 64), np.nan)
     depth[10], depth[20], depth[30], depth[40] = 2.0, 0.0, -1.0, np.inf
     assert seen(depth).hits.sum() == 64
-    far = seen(np.full((48, 64), FARTHEST_KEPT + 3.0))
+    far = seen(np.full((48, 64), MAX_COORDINATE + 3.0))
     assert not len(far.points) and not len(far.rays)
     mixed = np.full((48, 64), 20.0)
     mixed[24:] = 2.0
     assert (seen(mixed).rays[:, 2] * UNIT < T_BASE_CAMERA[2, 3]).all()  # rays to what is kept alone
-    assert far.frame.depth.max() == pytest.approx(FARTHEST_KEPT + 3.0, abs=UNIT)  # but it shows free space
+    assert far.frame.depth.max() == pytest.approx(MAX_COORDINATE + 3.0, abs=UNIT)  # but it shows free space
 
 
 def test_a_frame_without_returns_is_kept():
@@ -94,7 +94,7 @@ def test_a_place_follows_the_keyframe_that_stood_nearest_or_the_one_that_is_name
     before = matrices([(0, 0, 0), (4, 0, 0)])
     after = matrices([(0, 0, 0), (4, 1, np.pi / 2)])
     places = np.array([(1.0, 0.0), (3.0, 0.0)])
-    np.testing.assert_array_equal(nearest(places, before), [0, 1])
+    np.testing.assert_array_equal(nearest_keyframes(places, before), [0, 1])
     np.testing.assert_allclose(AnchoredPlaces.anchored(places, before).at(after), [(1, 0, 0), (4, 0, 0)], atol=1e-12)
     of_newest = AnchoredPlaces.anchored(places, before, keyframe=1)
     np.testing.assert_allclose(of_newest.at(after), [(4, -2, 0), (4, 0, 0)], atol=1e-12)
@@ -134,9 +134,9 @@ def test_a_keyframes_box_holds_its_view_its_points_and_what_was_driven_near_it()
     keyframes = filled(poses)
     for _ in range(2):
         ((low, high),) = keyframes.boxes()
-        places = [keyframes.seen[0].points_at(T), T[None, :3, 3]]
-        places += [keyframes.seen[0].view_frustum(REACH) @ T[:3, :3].T + T[:3, 3]]
-        places += [e.track @ T[:3, :3].T + T[:3, 3] for _, e in keyframes.ground]
+        places = [keyframes.observations[0].points_at(T), T[None, :3, 3]]
+        places += [keyframes.observations[0].view_frustum(REACH) @ T[:3, :3].T + T[:3, 3]]
+        places += [e.track @ T[:3, :3].T + T[:3, 3] for _, e in keyframes.ground_evidence]
         for points in places:
             assert ((points >= low) & (points <= high)).all()
         far = np.float32([(-6, 0, 0)])

@@ -135,7 +135,7 @@ def test_a_map_that_was_continued_with_a_larger_image_is_saved_too(mapper, file,
     save_keyframes(loaded, tmp_path / "both.npz")
     both = new_mapper()
     load_keyframes(tmp_path / "both.npz", both)
-    depths = [[seen.depth for seen in m.keyframes.seen] for m in (loaded, both)]
+    depths = [[seen.depth for seen in m.keyframes.observations] for m in (loaded, both)]
     assert depths[0][-1].shape != depths[0][0].shape
     for before, after in zip(*depths, strict=True):
         np.testing.assert_array_equal(after, before)

@@ -296,7 +296,7 @@ def test_little_is_kept_of_a_keyframe():
     frame = replace(look(SCENE, T_BASE_CAMERA, 0.004), T_base_camera=T_BASE_CAMERA)
     for labelled, most in ((True, 400_000), (False, 200_000)):
         mapper.add_frame(LocalisedFrame(frame, np.eye(4)), labelled)
-        assert mapper.keyframes.seen[-1].nbytes < most
+        assert mapper.keyframes.observations[-1].nbytes < most
 
 
 def test_poses_that_are_none_are_refused():

@@ -248,7 +248,7 @@ def test_a_robot_whose_wheels_spun_while_it_backed_out_drives_back_again(outlook
 def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
     outlook = Outlook()
     outlook.pilot.take_keyframe()
-    outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
+    outlook.mapper.keyframes.loaded_count, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
     with pytest.raises(LostError, match="no other place"):
         outlook.pilot.take_keyframe()

@@ -12,19 +12,19 @@ def test_noise_grows_as_nguyen_izadi_and_lovell_measured():
 
 
 def test_the_unreliable_bands_follow_from_range_and_noise():
-    camera = SensorModel.measuring(0.5, 4.0, DepthNoise(least=0.001, growth=0.002, best=1.0))
+    camera = SensorModel.with_range(0.5, 4.0, DepthNoise(min_sigma=0.001, growth=0.002, best_depth=1.0))
     assert camera.sigma(4.0) == pytest.approx(0.019)
     assert camera.margin == pytest.approx(5 * 0.019)
 
 
 def test_a_camera_is_precise_as_far_as_its_noise_is_small():
-    wide = SensorModel.measuring(0.5, 8.0, DepthNoise(least=0.002, growth=0.002, best=1.0))
+    wide = SensorModel.with_range(0.5, 8.0, DepthNoise(min_sigma=0.002, growth=0.002, best_depth=1.0))
     assert wide.precise.farthest == pytest.approx(4.0)  # 0.002 + 0.002 · 3²
     assert wide.precise.sigma(4.0) == pytest.approx(0.02)
     assert (wide.precise.nearest, wide.precise.noise) == (wide.nearest, wide.noise)
     assert wide.precise.margin == pytest.approx(0.1)
-    assert SensorModel.measuring(0.5, 8.0, DepthNoise(0.002, 0.02)).precise.farthest == 3.5
-    assert SensorModel.measuring(0.5, 8.0, DepthNoise(0.01, 0.0)).precise.farthest == 8.0
+    assert SensorModel.with_range(0.5, 8.0, DepthNoise(0.002, 0.02)).precise.farthest == 3.5
+    assert SensorModel.with_range(0.5, 8.0, DepthNoise(0.01, 0.0)).precise.farthest == 8.0
     assert XTION.precise == XTION
 
 

@@ -116,8 +116,8 @@ def test_a_terminal_shows_the_progress_and_the_phases_of_the_end(tmp_path, monke
     assert not shown
     Episode(replace(config, out=tmp_path / "seen")).run()
     first, explored, *phases = shown
-    assert (first.share, explored.is_timed) == (None, False) and 0 <= explored.share < 1
-    assert {phase.share for phase in phases} == {None} and len({phase.text for phase in phases}) >= 5
+    assert (first.fraction, explored.is_timed) == (None, False) and 0 <= explored.fraction < 1
+    assert {phase.fraction for phase in phases} == {None} and len({phase.text for phase in phases}) >= 5
 
 
 def test_a_refused_episode_closes_its_robot(tmp_path, monkeypatch):
@@ -273,7 +273,7 @@ def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
     assert second.report["localisation"]["relocalised"] == 1
     assert second.report["localisation"]["ate_rmse_m"] < 0.05
     known = mapper.keyframes
-    assert known.loaded == len(first.episode.explorer.mapper.keyframes) < len(known)
+    assert known.loaded_count == len(first.episode.explorer.mapper.keyframes) < len(known)
     poses = first.episode.explorer.mapper.localisation.poses
     np.testing.assert_allclose(mapper.localisation.poses[: known.loaded], poses, atol=1e-3)
     explored = [diary.report["exploration"]["explored_fraction"] for diary in (first, second)]

@@ -130,7 +130,7 @@ class Inspection(Strategy):
 
     def _remaining(self, context: Context) -> WallPieces:
         """The pieces of walls that were neither shown well enough nor aimed at, thinned to one per grid cell."""
-        for seen in self._keyframes.seen[len(self._shown) :]:
+        for seen in self._keyframes.observations[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _in_map(self._shown, context.poses, self._walls)
         is_read = walls.sign_widths >= self._walls.readable

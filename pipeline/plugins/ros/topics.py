@@ -50,7 +50,7 @@ class RobotTopics:
             self._send("/camera/label/image_raw", time, messages.image(time, "8UC1", frame.label))
         # The depth image is sent last, so that listeners have all other messages when it arrives.
         metres = np.where(frame.returns, frame.depth, 0).astype(np.float32)
-        pixels = metres if self._depth_encoding == "32FC1" else frame.millimetres
+        pixels = metres if self._depth_encoding == "32FC1" else frame.depth_mm
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
     def take_odometry(self, odometry: OdometrySample) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 from pipeline.errors import InputError
-from pipeline.files import MAX_TEXT, read_bytes
+from pipeline.files import MAX_TEXT_BYTES, read_bytes
 from sarsim.vetting.model_files import MAX_MODEL_BYTES, RefusedError, parse_xml
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class Resources:
     def parse(self, path: Path) -> "Element":
         """The root of an XML file; InputError if the file is invalid, or the world's files are too large in total."""
         if path not in self._parsed:
-            self._parsed[path] = parse_xml(path, min(MAX_TEXT, MAX_MODEL_BYTES - self._size))
+            self._parsed[path] = parse_xml(path, min(MAX_TEXT_BYTES, MAX_MODEL_BYTES - self._size))
             self._size += path.stat().st_size
         return self._parsed[path]
 

@@ -55,7 +55,7 @@ def test_every_topic_is_there(episode: Episode) -> None:
     }
     mapper = episode.explorer.mapper
     assert count["/keyframe"] == len(mapper.keyframes)
-    labelled = [seen for seen in mapper.keyframes.seen if seen.top_two_classes is not None]
+    labelled = [seen for seen in mapper.keyframes.observations if seen.top_two_classes is not None]
     assert count["/semantic_cloud"] == sum(len(seen.points) > 0 for seen in labelled)
     assert count["/map"] == count["/plan"] == episode.explorer.steps == 2
     assert count["/odom"] == count["/tf"] == count["/ground_truth/pose"] >= count["/imu"]

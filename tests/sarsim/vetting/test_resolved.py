@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from sarsim.arenas.load import load_arena
-from sarsim.commands.export_arena import ExportArena, export_arena
+from sarsim.commands.export_arena import ExportArenaConfig, export_arena
 from sarsim.environment import RescueEnvironment
 from sarsim.robots.names import robot_file
 
@@ -204,7 +204,7 @@ def test_what_mujoco_reads_is_an_arena_as_mujoco_has_it(scene, tmp_path, joined)
     robot = robot_of(tmp_path, '<compiler angle="radian" eulerseq="ZYX"/>')
     environment = joined(tmp_path / "arena.xml", robot)
     (tmp_path / "again").mkdir()
-    export_arena(ExportArena(str(tmp_path / "arena.xml"), tmp_path / "again" / "arena.xml"))
+    export_arena(ExportArenaConfig(str(tmp_path / "arena.xml"), tmp_path / "again" / "arena.xml"))
     check_scene(alone(tmp_path / "arena.xml"), alone(tmp_path / "again" / "arena.xml"))
     check_scene(alone(tmp_path / "arena.xml"), alone_of(load_arena(str(tmp_path / "again" / "arena.xml"))))
     model, data = environment.physics.model.ptr, environment.physics.data.ptr

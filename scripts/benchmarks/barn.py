@@ -28,7 +28,7 @@ from sarsim.episode import Episode
 from sarsim.robots.model import robot_model
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.runs import Job, run_jobs_or_raise
 from scripts.benchmarks.settings import BarnSettings
 
@@ -36,11 +36,14 @@ START = (-2.25, 3.0, 90.0)
 """The start pose: x and y in m, heading in degrees."""
 GOAL = (-2.25, 13.0)
 """x and y of the goal, m, which is 10 m ahead of the start."""
-ARRIVED = 1.0  # m, maximum distance from the goal at which the goal is reached
-MOVED = 0.1  # m, distance from the start at which the clock starts
-LIMIT = 100.0  # s, time limit of a run
+ARRIVAL_DISTANCE = 1.0  # m, maximum distance from the goal at which the goal is reached
+START_DISTANCE = 0.1  # m, distance from the start at which the clock starts
+TIME_LIMIT = 100.0  # s, time limit of a run
 SPEED = 2.0  # m/s, speed on the reference path: the Jackal's top speed according to its data sheet
-BEST, WORST = 2.0, 8.0  # Multiples of the reference time between which the score of a success decreases
+MIN_TIME_RATIO, MAX_TIME_RATIO = (
+    2.0,
+    8.0,
+)  # Multiples of the reference time between which the score of a success decreases
 CELL = 0.15  # m, side of a cell of the reference path
 FIRST_CELL = np.array([-4.575, 5.075])  # m, the centre of cell (0, 0)
 PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
@@ -56,7 +59,7 @@ def measure(settings: BarnSettings) -> Result:
     Raises:
         InputError: the folder has no world, a world has no reference path, a run failed, or a setting is wrong.
     """
-    at_least(1, settings, "seeds")
+    check_at_least(1, settings, "seeds")
     worlds = worlds_in(settings.worlds)
     robot_model(settings.robot)
     # Cross each world with every seed.
@@ -111,14 +114,14 @@ class BarnJudge:
     """Judges a run by the robot's true pose.
 
     Attributes:
-        begin: time at which the robot was set down, s.
-        started: time at which the robot had moved far enough for the clock to start, s; None before that time.
+        set_down_time: time at which the robot was set down, s.
+        clock_start: time at which the robot had moved far enough for the clock to start, s; None before that time.
         ended: how the run ended, ``reached``, ``contact`` or ``time``; None before the end.
         seconds: time on the clock, s; 0 until the clock starts.
     """
 
-    begin: float
-    started: float | None = None
+    set_down_time: float
+    clock_start: float | None = None
     ended: str | None = None
     seconds: float = 0.0
 
@@ -128,11 +131,11 @@ class BarnJudge:
         For a robot that has not moved, the time limit counts from the time at which the robot was set down.
         """
         place = T_world_base[:2, 3]
-        if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
-            self.started = time
-        self.seconds = 0.0 if self.started is None else time - self.started
-        late = time - (self.begin if self.started is None else self.started) >= LIMIT
-        arrived = bool(np.linalg.norm(place - GOAL) <= ARRIVED)
+        if self.clock_start is None and np.linalg.norm(place - START[:2]) >= START_DISTANCE:
+            self.clock_start = time
+        self.seconds = 0.0 if self.clock_start is None else time - self.clock_start
+        late = time - (self.set_down_time if self.clock_start is None else self.clock_start) >= TIME_LIMIT
+        arrived = bool(np.linalg.norm(place - GOAL) <= ARRIVAL_DISTANCE)
         self.ended = "contact" if contacts else "time" if late else "reached" if arrived else None
         return self.ended is None
 
@@ -165,7 +168,11 @@ class Crossing(Sink):
 
 def score(seconds: float | None, optimal: float) -> float:
     """Score of a run, 1/8 to 1/2, or 0 without success (``seconds`` is None); ``optimal``: reference time, s."""
-    return 0.0 if seconds is None else optimal / float(np.clip(seconds, BEST * optimal, WORST * optimal))
+    return (
+        0.0
+        if seconds is None
+        else optimal / float(np.clip(seconds, MIN_TIME_RATIO * optimal, MAX_TIME_RATIO * optimal))
+    )
 
 
 def optimal_seconds(cells: NDArray[np.float64]) -> float:

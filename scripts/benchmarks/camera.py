@@ -17,7 +17,7 @@ from sarsim.jobs import start_worker
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
-from scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
+from scripts.benchmarks.common import RENDERERS, Result, ThreePasses, check_at_least, wall_time_of
 from scripts.benchmarks.settings import CameraSettings
 
 POSES = [
@@ -25,7 +25,7 @@ POSES = [
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
 CAMERA_HEIGHT = 0.75  # m, height of the robot's mast above the decks
-SIZE = 640, 480  # Width and height of the images, pixels
+IMAGE_SIZE = 640, 480  # Width and height of the images, pixels
 UNCOUNTED_ROUNDS = 2  # Warm-up rounds, not timed
 
 
@@ -45,9 +45,9 @@ def measure(settings: CameraSettings) -> Result:
     Raises:
         InputError: a number is below 1.
     """
-    at_least(1, settings, "frames")
+    check_at_least(1, settings, "frames")
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-    workers = {name: start_worker(_serve, name, *SIZE, environment={}) for name in CONTENDERS}
+    workers = {name: start_worker(_serve, name, *IMAGE_SIZE, environment={}) for name in CONTENDERS}
     for i in tracked(range(UNCOUNTED_ROUNDS + settings.frames), "camera"):
         for name, (_, connection) in workers.items():
             connection.send(POSES[i % len(POSES)])
@@ -107,8 +107,8 @@ def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
     }
 
     def frame() -> Times:
-        whole = 1e3 * seconds(lambda: Xtion.ideal().apply(camera.capture(data), rng))
-        return {"frame": whole} | {name: 1e3 * seconds(part) for name, part in parts.items()}
+        whole = 1e3 * wall_time_of(lambda: Xtion.ideal().apply(camera.capture(data), rng))
+        return {"frame": whole} | {name: 1e3 * wall_time_of(part) for name, part in parts.items()}
 
     return frame
 
@@ -118,7 +118,7 @@ def _theirs(renderer: ThreePasses, data: mujoco.MjData) -> Callable[[], Times]:
     passes = {"colour": renderer.colour, "depth": renderer.depth, "segmentation": renderer.segmentation}
 
     def frame() -> Times:
-        parts = {name: 1e3 * seconds(draw, data, "camera") for name, draw in passes.items()}
+        parts = {name: 1e3 * wall_time_of(draw, data, "camera") for name, draw in passes.items()}
         return {"frame": sum(parts.values())} | parts
 
     return frame

@@ -33,7 +33,7 @@ class Result:
     notes: Sequence[str] = ()
 
 
-def at_least(minimum: int, settings: SubjectSettings, *names: str) -> None:
+def check_at_least(minimum: int, settings: SubjectSettings, *names: str) -> None:
     """Raise InputError if one of the named settings is below ``minimum``; None passes."""
     for name in names:
         value = getattr(settings, name)
@@ -41,7 +41,7 @@ def at_least(minimum: int, settings: SubjectSettings, *names: str) -> None:
             raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {minimum}")
 
 
-def seconds(action: Callable[..., object], *args: object) -> float:
+def wall_time_of(action: Callable[..., object], *args: object) -> float:
     """Wall-clock time of a call, s."""
     start = time.perf_counter()
     action(*args)

@@ -24,44 +24,44 @@ from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import tracked
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.common import Result, check_at_least, wall_time_of
 from scripts.benchmarks.settings import CorrectionSettings
 
 DRIVES = {"nist_6x4": 300, "random:3": 1000}
 """Number of keyframes of each arena's drive, after which corrections are measured."""
-DRIFT, TURN = 0.1, np.deg2rad(1.5)
+MAX_SHIFT, MAX_TURN = 0.1, np.deg2rad(1.5)
 """Maximum correction of the newest keyframe along each axis, m, and in yaw, rad."""
 
 
 def measure(settings: CorrectionSettings) -> Result:
     """Seconds per correction in each arena, and whether the maps equal maps rebuilt from scratch."""
-    at_least(1, settings, "rounds")
-    at_least(0, settings, "seed")
+    check_at_least(1, settings, "rounds")
+    check_at_least(0, settings, "seed")
     rounds, seed = settings.rounds, settings.seed
     figures, equal = dict[str, float](), list[bool]()
     for arena, size in DRIVES.items():
         # Set up: the maps of a drive, and an octree of the same keyframes.
-        mapper, octree = driven(arena, size, seed)
+        mapper, octree = map_drive(arena, size, seed)
         rng = np.random.default_rng(seed)
         # Measure simulated corrections, and compare the maps with maps rebuilt from scratch.
         times = []
         for poses in tracked(
             list(_corrected(mapper.keyframes.poses, rounds, rng)), f"corrections of {size} keyframes"
         ):
-            times.append(seconds(mapper.correct, poses))
-        equal.append(are_equal(mapper, from_scratch(mapper)))
+            times.append(wall_time_of(mapper.correct, poses))
+        equal.append(are_equal(mapper, rebuilt(mapper)))
         figures |= {
             f"{size}.correction_s.median": float(np.median(times)),
             f"{size}.correction_s.p95": float(np.percentile(times, 95)),
             f"{size}.reinsertion_s": octree.seconds,
-            f"{size}.bytes_per_keyframe": _bytes(mapper) / len(mapper.keyframes),
+            f"{size}.bytes_per_keyframe": _stored_bytes(mapper) / len(mapper.keyframes),
             f"{size}.process_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
         }
     most = max(value for name, value in figures.items() if name.endswith("bytes_per_keyframe"))
     return Result(figures | {"equal": float(all(equal)), "bytes_per_keyframe": most})
 
 
-def driven(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
+def map_drive(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
     """The maps of a drive with ``size`` keyframes, and an octree of the same keyframes."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig("wheel"), seed)
     mapper = make_mapper(TRUE_LABELS, robot.model, seed)
@@ -90,7 +90,7 @@ class Octree(Sink):
         T_map_camera = keyframe.T_map_base @ keyframe.frame.T_base_camera
         points = keyframe.frame.points(T_map_camera).astype(np.float64)
         about = points, T_map_camera[:3, 3], self._range, False, True
-        self.seconds += seconds(self._octree.insertPointCloud, *about)
+        self.seconds += wall_time_of(self._octree.insertPointCloud, *about)
 
 
 def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[Poses]:
@@ -98,12 +98,12 @@ def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator
     for _ in range(rounds):
         first = rng.integers(len(poses))
         share = np.clip(np.arange(len(poses)) - first, 0, None) / max(len(poses) - 1 - first, 1)
-        x, y = rng.uniform(-DRIFT, DRIFT, 2)
-        yaw = rng.uniform(-TURN, TURN)
+        x, y = rng.uniform(-MAX_SHIFT, MAX_SHIFT, 2)
+        yaw = rng.uniform(-MAX_TURN, MAX_TURN)
         yield np.array([from_yaw(s * x, s * y, 0.0, s * yaw) @ T for s, T in zip(share, poses, strict=True)])
 
 
-def from_scratch(mapper: Mapper) -> Mapper:
+def rebuilt(mapper: Mapper) -> Mapper:
     """Another mapper, with every map rebuilt from the first mapper's keyframes."""
     other, keyframes = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
     for seen, T in zip(keyframes.observations, keyframes.poses, strict=True):
@@ -130,16 +130,16 @@ def _contents(mapper: Mapper) -> Iterator[NDArray]:
         yield from (segment.cells, segment.box.extent)
 
 
-def _bytes(mapper: Mapper) -> int:
+def _stored_bytes(mapper: Mapper) -> int:
     """Bytes stored for the keyframes by the maps, the segments, the victims and the localisation."""
     saved = mapper.localisation.keyframes()
     sightings = (sighting for victim in mapper.victims.all for sighting in victim.seen)
     parts = (*mapper.segments.members, *sightings, saved, saved.odometry)
     arrays = (value for part in parts for value in vars(part).values() if isinstance(value, np.ndarray))
-    return kept_bytes(mapper.keyframes) + sum(array.nbytes for array in arrays)
+    return observation_bytes(mapper.keyframes) + sum(array.nbytes for array in arrays)
 
 
-def kept_bytes(keyframes: Keyframes) -> int:
+def observation_bytes(keyframes: Keyframes) -> int:
     """Bytes of the keyframes' observations."""
     drives = [evidence for _, evidence in keyframes.ground_evidence if not isinstance(evidence, KeyframeObservation)]
     return sum(seen.nbytes for seen in keyframes.observations) + sum(

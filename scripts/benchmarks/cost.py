@@ -25,11 +25,11 @@ from sarsim.episode import Episode
 from sarsim.methods.arena import make_arena
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.settings import CostSettings
 
-CODE = Path(pipeline.__file__).parents[1]
-PERIOD = 0.005  # s, time between two samples
+CODE_FOLDER = Path(pipeline.__file__).parents[1]
+SAMPLE_PERIOD = 0.005  # s, time between two samples
 STAGES = {
     "pipeline/victims/detector.py": "detector",
     "pipeline/victims/two_stages.py": "detector",
@@ -75,7 +75,7 @@ def measure(settings: CostSettings) -> Result:
     Raises:
         InputError: there is no arena, or an arena cannot be loaded.
     """
-    at_least(0, settings, "seed")
+    check_at_least(0, settings, "seed")
     if not settings.arenas:
         raise InputError("--arenas: give at least one arena")
     figures = dict[str, float]()
@@ -97,7 +97,7 @@ def _cost(config: EpisodeConfig) -> dict[str, float]:
     with Sampler() as sampler:
         episode.run(show_progress=False)
     # Replay the same drive in the world alone.
-    world, total = drive.again(config), sum(sampler.seconds.values())
+    world, total = drive.replay(config), sum(sampler.seconds.values())
     by_size = sorted(sampler.seconds.items(), key=lambda item: -item[1])
     return {
         "over_world": total / world,
@@ -114,26 +114,26 @@ class Drive:
     """Records the commands given to a robot and the images requested from it, in order."""
 
     def __init__(self, robot: SimulatedRobot):
-        self._asked: list[Velocity | None] = []
+        self._requests: list[Velocity | None] = []
         self._config = robot.config
         drive, sense = robot.drive, robot.sense
 
         def noted_drive(command: Velocity) -> Motion:
-            self._asked.append(command)
+            self._requests.append(command)
             return drive(command)
 
         def noted_sense() -> Any:
-            self._asked.append(None)
+            self._requests.append(None)
             return sense()
 
         robot.drive, robot.sense = noted_drive, noted_sense  # type: ignore[method-assign]
 
-    def again(self, config: EpisodeConfig) -> float:
+    def replay(self, config: EpisodeConfig) -> float:
         """Replay only the commands and image requests, and return their processor time, s."""
         arena = make_arena(config.arena, config.start, config.random, config.seed)
         robot = SimulatedRobot(arena, self._config, config.seed)
         begin = time.process_time()
-        for command in self._asked:
+        for command in self._requests:
             if command is None:
                 robot.sense()
             else:
@@ -191,7 +191,7 @@ class Sampler:
         self.seconds["native"] = time.process_time() - self._begin - self._own - sum(self.seconds.values())
 
     def _sample(self) -> None:
-        while not self._ended.wait(PERIOD):
+        while not self._ended.wait(SAMPLE_PERIOD):
             frames = sys._current_frames()
             for thread in threading.enumerate():
                 if thread is not self._thread and thread.ident in frames:
@@ -214,8 +214,8 @@ def stage_of(frame: FrameType | None) -> str:
     """The stage of a thread, according to its innermost stack frame with a listed path."""
     while frame is not None:
         path = Path(frame.f_code.co_filename)
-        if path.is_relative_to(CODE):
-            place = path.relative_to(CODE)
+        if path.is_relative_to(CODE_FOLDER):
+            place = path.relative_to(CODE_FOLDER)
             for part in (place, *place.parents):
                 if stage := STAGES.get(part.as_posix()):
                     return stage

@@ -20,7 +20,7 @@ from sarsim.commands.cli import tracked
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
 from sarsim.jobs import start_worker
-from scripts.benchmarks.common import RENDERERS, Result, at_least
+from scripts.benchmarks.common import RENDERERS, Result, check_at_least
 from scripts.benchmarks.settings import DatasetSettings
 
 
@@ -32,7 +32,7 @@ def measure(settings: DatasetSettings) -> Result:
     Raises:
         InputError: a number is below 1.
     """
-    at_least(1, settings, "scenes", "rounds")
+    check_at_least(1, settings, "scenes", "rounds")
     recipe = Recipe(seed=settings.seed, frames=settings.frames)
     times = {name: np.array(values) for name, values in _contest(recipe, settings.scenes).items()}
     figures = {

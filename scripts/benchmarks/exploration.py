@@ -9,7 +9,7 @@ import numpy as np
 
 from sarsim.commands.sweeps.statistics import estimate
 from scripts.benchmarks.common import Result
-from scripts.benchmarks.reports import flat, group_figures, pairs, reports
+from scripts.benchmarks.reports import flat_figures, group_figures, pairs, reports
 from scripts.benchmarks.runs import Job, Results, arena_name, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import ExplorationSettings
 
@@ -22,8 +22,10 @@ WITHOUT_BASELINE = ("raf", "esogu_52x15")
 """Groups of large arenas, in which the baseline would take hours."""
 RATIO = "seen90_vs_nearest_frontier"
 T99_RATIO = "t99_vs_nearest_frontier"
-PENALTY = 10.0  # Multiple of a run's duration that replaces the time to see 90% if the run never saw 90% (PAR10)
-WORST = 2  # Number of worst runs of a group that are named
+PENALTY_FACTOR = (
+    10.0  # Multiple of a run's duration that replaces the time to see 90% if the run never saw 90% (PAR10)
+)
+WORST_COUNT = 2  # Number of worst runs of a group that are named
 
 
 def measure(settings: ExplorationSettings) -> Result:
@@ -70,7 +72,7 @@ def arena_figures(jobs: Sequence[Job], results: Results) -> tuple[dict[str, floa
             reports_of.setdefault(arena_name(job.config.arena), []).append(result["report"])
     for arena, of_arena in reports_of.items():
         worst = min(of_arena, key=goodness)
-        figures |= {f"{arena}.{key}": value for key, value in flat(worst).items()}
+        figures |= {f"{arena}.{key}": value for key, value in flat_figures(worst).items()}
         words[f"{arena}.exploration.ended"] = worst["exploration"].get("ended", "").replace("_", " ")
     return figures, words
 
@@ -148,7 +150,7 @@ def seen90_ratio(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> float | 
     t_theirs = theirs["exploration"].get("t90_s")
     if t_theirs is None:
         return None
-    return ours["exploration"].get("t90_s", PENALTY * ours["sim_time_s"]) / t_theirs
+    return ours["exploration"].get("t90_s", PENALTY_FACTOR * ours["sim_time_s"]) / t_theirs
 
 
 def worst_of(group: str, jobs: Sequence[Job], results: Results) -> list[str]:
@@ -158,7 +160,7 @@ def worst_of(group: str, jobs: Sequence[Job], results: Results) -> list[str]:
         for job, result in zip(jobs, results, strict=True)
         if job.group == group and result and "report" in result
     }
-    return sorted(how_good, key=lambda name: how_good[name])[:WORST]
+    return sorted(how_good, key=lambda name: how_good[name])[:WORST_COUNT]
 
 
 def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:

@@ -29,10 +29,10 @@ from scripts.benchmarks.common import Result
 from scripts.benchmarks.runs import failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import FindsSettings
 
-SURE, LIKELY = 0.5, 0.25  # Minimum confidences of a detected box
-CLEAR, LONG = 0.6, 0.15
+HIGH_CONFIDENCE, LOW_CONFIDENCE = 0.5, 0.25  # Minimum confidences of a detected box
+MIN_REFERENCE_CONFIDENCE, MIN_RELATIVE_SIDE = 0.6, 0.15
 """Minimum confidence of a scored reference box, and minimum ratio of its longer side to the photo's longer side."""
-OVERLAP = 0.5  # IoU above which a person is found
+MATCHING_IOU = 0.5  # Intersection over union of a detected and a reference box above which a person is found
 BOARD = re.compile(r"board(\w+)_(\d+)cm")
 ENDINGS = (".jpg", ".jpeg", ".png")
 
@@ -102,19 +102,19 @@ class PhotoScore:
     """Counts, by figure, the objects found in photos, and the objects that could have been found."""
 
     def __init__(self) -> None:
-        self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
+        self._hits, self._totals = defaultdict[str, int](int), defaultdict[str, int](int)
 
     def figures(self) -> dict[str, float]:
         """The fraction found, for every figure whose total is not zero."""
-        return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
+        return {f"real.{name}": self._hits[name] / number for name, number in self._totals.items() if number}
 
     def _add(self, name: str, hits: int, number: int) -> None:
         self._hits[name] += hits
-        self._of[name] += number
+        self._totals[name] += number
 
     def add_empty(self, people: Sequence[Detection]) -> None:
         """Add a photo without people; ``people`` are the people and dolls that were nevertheless detected."""
-        for name, least in (("empty_alarms_50", SURE), ("empty_alarms_25", LIKELY)):
+        for name, least in (("empty_alarms_50", HIGH_CONFIDENCE), ("empty_alarms_25", LOW_CONFIDENCE)):
             self._add(name, any(person.confidence >= least for person in people), 1)
 
     def add_people(self, people: Sequence[Detection], reference: Sequence[Sequence[float]], side: int) -> None:
@@ -125,15 +125,19 @@ class PhotoScore:
             reference: x, y, width and height of each true person, pixels, and a confidence.
             side: the photo's longer side, pixels.
         """
-        clear = [(x, y, x + w, y + h) for x, y, w, h, sure in reference if sure >= CLEAR and max(w, h) >= LONG * side]
-        for name, least in (("people_found_50", SURE), ("people_found_25", LIKELY)):
+        clear = [
+            (x, y, x + w, y + h)
+            for x, y, w, h, sure in reference
+            if sure >= MIN_REFERENCE_CONFIDENCE and max(w, h) >= MIN_RELATIVE_SIDE * side
+        ]
+        for name, least in (("people_found_50", HIGH_CONFIDENCE), ("people_found_25", LOW_CONFIDENCE)):
             found = np.array([p.box for p in people if p.confidence >= least], np.float64).reshape(-1, 4)
-            hits = sum(bool((pairwise_iou(np.array([box]), found) > OVERLAP).any()) for box in clear)
+            hits = sum(bool((pairwise_iou(np.array([box]), found) > MATCHING_IOU).any()) for box in clear)
             self._add(name, hits, len(clear))
 
     def add_board(self, readings: Sequence[Reading], board: dict[str, Any], distance: str) -> None:
         """Add a photo of a board with known content, taken from a distance in cm."""
-        signs = Counter(r.text for r in readings if r.kind == "hazmat_sign" and r.confidence >= SURE)
+        signs = Counter(r.text for r in readings if r.kind == "hazmat_sign" and r.confidence >= HIGH_CONFIDENCE)
         found = min(signs.total(), len(board["hazmat"]))
         self._add(f"hazmat_found.{distance}cm", found, len(board["hazmat"]))
         self._add("hazmat_right", min(found, (signs & Counter(board["hazmat"])).total()), found)
@@ -142,7 +146,9 @@ class PhotoScore:
 
     def add_without_signs(self, readings: Sequence[Reading]) -> None:
         """Add a photo that shows no hazmat sign."""
-        self._add("hazmat_false", any(r.kind == "hazmat_sign" and r.confidence >= SURE for r in readings), 1)
+        self._add(
+            "hazmat_false", any(r.kind == "hazmat_sign" and r.confidence >= HIGH_CONFIDENCE for r in readings), 1
+        )
 
 
 def _truth(folder: Path) -> dict[str, Any]:

@@ -22,19 +22,19 @@ from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
 
-ROOM = 0.4  # m, radius of free ground needed around the position where the robot is set down
-CARRIED = 0.5  # m, minimum distance by which the robot is carried
-STANDS = 10.0  # s, time for which the robot stands still after being set down, while its roll and pitch settle
-GOOD, WRONG = 0.05, 0.3
+FREE_RADIUS = 0.4  # m, radius of free ground needed around the position where the robot is set down
+MIN_CARRY_DISTANCE = 0.5  # m, minimum distance by which the robot is carried
+STANDING_TIME = 10.0  # s, time for which the robot stands still after being set down, while its roll and pitch settle
+FOUND_ERROR, WRONG_ERROR = 0.05, 0.3
 """Position errors, m: a pose with an error below the first is found, a pose with at least the second is wrong."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
 
 
 def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
-    """The number of kidnappings with each of ``OUTCOMES``.
+    """Kidnap a robot ``times`` times, and return the number of kidnappings with each of ``OUTCOMES``.
 
-    An episode explores first, unless its map exists. Then a robot in this map is carried to a random mapped position
-    ``times`` times. After a wrong or doubtful pose, or an unnoticed kidnapping, the robot restarts at its true pose.
+    An episode explores first, unless its map exists in ``folder``. In this map, the robot is then carried to random
+    mapped positions. After a wrong or doubtful pose, or an unnoticed kidnapping, the robot restarts at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run(show_progress=False)
@@ -42,19 +42,19 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     rmtree(out, ignore_errors=True)
     episode = Episode(replace(config, out=out, map=folder))
     robot, counts, rng = episode.robot, Counter(dict.fromkeys(OUTCOMES, 0)), np.random.default_rng(config.seed)
-    explorer = placed(episode, folder)
+    explorer = new_explorer(episode, folder)
     for _ in range(times):
         carry(episode, rng)
-        outcome = look(explorer, episode)
+        outcome = step_outcome(explorer, episode)
         counts[outcome] += 1
         if outcome in OUTCOMES[2:]:
-            explorer = placed(episode, folder)
+            explorer = new_explorer(episode, folder)
     episode.recorder.close()
     robot.close()
     return counts
 
 
-def placed(episode: Episode, folder: Path) -> Explorer:
+def new_explorer(episode: Episode, folder: Path) -> Explorer:
     """A new explorer that starts at the robot's true pose in the map."""
     robot, config = episode.robot, episode.config
     mapper = make_mapper(replace(TRUE_LABELS, labels=config.labels), robot.model, config.seed, earlier=folder)
@@ -69,17 +69,18 @@ def placed(episode: Episode, folder: Path) -> Explorer:
 def carry(episode: Episode, rng: np.random.Generator) -> None:
     """Set the robot down elsewhere and let it settle; InputError if there is no free place."""
     robot, surface = episode.robot, episode.score.surface
-    free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
+    free = ndimage.binary_erosion(surface.drivable, iterations=round(FREE_RADIUS / surface.grid.cell))
     cells = np.argwhere(free & episode.score.coverage.seen)
     places = surface.grid.centre_of(cells)
-    far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
+    far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > MIN_CARRY_DISTANCE
     if not far.any():
         raise InputError(
-            f"{episode.config.arena}: the mapped area has no free place more than {CARRIED:g} m from the robot"
+            f"{episode.config.arena}: the mapped area has no free place more than {MIN_CARRY_DISTANCE:g} m from the"
+            " robot"
         )
     n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
     place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)
-    set_down(robot, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]), STANDS)
+    set_down(robot, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]), STANDING_TIME)
 
 
 def set_down(robot: SimulatedRobot, place: Place, quat: NDArray[np.float64], seconds: float) -> None:
@@ -91,7 +92,7 @@ def set_down(robot: SimulatedRobot, place: Place, quat: NDArray[np.float64], sec
         robot.drive(Velocity())
 
 
-def look(explorer: Explorer, episode: Episode) -> str:
+def step_outcome(explorer: Explorer, episode: Episode) -> str:
     """One of ``OUTCOMES``, judged from the pose that the explorer estimates in its next step."""
     found = explorer.pilot.pose_check.relocalised
     try:
@@ -99,6 +100,6 @@ def look(explorer: Explorer, episode: Episode) -> str:
     except LostError:
         return "in_doubt"
     error = np.linalg.norm((inverse(episode.robot.trajectory[-1].T_world_base) @ T_map_base)[:3, 3])
-    if explorer.pilot.pose_check.relocalised == found and error > WRONG:
+    if explorer.pilot.pose_check.relocalised == found and error > WRONG_ERROR:
         return "not_noticed"
-    return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"
+    return "found" if error < FOUND_ERROR else "found_worse" if error < WRONG_ERROR else "wrong"

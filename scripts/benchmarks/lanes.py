@@ -29,11 +29,11 @@ from sarsim.plugins.lanes.lanes import LANES
 from sarsim.robots.model import robot_model
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.settings import LanesSettings
 
-LIMIT = 300.0  # s, time limit of a try; an assumption, because the published rules do not state one
-ARRIVED_AT = "reached"  # How a try ends if the robot can continue from its current position
+TIME_LIMIT = 300.0  # s, time limit of a try; an assumption, because the published rules do not state one
+REACHED = "reached"  # How a try ends if the robot has arrived at the goal
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class LaneTry:
 
 def measure(settings: LanesSettings) -> Result:
     """Traverses, times, fallen posts and resets of each lane, or why the robot's body is unsuited to the lane."""
-    at_least(1, settings, "repetitions")
-    at_least(0, settings, "seed")
+    check_at_least(1, settings, "repetitions")
+    check_at_least(0, settings, "seed")
     lanes = settings.lanes or tuple(LANES)
     if unknown := [lane for lane in lanes if lane not in LANES]:
         raise InputError(f"--lanes {' '.join(unknown)}: no such lane; use {', '.join(LANES)}")
@@ -139,7 +139,7 @@ class LaneDrive(Sink):
         """Try to drive into the end zone on the side ``towards``, ±1, of x."""
         physics = self._robot.physics
         before = fallen_posts(physics.model.ptr, physics.data.ptr)
-        self._judge = judge = LaneJudge(self._lane, self._robot.model, towards, self._robot.time, LIMIT)
+        self._judge = judge = LaneJudge(self._lane, self._robot.model, towards, self._robot.time, TIME_LIMIT)
         try:
             ended = self._drive_to(towards)
         except _TryEndsError:
@@ -155,7 +155,7 @@ class LaneDrive(Sink):
         self._explorer.mission.goals = goals
         explore(self._explorer)
         is_reached = any(visit.failure_reason is None for visit in goals.visits)
-        return ARRIVED_AT if is_reached else "held" if self._explorer.is_held else "given_up"
+        return REACHED if is_reached else "held" if self._explorer.is_held else "given_up"
 
     def close(self) -> None:
         """Free the simulator."""

@@ -34,16 +34,16 @@ from sarsim.plugins.lidar.scanner import Scanner
 from sarsim.plugins.lidar.semantic_kitti import sequence_folder
 from sarsim.sensors.rendering import Renderer
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.dataset import make_scenes, undisturbed_seconds
 from scripts.benchmarks.settings import LidarSettings
 
-DEFAULT, DATASET_SENSOR = "vlp-16", "16x900"
+DEFAULT_SENSOR, DATASET_SENSOR = "vlp-16", "16x900"
 SENSORS = (DATASET_SENSOR, "64x1024", *PRESETS)
-IMAGE = (64, 48)  # Width and height, pixels, of the datasets' camera images; small, because only scans are used
-VIEW = 90.0  # degrees, the horizontal field of view of each depth image
-INDOORS = 20.0  # m, the maximum range passed to KISS-ICP, whose default voxel size is a hundredth of the range
-EDGE = 1e-3  # m; a beam this close to an edge may hit either surface
+IMAGE_SIZE = (64, 48)  # Width and height, pixels, of the datasets' camera images; small, because only scans are used
+VIEW_ANGLE = 90.0  # degrees, the horizontal field of view of each depth image
+KISS_ICP_RANGE = 20.0  # m, the maximum range passed to KISS-ICP, whose default voxel size is a hundredth of the range
+EDGE_TOLERANCE = 1e-3  # m; a beam this close to an edge may hit either surface
 
 
 def measure(settings: LidarSettings) -> Result:
@@ -52,7 +52,7 @@ def measure(settings: LidarSettings) -> Result:
     Raises:
         InputError: a number is below 1, or there is no arena.
     """
-    at_least(1, settings, "rounds", "scenes", "frames", "drive")
+    check_at_least(1, settings, "rounds", "scenes", "frames", "drive")
     if not settings.arenas:
         raise InputError("--arenas: give at least one arena")
     figures: dict[str, float] = {}
@@ -66,7 +66,7 @@ def measure(settings: LidarSettings) -> Result:
     for arena in settings.arenas:
         for sensor in tracked(PRESETS, f"KISS-ICP in {arena}"):
             figures[f"kiss_icp.ate_m.{sensor}.{arena}"] = kiss_icp_error(sensor, arena, settings)
-    figures["kiss_icp.ate_m"] = figures[f"kiss_icp.ate_m.{DEFAULT}.{settings.arenas[0]}"]
+    figures["kiss_icp.ate_m"] = figures[f"kiss_icp.ate_m.{DEFAULT_SENSOR}.{settings.arenas[0]}"]
     return Result(figures)
 
 
@@ -88,7 +88,9 @@ def times(robot: SimulatedRobot, sensor: str, rounds: int) -> dict[str, float]:
         ]
         for contender in contenders:
             contender()
-        took = np.array([[seconds_of(contender) for contender in contenders] for _ in tracked(range(rounds), sensor)])
+        took = np.array(
+            [[undisturbed_time_of(contender) for contender in contenders] for _ in tracked(range(rounds), sensor)]
+        )
     scan, rays, depth = np.median(took, axis=0)
     return {
         f"{sensor}.scan_ms": 1e3 * scan,
@@ -98,7 +100,7 @@ def times(robot: SimulatedRobot, sensor: str, rounds: int) -> dict[str, float]:
     }
 
 
-def seconds_of(action: Callable[[], object]) -> float:
+def undisturbed_time_of(action: Callable[[], object]) -> float:
     """Undisturbed time of a call, s."""
     start = undisturbed_seconds()
     action()
@@ -129,26 +131,26 @@ def rays_alone(robot: SimulatedRobot, scanner: Scanner, sensor: str) -> Callable
 
 
 def image_size(sensor: str) -> tuple[int, int]:
-    """Width and height, pixels, of images that are ``VIEW`` wide and cover all rows of beams.
+    """Width and height, pixels, of images that have the width ``VIEW_ANGLE`` and cover all rows of beams.
 
     The images have one column per column of beams.
     """
     model = LidarConfig(sensor).model()
-    width = round(model.columns * VIEW / model.field_of_view)
+    width = round(model.columns * VIEW_ANGLE / model.field_of_view)
     highest = np.radians(max(abs(angle) for angle in model.elevations))
-    return width, max(16, round(width * np.tan(highest) / np.cos(np.radians(VIEW / 2))))
+    return width, max(16, round(width * np.tan(highest) / np.cos(np.radians(VIEW_ANGLE / 2))))
 
 
 def depth_images(robot: SimulatedRobot, renderer: Renderer, scanner: Scanner, view: float) -> Callable[[], object]:
     """A function that renders depth and geom ids in images that cover the lidar's field of view, ``view`` degrees."""
     model, data = robot.physics.model.ptr, robot.physics.data.ptr
     model.vis.global_.fovy = 2 * np.degrees(
-        np.arctan(np.tan(np.radians(VIEW / 2)) * renderer.height / renderer.width)
+        np.arctan(np.tan(np.radians(VIEW_ANGLE / 2)) * renderer.height / renderer.width)
     )
     cameras = []
-    for k in range(int(np.ceil(view / VIEW))):
+    for k in range(int(np.ceil(view / VIEW_ANGLE))):
         camera = mujoco.MjvCamera()
-        camera.distance, camera.azimuth, camera.elevation = 1e-3, VIEW * k, 0.0
+        camera.distance, camera.azimuth, camera.elevation = 1e-3, VIEW_ANGLE * k, 0.0
         camera.lookat[:] = scanner.pose[:3, 3]
         cameras.append(camera)
 
@@ -178,7 +180,9 @@ def agreement(arena: str, seed: int) -> dict[str, float]:
     unexplained = np.ones(len(wrong), np.bool_)
     rng = np.random.default_rng(seed)
     for _ in range(64):
-        offsets = EDGE * rng.uniform(-1, 1, (len(wrong), 3)) / np.maximum(distance[wrong, None].clip(max=10), 0.1)
+        offsets = (
+            EDGE_TOLERANCE * rng.uniform(-1, 1, (len(wrong), 3)) / np.maximum(distance[wrong, None].clip(max=10), 0.1)
+        )
         near, _ = cast(origin, world[wrong] + offsets)
         unexplained &= label[near] != label[ours[wrong]]
     robot.close()
@@ -210,7 +214,9 @@ def open3d_caster(
 def throughput(settings: LidarSettings) -> dict[str, float]:
     """Scans per minute of two workers that make scenes in random arenas, including the writing of files."""
     sensor = {"lidar": LidarConfig(DATASET_SENSOR)}
-    recipe = Recipe(seed=settings.seed, frames=settings.frames, width=IMAGE[0], height=IMAGE[1], plugins=sensor)
+    recipe = Recipe(
+        seed=settings.seed, frames=settings.frames, width=IMAGE_SIZE[0], height=IMAGE_SIZE[1], plugins=sensor
+    )
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
@@ -245,8 +251,8 @@ def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
     recipe = Recipe(
         seed=settings.seed,
         frames=settings.drive,
-        width=IMAGE[0],
-        height=IMAGE[1],
+        width=IMAGE_SIZE[0],
+        height=IMAGE_SIZE[1],
         arenas=(arena,),
         frames_per_second=LidarConfig("vlp-16").model().rate,
         plugins={"lidar": LidarConfig(sensor)},
@@ -262,8 +268,8 @@ def kiss_icp_error(sensor: str, arena: str, settings: LidarSettings) -> float:
 def kiss_icp_poses(folder: Path) -> NDArray[np.float64]:
     """(N, 4, 4) poses of the scans in a folder by KISS-ICP, with its generic loader and its default settings."""
     config = KISSConfig(
-        data=DataConfig(max_range=INDOORS, min_range=0.0, deskew=False),
-        mapping=MappingConfig(voxel_size=INDOORS / 100),
+        data=DataConfig(max_range=KISS_ICP_RANGE, min_range=0.0, deskew=False),
+        mapping=MappingConfig(voxel_size=KISS_ICP_RANGE / 100),
         registration=RegistrationConfig(max_num_threads=1),
     )
     scans, odometry = GenericDataset(folder), KissICP(config)

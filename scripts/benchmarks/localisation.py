@@ -30,7 +30,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.kidnappings import kidnap
 from scripts.benchmarks.localisation_methods import METHODS, is_blind
 from scripts.benchmarks.localisation_scores import distances_driven, evo_ate, trajectory_scores
@@ -39,13 +39,13 @@ from scripts.benchmarks.runs import Job, failures, jobs_of, run_jobs
 from scripts.benchmarks.settings import LocalisationSettings
 
 OURS, BASELINES = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
-REGISTERING = BASELINES[1:]
-NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
+REGISTRATION_BASELINES = BASELINES[1:]
+REQUIRED_PACKAGES = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
 """The arena in which the robot is kidnapped, by group."""
-FRAMES = 3000  # Maximum number of frames of a drive
-SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad, minimum motion between frames
-AGREEMENT = 1e-6  # m, maximum difference between our ATE and evo's, which is computed from rounded files
+MAX_FRAMES = 3000  # Maximum number of frames of a drive
+FRAME_DISTANCE, FRAME_TURN = 0.1, np.deg2rad(5)  # m and rad, minimum motion between frames
+ATE_TOLERANCE = 1e-6  # m, maximum difference between our ATE and evo's, which is computed from rounded files
 
 
 def measure(settings: LocalisationSettings) -> Result:
@@ -54,8 +54,8 @@ def measure(settings: LocalisationSettings) -> Result:
     Raises:
         InputError: there is nothing to drive, a package is missing, or a folder cannot be used.
     """
-    at_least(0, settings, "kidnappings")
-    if missing := [name for name in NEEDED if find_spec(name) is None]:
+    check_at_least(0, settings, "kidnappings")
+    if missing := [name for name in REQUIRED_PACKAGES if find_spec(name) is None]:
         are = "is" if len(missing) == 1 else "are"
         raise InputError(f"{' and '.join(missing)} {are} not installed; run: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
@@ -94,45 +94,45 @@ def run_job(names: Sequence[str], folder: Path, job: Job) -> dict[str, Any]:
         ArithmeticError: our ATE differs from evo's.
     """
     try:
-        followed = drive(job.config, names)
+        runner = drive(job.config, names)
     except InputError as error:
         return {"left_out": str(error)}
     # Write the trajectories, with each method's last corrections, and score them.
-    true = np.array(followed.true)
+    true = np.array(runner.true)
     files = {name: folder / f"{job.name}-{name}.tum" for name in (*names, "true")}
-    write_tum(files["true"], followed.times, followed.true)
+    write_tum(files["true"], runner.times, runner.true)
     report: dict[str, Any] = {"frames": len(true), "way_m": float(distances_driven(true)[-1])}
-    for name, method in followed.methods.items():
-        online = np.array(followed.poses[name])
+    for name, method in runner.methods.items():
+        online = np.array(runner.poses[name])
         final = method.corrected(online)
-        write_tum(files[name], followed.times, list(final))
+        write_tum(files[name], runner.times, list(final))
         scores = trajectory_scores(true, final)
-        if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= AGREEMENT:
+        if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= ATE_TOLERANCE:
             raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m differs from evo's")
-        frame_ms = 1e3 * float(np.median(followed.seconds[name]))
+        frame_ms = 1e3 * float(np.median(runner.seconds[name]))
         report[name] = {**scores, "frame_ms": frame_ms, **method.report(true, online)}
     return {"report": report}
 
 
-def drive(config: EpisodeConfig, names: Sequence[str]) -> "Followed":
+def drive(config: EpisodeConfig, names: Sequence[str]) -> "MethodRunner":
     """Explore an arena using the true pose while the named methods estimate the pose of each frame."""
     simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
     robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
-    followed = Followed(robot, names)
+    runner = MethodRunner(robot, names)
     mapper = make_mapper(TRUE_LABELS, robot.model, config.seed, OdometryLocalisation())
     explorer = Explorer(robot, mapper)
-    explorer.watch(followed)
+    explorer.watch(runner)
     explore(
         explorer,
-        may_step=lambda: explorer.steps < config.max_steps and len(followed.times) < FRAMES,
-        on_step=lambda step: followed.take(step.keyframe.frame),
+        may_step=lambda: explorer.steps < config.max_steps and len(runner.times) < MAX_FRAMES,
+        on_step=lambda step: runner.take(step.keyframe.frame),
     )
     robot.close()
-    return followed
+    return runner
 
 
-class Followed(Sink):
-    """Gives all methods a frame whenever the robot has moved ``SPACING`` or turned ``TURN`` since the last frame.
+class MethodRunner(Sink):
+    """Gives all methods a frame after each motion of ``FRAME_DISTANCE`` or turn of ``FRAME_TURN``.
 
     Attributes:
         methods: the methods by name.
@@ -155,7 +155,7 @@ class Followed(Sink):
         """Take a frame if the robot has moved or turned far enough."""
         moved = inverse(self._last.T_world_base) @ self._robot.trajectory[-1].T_world_base
         turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
-        if np.linalg.norm(moved[:3, 3]) >= SPACING or turned >= TURN:
+        if np.linalg.norm(moved[:3, 3]) >= FRAME_DISTANCE or turned >= FRAME_TURN:
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
@@ -197,7 +197,7 @@ def overall(scored: Sequence[Report]) -> dict[str, float]:
     for key in ("loops", "false_loops"):
         if values := [report["ours"][key] for report in scored if key in report["ours"]]:
             figures[key] = float(sum(values))
-    for baseline in REGISTERING:
+    for baseline in REGISTRATION_BASELINES:
         if both := [report for report in scored if baseline in report]:
             ratios = [report[baseline]["frame_ms"] / report["ours"]["keyframe_ms"] for report in both]
             figures[f"{baseline}_vs_ours_time"] = float(np.median(ratios))

@@ -29,10 +29,10 @@ The points are still denser than the voxels of KISS-ICP, each of which keeps one
 
 MIN_RETURNS = 0.1
 """Minimum fraction of pixels with returns; with fewer returns, such as near a wall, baselines get lost."""
-STRAYED = 0.1, np.deg2rad(5)
+MAX_DEVIATION = 0.1, np.deg2rad(5)
 """m and rad; a baseline that deviates more from the odometry within a frame is lost, and the odometry is used."""
 
-CORRECTED = 3  # Keyframes between two of our corrections, as between two steps of an episode
+CORRECTION_INTERVAL = 3  # Keyframes between two of our corrections, as between two steps of an episode
 
 RgbdImage = o3d.t.geometry.RGBDImage
 
@@ -65,12 +65,12 @@ class Ours(Method):
         self._slam = Slam(loops)
         self._mapper = make_mapper(TRUE_LABELS, robot_model(), localisation=self._slam)
         self._keyframes: list[int] = []
-        self._stated: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
+        self._corrections: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
         self._frames = 0
         self._keyframe_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Localise a frame, make it a keyframe if one is due, and correct the poses every ``CORRECTED`` keyframes."""
+        """Localise a frame, make it a keyframe if one is due, and correct the poses at every few keyframes."""
         timed = self._mapper.stopwatch.seconds["localisation"]
         before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
         localised = self._mapper.localise(frame)
@@ -78,9 +78,9 @@ class Ours(Method):
             if not is_blind(frame):
                 self._keyframe_s.append(sum(timed[before:]))
             self._keyframes.append(self._frames)
-            if len(self._keyframes) % CORRECTED == 0:
+            if len(self._keyframes) % CORRECTION_INTERVAL == 0:
                 self._mapper.apply_corrections()
-                self._stated.append((self._frames, self._slam.poses[-1], self._slam.covariance))
+                self._corrections.append((self._frames, self._slam.poses[-1], self._slam.covariance))
         self._frames += 1
         return localised.T_map_base
 
@@ -103,8 +103,8 @@ class Ours(Method):
             "loops": float(len(loops)),
             "false_loops": float(sum(is_false(loop, poses[loop.first], poses[loop.second]) for loop in loops)),
         }
-        if self._stated:
-            frames, estimated, covariances = map(np.array, zip(*self._stated, strict=True))
+        if self._corrections:
+            frames, estimated, covariances = map(np.array, zip(*self._corrections, strict=True))
             errors = errors_of(true[frames], estimated)
             report["nees"], report["within_3_sigma"] = nees(errors, covariances), within(3, errors, covariances)
         return report
@@ -135,7 +135,9 @@ class Guided(Method):
         guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts if a rotation is not orthonormal
         found = guess if is_blind(frame) else self._register(frame, last, guess)
         E = inverse(guess) @ found
-        is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))
+        is_lost = not (
+            np.linalg.norm(E[:3, 3]) < MAX_DEVIATION[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(MAX_DEVIATION[1])
+        )
         self._T_map_base = guess if is_lost else found
         return self._T_map_base
 

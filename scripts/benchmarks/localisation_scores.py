@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Poses, Values
 from pipeline.transforms import wrap_angle
 
-SECTION = 1.0  # m, distance driven between the two poses of a relative pose error
+RPE_DISTANCE = 1.0  # m, distance driven between the two poses of a relative pose error
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
@@ -19,7 +19,7 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     - ``ate_m``: root mean square of the position error.
     - ``max_m``: maximum of the position error.
     - ``heading_deg``: root mean square of the yaw error.
-    - ``rpe_m``, ``rpe_deg``: root mean squares of the relative errors over ``SECTION`` (Sturm et al., IROS 2012).
+    - ``rpe_m``, ``rpe_deg``: root mean squares of relative errors over ``RPE_DISTANCE`` (Sturm et al., IROS 2012).
     - ``drift_percent``: ratio of the final position error to the distance driven, in percent.
     """
     distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
@@ -31,9 +31,9 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
         "heading_deg": float(np.rad2deg(rms(wrap_angle(yaw - believed)))),
         "drift_percent": float(100 * distance[-1] / way[-1]) if way[-1] else 0.0,
     }
-    first = np.flatnonzero(way <= way[-1] - SECTION)
+    first = np.flatnonzero(way <= way[-1] - RPE_DISTANCE)
     if len(first):
-        last = np.searchsorted(way, way[first] + SECTION)
+        last = np.searchsorted(way, way[first] + RPE_DISTANCE)
         errors = errors_of(relative(true, first, last), relative(estimated, first, last))
         scores["rpe_m"] = rms(np.linalg.norm(errors[:, 3:], axis=1))
         scores["rpe_deg"] = float(np.rad2deg(rms(np.linalg.norm(errors[:, :3], axis=1))))

@@ -28,7 +28,7 @@ from sarsim.commands.cli import progress, tracked
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.settings import ARENAS, MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
@@ -36,7 +36,7 @@ SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
 """Sizes of the environments in which frame times are compared, m."""
 TILE_FRAMES = 8  # Frames that map each 6 m × 4 m tile of an environment before timing starts
 WARM_UP = 5  # Number of frames that are added untimed before the measurement
-STEPS = 160  # Maximum number of steps of an episode
+MAX_STEPS = 160  # Maximum number of steps of an episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +71,18 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     """
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     explorer = Explorer(robot, make_mapper(TRUE_LABELS, robot.model, seed))
-    album = _Album(robot, frames)
+    album = _FrameRecorder(robot, frames)
     explorer.watch(album)
     with progress(transient=True) as bars:
         bar = bars.add_task(f"steps of a recording in {arena}", total=None)
-        explore(explorer, may_step=lambda: explorer.steps < STEPS, on_done=lambda: bars.advance(bar))
+        explore(explorer, may_step=lambda: explorer.steps < MAX_STEPS, on_done=lambda: bars.advance(bar))
     intrinsics = robot.sense().intrinsics
     robot.close()
     ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))
     return RecordedFrames(intrinsics, ideal, xtion, poses)
 
 
-class _Album(Sink):
+class _FrameRecorder(Sink):
     """Takes frames at regular intervals; at twice the wanted number, drops half of them and doubles the interval."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
@@ -114,8 +114,8 @@ def measure(settings: MetricMapSettings) -> Result:
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.
     """
-    at_least(1, settings, "frames")
-    at_least(0, settings, "seed")
+    check_at_least(1, settings, "frames")
+    check_at_least(0, settings, "seed")
     first, *others = ARENAS
     # Set up the frames of a drive, which are the same for every contender.
     recording = record(first, settings.seed, settings.frames)

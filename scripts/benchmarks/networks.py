@@ -21,7 +21,7 @@ from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import vote_on_planes
 from sarsim.commands.cli import tracked
-from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.common import Result, check_at_least, wall_time_of
 from scripts.benchmarks.labelled_drives import (
     KINDS,
     LIGHTINGS,
@@ -51,8 +51,8 @@ def measure(settings: NetworksSettings) -> Result:
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
     """
-    at_least(1, settings, "rounds")
-    at_least(0, settings, "frames", "raf_frames", "random")
+    check_at_least(1, settings, "rounds")
+    check_at_least(0, settings, "frames", "raf_frames", "random")
     if not settings.weights.is_dir():
         raise InputError(
             f"--weights {settings.weights}: must be a folder with weights files such as dgcnn.safetensors"
@@ -146,6 +146,6 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
     }
     for frame in frames:
         for name, classifier in classifiers.items():
-            took = seconds(classifier.classify, frame.frame, frame.points, frame.T_map_camera)
+            took = wall_time_of(classifier.classify, frame.frame, frame.points, frame.T_map_camera)
             times.setdefault(f"{name}.frame_s", []).append(took)
     return {name: float(np.median(values)) for name, values in times.items()}

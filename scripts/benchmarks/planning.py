@@ -28,21 +28,21 @@ from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import tracked
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.settings import ARENAS, PlanningSettings
 
 WARM_UP = 2  # Number of first steps, whose times are discarded
 GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
 HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
-HITS = 9  # Returns per cell in a keyframe
-WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
-AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
+HITS_PER_CELL = 9  # Returns per cell in a keyframe
+WALL_HEIGHTS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
+BOX_DISTANCE, BOX_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
 def measure(settings: PlanningSettings) -> Result:
     """Median times of a step and of its stages in each arena, ms."""
-    at_least(1, settings, "steps")
-    at_least(0, settings, "seed")
+    check_at_least(1, settings, "steps")
+    check_at_least(0, settings, "seed")
     figures: dict[str, float] = {}
     for arena in ARENAS:
         seconds = _Floor(arena, settings.seed).steps(settings.steps)
@@ -64,10 +64,10 @@ class _Floor:
         robot.close()
         cells = np.argwhere(~np.isnan(surface.height))
         self._ground = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)]])
-        walls = np.repeat(surface.grid.centre_of(np.argwhere(surface.walls)), len(WALL_TOPS), axis=0)
-        tops = np.resize(WALL_TOPS, len(walls)) + self._start[2, 3]
+        walls = np.repeat(surface.grid.centre_of(np.argwhere(surface.walls)), len(WALL_HEIGHTS), axis=0)
+        tops = np.resize(WALL_HEIGHTS, len(walls)) + self._start[2, 3]
         self._elevation_map, self._rng = ElevationMap(model), np.random.default_rng(seed)
-        self._show(np.vstack([self._ground, np.column_stack([walls, tops])]))
+        self._add_returns(np.vstack([self._ground, np.column_stack([walls, tops])]))
         self._layer, self._topology = TraversabilityLayer(), TopologicalMap()
         self._exploration = NextBestView(model)
 
@@ -78,7 +78,7 @@ class _Floor:
         for place in tracked(self._places(count + WARM_UP), "planning"):
             x, y = place
             T_map_base = from_yaw(x, y, self._start[2, 3], self._rng.uniform(-np.pi, np.pi))
-            self._see(T_map_base)
+            self._add_view(T_map_base)
             self._step(T_map_base, seconds)
         return {stage: times[WARM_UP:] for stage, times in seconds.items()}
 
@@ -88,19 +88,19 @@ class _Floor:
         cells = np.argwhere(paths.reachable & paths.traversability.turnable)
         return paths.traversability.grid.centre_of(self._rng.choice(cells, count))
 
-    def _see(self, T_map_base: Pose) -> None:
+    def _add_view(self, T_map_base: Pose) -> None:
         """Add returns of the ground in view, and of a new box on it, to the elevation map."""
         ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
         away = np.hypot(*ahead.T)
         in_view = (away > XTION.nearest) & (away < XTION.farthest) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
-        is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < FLOOR_SIDE / 2
-        box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_TOPS])
+        is_box = np.abs(ahead - (BOX_DISTANCE, 0)).max(axis=1) < BOX_SIDE / 2
+        box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_HEIGHTS])
         seen = self._ground[in_view] + self._rng.normal(0, [0, 0, GROUND_NOISE], (in_view.sum(), 3))
-        self._show(np.vstack([seen, box]))
+        self._add_returns(np.vstack([seen, box]))
 
-    def _show(self, points: NDArray[np.float64]) -> None:
-        """Add ``HITS`` returns at each of (N, 3) points to the elevation map."""
-        self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS, np.uint32))
+    def _add_returns(self, points: NDArray[np.float64]) -> None:
+        """Add ``HITS_PER_CELL`` returns at each of (N, 3) points to the elevation map."""
+        self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS_PER_CELL, np.uint32))
 
     def _step(self, T_map_base: Pose, seconds: dict[str, list[float]]) -> None:
         """Do the explorer's work between two drives, and time its stages."""

@@ -31,7 +31,7 @@ def pairs(
     return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
 
 
-def flat(report: Report) -> dict[str, float]:
+def flat_figures(report: Report) -> dict[str, float]:
     """All numbers in a report, by dotted name."""
     named = [pair for stage in report if stage not in NOT_FIGURES for pair in figures(stage, report[stage])]
     return {name: float(value) for name, value in named if isinstance(value, int | float)}
@@ -39,7 +39,7 @@ def flat(report: Report) -> dict[str, float]:
 
 def group_figures(reports: Sequence[Report]) -> dict[str, float]:
     """Mean, median, worst and sum of every key over the reports that have it: ``<key>.<mean|median|worst|sum>``."""
-    runs = [flat(report) for report in reports]
+    runs = [flat_figures(report) for report in reports]
     result: dict[str, float] = {}
     for key in dict.fromkeys(name for run in runs for name in run):
         values = np.array([run[key] for run in runs if key in run])

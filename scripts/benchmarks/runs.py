@@ -25,12 +25,12 @@ from sarsim.jobs import locked, make_engine
 from sarsim.methods.perception import make_classifier
 from sarsim.plugins.finds.score import FindScore
 from sarsim.settings import EpisodeConfig
-from scripts.benchmarks.common import at_least
+from scripts.benchmarks.common import check_at_least
 from scripts.benchmarks.settings import DrivesSettings, RunsSettings
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")
 """Groups of arenas whose episodes are summarised together; any other arena is a group of its own."""
-STEPS = 1000  # Maximum number of steps; an episode ends earlier if no viewpoint is left
+MAX_STEPS = 1000  # Maximum number of steps; an episode ends earlier if no viewpoint is left
 
 Results = Sequence[dict[str, Any] | None]  # One per job; None where the job failed
 AnyJob = TypeVar("AnyJob", bound="Job")
@@ -100,7 +100,7 @@ def jobs_of(base: EpisodeConfig, drives: DrivesSettings) -> Iterator[Job]:
             is_raf = file.suffix == ".raf"
             group = "raf" if is_raf else "random" if given.startswith("random:") else arena_name(given)
             arena = str(file) if is_raf else given
-            yield from (Job(group, replace(base, arena=arena, seed=s, steps=STEPS)) for s in drives.seeds)
+            yield from (Job(group, replace(base, arena=arena, seed=s, steps=MAX_STEPS)) for s in drives.seeds)
 
 
 def run_jobs(
@@ -114,7 +114,7 @@ def run_jobs(
     Raises:
         InputError: the folder cannot be created, is in use, or holds results with other settings.
     """
-    at_least(1, settings, "workers")
+    check_at_least(1, settings, "workers")
     folder = settings.runs
     try:
         folder.mkdir(parents=True, exist_ok=True)

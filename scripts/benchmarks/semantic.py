@@ -19,14 +19,14 @@ from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.commands.cli import tracked
-from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.common import Result, check_at_least, wall_time_of
 from scripts.benchmarks.labelled_drives import LIGHTINGS, SPARSE_KEYFRAMES, PosedFrame, drive_through, scores
 from scripts.benchmarks.settings import ARENAS, SHARED, SemanticSettings
 
-POINTS = 4096
+BLOCK_POINTS = 4096
 THREADS = 2
 TIMED_FRAMES = 10  # Number of timed frames, in nist_6x4
-CHECKPOINT = SHARED / "dgcnn"
+CHECKPOINT_FOLDER = SHARED / "dgcnn"
 """Folder of a published checkpoint and its logits; without it, agreement is not measured."""
 
 
@@ -38,13 +38,13 @@ def measure(settings: SemanticSettings) -> Result:
     Raises:
         InputError: there is nothing to measure, or an arena or the weights are broken.
     """
-    at_least(1, settings, "rounds")
-    at_least(0, settings, "frames", "raf_frames")
+    check_at_least(1, settings, "rounds")
+    check_at_least(0, settings, "frames", "raf_frames")
     seed = settings.seed
     network = NetworkClassifier(settings.weights, threads=THREADS) if settings.weights.exists() else None
     figures = speed(list(drive_through("nist_6x4", TIMED_FRAMES, seed)), settings.rounds, network)
-    if CHECKPOINT.is_dir():
-        figures |= agreement(CHECKPOINT)
+    if CHECKPOINT_FOLDER.is_dir():
+        figures |= agreement(CHECKPOINT_FOLDER)
     # Accuracy in each arena, by the arena's name, in normal light and in the dark.
     arenas = {arena: (arena, settings.frames) for arena in ARENAS}
     arenas |= {f"raf.{path.stem}": (str(path), settings.raf_frames) for path in sorted(settings.raf.glob("*.raf"))}
@@ -97,7 +97,7 @@ def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier |
     if classifier is not None:
         clouds = [(frame.frame, frame.points, frame.T_map_camera) for frame in frames]
         classifier.classify(*clouds[0])
-        times = [seconds(classifier.classify, *cloud) for cloud in clouds]
+        times = [wall_time_of(classifier.classify, *cloud) for cloud in clouds]
         figures["frame_s"] = float(np.median(times))
         figures["frame_s_worst"] = float(np.max(times))
     return figures
@@ -126,8 +126,8 @@ def thesis_blocks(frame: PosedFrame) -> list[Block]:
 
 def _resampled(column: Block, rng: np.random.Generator) -> Block:
     count = len(column.index)
-    chosen = rng.permutation(count)[:POINTS]
-    chosen = np.append(chosen, rng.choice(count, POINTS - len(chosen)))
+    chosen = rng.permutation(count)[:BLOCK_POINTS]
+    chosen = np.append(chosen, rng.choice(count, BLOCK_POINTS - len(chosen)))
     return Block(column.index[chosen], column.points[chosen])
 
 
@@ -135,7 +135,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
     fast = FastDgcnn(network, THREADS)
     fast(blocks[0])
     _plain(network, blocks[0])
-    rows = [(seconds(fast, block), seconds(_plain, network, block)) for block in tracked(blocks, "blocks")]
+    rows = [(wall_time_of(fast, block), wall_time_of(_plain, network, block)) for block in tracked(blocks, "blocks")]
     ours, theirs = np.array(rows).T
     return {
         "fast_vs_plain": float(np.median(theirs / ours)),

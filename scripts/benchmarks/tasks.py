@@ -13,13 +13,13 @@ from pipeline.errors import required
 from sarsim.environment import CONTROL_TIMESTEP
 from sarsim.sensors.camera import optical_pose
 from sarsim.tasks.drive import PERIODS_PER_STEP, Drive
-from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.common import Result, check_at_least
 from scripts.benchmarks.settings import TasksSettings
 
 
 def measure(settings: TasksSettings) -> Result:
     """The step rate relative to the necessary work alone, and the rate of two processes relative to one process."""
-    at_least(1, settings, "steps")
+    check_at_least(1, settings, "steps")
     figures = drive_rates(settings.steps)
     figures["two_processes_vs_one"] = vector_rate(2, settings.steps) / vector_rate(1, settings.steps)
     return Result(figures)

@@ -22,7 +22,7 @@ from sarsim.scoring.visibility import MIN_VISIBLE_PIXELS
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 from scripts.benchmarks.average_precision import AveragePrecision
-from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.common import Result, check_at_least, wall_time_of
 from scripts.benchmarks.reports import group_figures, pairs
 from scripts.benchmarks.runs import Job, Results, failures, jobs_of, run_episode, run_jobs
 from scripts.benchmarks.settings import VictimsSettings
@@ -38,8 +38,8 @@ def measure(settings: VictimsSettings) -> Result:
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
     """
-    at_least(0, settings, "scenes", "rounds", "seed")
-    at_least(1, settings, "frames")
+    check_at_least(0, settings, "scenes", "rounds", "seed")
+    check_at_least(1, settings, "frames")
     # The detector's speed.
     detector = VictimDetector.load(*settings.detector)
     precise = VictimDetector.load(*settings.detector, config=DetectorConfig(confidence=MIN_CONFIDENCE))
@@ -113,7 +113,7 @@ def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
             """Time the detector, after a warm-up, and return no detections."""
             if not times:
                 detector.detect(rgb)
-            times.append(seconds(detector.detect, rgb))
+            times.append(wall_time_of(detector.detect, rgb))
             return []
 
     with torch_threads(THREADS):

@@ -84,7 +84,7 @@ def test_what_cannot_be_measured_is_status_2(
 
 def test_the_camera_is_measured_against_the_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera, "CONTENDERS", {name: camera.CONTENDERS[name] for name in ("ours", "renderer")})
-    monkeypatch.setattr(camera, "SIZE", (64, 48))
+    monkeypatch.setattr(camera, "IMAGE_SIZE", (64, 48))
     figures = camera.measure(CameraSettings(frames=1)).figures
     assert figures["frame_vs_renderer"] > 0
     parts = {name.split(".")[1] for name in figures if name.startswith("renderer.")}

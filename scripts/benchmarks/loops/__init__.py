@@ -13,7 +13,7 @@ from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result
 from scripts.benchmarks.loops.replay import replay
 from scripts.benchmarks.loops.revisits import revisits
-from scripts.benchmarks.loops.scores import APART, LENGTHS, scores
+from scripts.benchmarks.loops.scores import KEYFRAME_GAPS, PATH_RANGES, scores
 from scripts.benchmarks.loops.tours import Tour, record
 from scripts.benchmarks.loops.worlds import world_name
 from scripts.benchmarks.runs import Job, run_jobs_or_raise
@@ -25,8 +25,9 @@ MEDIANS = "ate_m", "ate_percent", "path_m", "keyframes", "frame_ms", "settle_ms"
 
 @dataclass(frozen=True)
 class TourJob(Job):
-    """A tour to record and to replay; its group is the world's name, and its arena is a world of this benchmark or
-    any arena.
+    """A tour to record and to replay; its group is the world's name.
+
+    Its arena is one of this benchmark's worlds, or any arena that ``--arena`` takes.
 
     Attributes:
         length: length of the tour, m.
@@ -85,7 +86,7 @@ def figures_of(tours: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     figures |= {key: float(np.median([tour[key] for tour in tours])) for key in MEDIANS}
     if figures["revisits"]:
         figures["linked"] = sum(tour["linked"] for tour in tours) / figures["revisits"]
-    for key, names in (("nees", tuple(LENGTHS)), ("relative_nees", tuple(map(str, APART)))):
+    for key, names in (("nees", tuple(PATH_RANGES)), ("relative_nees", tuple(map(str, KEYFRAME_GAPS)))):
         for name in names:
             if values := [value for tour in tours for value in tour[key].get(name, ())]:
                 figures[f"{key}.{name}"] = float(np.mean(values))

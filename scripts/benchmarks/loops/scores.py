@@ -9,19 +9,19 @@ from pipeline.arrays import Indices, Poses, Values
 from pipeline.localisation.pose_graph import ConstraintKind
 from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative, rms
 from scripts.benchmarks.loops.replay import TourLocalisation
-from scripts.benchmarks.loops.revisits import AGAIN
+from scripts.benchmarks.loops.revisits import MIN_REVISIT_PATH
 from scripts.benchmarks.loops.tours import Tour
 
-FALSE = 0.2, np.deg2rad(5)
+FALSE_ERROR = 0.2, np.deg2rad(5)
 """m and rad; a constraint with a larger error in a direction that it determines is false."""
-RIGHT = 0.1, np.deg2rad(2)
+RIGHT_ERROR = 0.1, np.deg2rad(2)
 """m and rad; a constraint with a smaller error links two passes."""
 MAX_CLOSURES = 12  # Maximum number of closures of a tour that are counted
-LENGTHS = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
+PATH_RANGES = {"50": (0.0, 50.0), "200": (50.0, 200.0), "1000": (200.0, 1000.0), "more": (1000.0, np.inf)}
 """Ranges of the path's length, m, by the name of the NEES."""
-APART = 10, 50, 200
-"""Numbers of keyframes over which relative poses are compared."""
-PAIRS = 60  # Approximate number of relative poses compared for each of these numbers
+KEYFRAME_GAPS = 10, 50, 200
+"""Numbers of keyframes between the two keyframes whose relative poses are compared."""
+PAIRS_PER_GAP = 60  # Approximate number of relative poses compared for each of these numbers
 
 
 def scores(tour: Tour, run: TourLocalisation, stretches: list[Indices]) -> dict[str, Any]:
@@ -32,13 +32,13 @@ def scores(tour: Tour, run: TourLocalisation, stretches: list[Indices]) -> dict[
     constraints, kinds = graph.constraints, graph.kinds
     off, angle = offsets(true, constraints.first, constraints.second, constraints.T, constraints.whitening)
     registered = (kinds == ConstraintKind.SURFACE) | (kinds == ConstraintKind.LOOP)
-    is_false = registered & ((off > FALSE[0]) | (angle > FALSE[1]))
-    is_right = registered & (off < RIGHT[0]) & (angle < RIGHT[1])
+    is_false = registered & ((off > FALSE_ERROR[0]) | (angle > FALSE_ERROR[1]))
+    is_right = registered & (off < RIGHT_ERROR[0]) & (angle < RIGHT_ERROR[1])
     frames = np.array(run.keyframes)
     ends = frames[constraints.first], frames[constraints.second]
     linked = closures = false_closures = 0
     for stretch in stretches:
-        inside = (ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]) & (way[ends[0]] < way[ends[1]] - AGAIN)
+        inside = (ends[1] >= stretch[0]) & (ends[1] <= stretch[-1]) & (way[ends[0]] < way[ends[1]] - MIN_REVISIT_PATH)
         linked += bool((inside & is_right).any())
         loops = inside & (kinds == ConstraintKind.LOOP)
         closures += bool(loops.any())
@@ -71,30 +71,30 @@ def offsets(
     """(N,) m and (N,) rad, errors of constraints in the directions that they determine.
 
     Each direction is weighted by the constraint's information, divided by the sum of this information and the
-    information of an error of ``FALSE``.
+    information of an error of ``FALSE_ERROR``.
     """
     errors = errors_of(relative(true, first, second), T)
     information = whitening.swapaxes(1, 2) @ whitening
-    least = np.diag(np.repeat([FALSE[1], FALSE[0]], 3) ** -2.0)
+    least = np.diag(np.repeat([FALSE_ERROR[1], FALSE_ERROR[0]], 3) ** -2.0)
     kept = np.einsum("nij,nj->ni", np.linalg.solve(information + least, information), errors)
     return np.linalg.norm(kept[:, 3:], axis=1), np.linalg.norm(kept[:, :3], axis=1)
 
 
 def _nees_by_length(tour: Tour, run: TourLocalisation, distances: Values) -> dict[str, list[float]]:
     """The NEES, per dimension, of the newest pose at each correction, by the name of the path's length."""
-    frames, poses, covariances = map(np.array, zip(*run.stated, strict=True))
+    frames, poses, covariances = map(np.array, zip(*run.corrections, strict=True))
     values = each_nees(errors_of(tour.true[frames], poses), covariances)
     return {
         name: values[(distances[frames] >= low) & (distances[frames] < high)].tolist()
-        for name, (low, high) in LENGTHS.items()
+        for name, (low, high) in PATH_RANGES.items()
     }
 
 
 def _relative_nees(true: Poses, run: TourLocalisation) -> dict[str, list[float]]:
     """The NEES, per dimension, of final relative poses of keyframes, by the number of keyframes between them."""
     graph, found = run.slam.graph, dict[str, list[float]]()
-    for apart in APART:
-        first = np.arange(0, max(0, len(true) - apart), max(1, (len(true) - apart) // PAIRS))
+    for apart in KEYFRAME_GAPS:
+        first = np.arange(0, max(0, len(true) - apart), max(1, (len(true) - apart) // PAIRS_PER_GAP))
         if len(first):
             errors = errors_of(relative(true, first, first + apart), relative(graph.poses, first, first + apart))
             stated = np.array([graph.covariance(int(k) + apart, int(k)) for k in first])

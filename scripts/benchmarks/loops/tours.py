@@ -30,18 +30,18 @@ from scripts.benchmarks.kidnappings import set_down
 from scripts.benchmarks.loops.worlds import World, world_of
 
 LOOK_AHEAD = 0.4  # m, minimum look-ahead distance for steering
-ARRIVED = 0.25  # m, maximum distance from a waypoint at which the waypoint is reached
+ARRIVAL_DISTANCE = 0.25  # m, maximum distance from a waypoint at which the waypoint is reached
 TURN_IN_PLACE = np.deg2rad(40)
 """rad; if the path's direction differs more from the robot's heading, the robot turns in place."""
-SLIPS, SLIP_TIME, SLIPPERY = 3, 1.0, 0.002
+SLIP_COUNT, SLIP_TIME, SLIP_FRICTION = 3, 1.0, 0.002
 """Number of slips of a tour, duration of a slip, s, and friction of all surfaces during a slip."""
-STANDS = 5.0  # s, time for which the robot stands still after it was carried
-STEEP = np.deg2rad(4)
-"""rad, minimum tilt at which the robot drives slowly."""
+STANDING_TIME = 5.0  # s, time for which the robot stands still after it was carried
+STEEP_TILT = np.deg2rad(4)
+"""rad, minimum tilt of the robot at which it drives slowly."""
 HELD_TIME = 4.0
 """Time without progress, s, after which the robot backs out and drives elsewhere."""
-GREY = 80, 60  # Width and height of the stored grey images, pixels
-SLOWEST = 8.0  # s per m of the tour's length; a tour that takes longer ends
+GREY_SIZE = 80, 60  # Width and height of the stored grey images, pixels
+MAX_TIME_PER_METRE = 8.0  # s per m of the tour's length; a tour that takes longer ends
 DEPTH_UNIT = 1e-4  # m, unit of the stored depth images
 KEYFRAME_SPACING = KeyframePolicy()
 """Frames are as far apart as keyframes."""
@@ -106,9 +106,9 @@ def record(world: str, seed: int, length: float, file: Path) -> None:
     try:
         drive = Drive(robot, np.random.default_rng([seed, 1]), length)
         paths = GraphPaths(place, drive) if place.nodes is not None else GroundPaths(drive)
-        drive.along(paths)
+        drive.follow(paths)
         with atomic_write(file) as part, part.open("wb") as stream:
-            np.savez(stream, **drive.taken())
+            np.savez(stream, **drive.tour_content())
     finally:
         robot.close()
 
@@ -117,11 +117,11 @@ class Paths(ABC):
     """The paths of a tour, one after another."""
 
     @abstractmethod
-    def next(self) -> Places | None:
+    def next_path(self) -> Places | None:
         """(N, 2) m, positions on the path from the robot's true pose to the next waypoint; None if none is left."""
 
     @abstractmethod
-    def moved(self) -> None:
+    def on_carried(self) -> None:
         """Take into account that the robot was carried."""
 
     @abstractmethod
@@ -139,9 +139,9 @@ class GraphPaths(Paths):
         self._at, self._before = world.lap[0], -1
         self._visits = {frozenset(edge): 0 for edge in world.edges}
 
-    def next(self) -> Places | None:
+    def next_path(self) -> Places | None:
         """The path to the next node, or back to the previous node if the robot was blocked before it arrived."""
-        is_away = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVED
+        is_away = np.linalg.norm(self._nodes[self._at, :2] - self._drive.place) > 2 * ARRIVAL_DISTANCE
         if is_away and frozenset((self._at, self._before)) in self._visits:
             there = self._before
             if self._lap:
@@ -161,7 +161,7 @@ class GraphPaths(Paths):
         """Whether a position (2,), m, is near a node."""
         return bool(np.linalg.norm(self._nodes[:, :2] - place, axis=1).min() < 0.5)
 
-    def moved(self) -> None:
+    def on_carried(self) -> None:
         """Continue from the nearest node."""
         self._lap.clear()
         self._at = int(np.linalg.norm(self._nodes - self._drive.T[:3, 3], axis=1).argmin())
@@ -179,7 +179,7 @@ class GroundPaths(Paths):
         clear = ndimage.binary_erosion(surface.drivable, iterations=2)
         self._places = surface.grid.centre_of(np.argwhere(clear if clear.any() else surface.drivable))
 
-    def next(self) -> Places | None:
+    def next_path(self) -> Places | None:
         """The path to a random position that is reachable and more than 3 m away."""
         here, rng = self._drive.place, self._drive.rng
         paths = PosePaths(self._ground, here, self._drive.heading)
@@ -188,7 +188,7 @@ class GroundPaths(Paths):
                 return np.asarray(paths.path_to(place)[:, :2])
         return None
 
-    def moved(self) -> None:
+    def on_carried(self) -> None:
         """Do nothing, because the next path is planned from the robot's current position."""
 
     def can_continue_from(self, place: Place) -> bool:
@@ -211,9 +211,9 @@ class Drive:
         self._images: list[NDArray[np.uint8]] = []
         self._grey: list[NDArray[np.uint8]] = []
         self._intrinsics = np.zeros(6)
-        self._carried = False
-        self._slips = sorted(rng.uniform(0.05, 0.95, SLIPS) * length)
-        self._carry = rng.uniform(0.5, 0.8) * length
+        self._was_carried = False
+        self._slip_distances = sorted(rng.uniform(0.05, 0.95, SLIP_COUNT) * length)
+        self._carry_distance = rng.uniform(0.5, 0.8) * length
 
     @property
     def T(self) -> Pose:
@@ -235,22 +235,22 @@ class Drive:
         """Whether the robot has fallen over, which ends the tour."""
         return is_tipped(self.T)
 
-    def along(self, paths: Paths) -> None:
+    def follow(self, paths: Paths) -> None:
         """Drive until the tour is long enough."""
         self._take()
-        most = SLOWEST * self._length
+        most = MAX_TIME_PER_METRE * self._length
         while self._driven < self._length and self.robot.time < most and not self.has_tipped:
-            if (path := paths.next()) is None:
+            if (path := paths.next_path()) is None:
                 break
             for goal in path[1:]:
                 if not self._drive_to(goal):
                     break
-                if self._driven > self._carry:
-                    self._carry = np.inf
+                if self._driven > self._carry_distance:
+                    self._carry_distance = np.inf
                     self._be_carried(paths)
                     break
 
-    def taken(self) -> dict[str, Any]:
+    def tour_content(self) -> dict[str, Any]:
         """The content of a :class:`Tour`."""
         times, true, odometry, T_base_camera, carried = zip(*self._frames, strict=True)
         return {
@@ -268,7 +268,7 @@ class Drive:
     def _drive_to(self, goal: Places) -> bool:
         """Drive to a position (2,), m, in a straight line; False if the robot does not reach it."""
         model, nearest, since = self.robot.model, np.inf, self.robot.time
-        while (distance := float(np.linalg.norm(goal - self.place))) > ARRIVED:
+        while (distance := float(np.linalg.norm(goal - self.place))) > ARRIVAL_DISTANCE:
             if distance < nearest - 0.05:
                 nearest, since = distance, self.robot.time
             if self.has_tipped:
@@ -276,9 +276,9 @@ class Drive:
             if self.robot.time - since > HELD_TIME + np.pi / model.turn_rate:
                 self._send(Velocity(-0.2, 0.0), 1.5)
                 return False
-            is_steep = self.T[2, 2] < np.cos(STEEP)  # where a robot without grip would slide down
-            if self._slips and self._driven > self._slips[0] and not is_steep:
-                self._slips.pop(0)
+            is_steep = self.T[2, 2] < np.cos(STEEP_TILT)  # where a robot without grip would slide down
+            if self._slip_distances and self._driven > self._slip_distances[0] and not is_steep:
+                self._slip_distances.pop(0)
                 self._slip()
             ahead = goal - self.place
             off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - self.heading)
@@ -305,7 +305,7 @@ class Drive:
         self._send(Velocity(), 0.5)
         model = self.robot.physics.model.ptr
         friction = model.geom_friction.copy()
-        model.geom_friction[:] = SLIPPERY
+        model.geom_friction[:] = SLIP_FRICTION
         self._send(Velocity(0.4, 0.0), SLIP_TIME)
         self._send(Velocity(), 0.2)
         model.geom_friction[:] = friction
@@ -313,14 +313,14 @@ class Drive:
     def _be_carried(self, paths: Paths) -> None:
         """Set the robot down at an earlier pose of its tour from which it can continue."""
         earlier = [f[1] for f in self._frames if np.linalg.norm(f[1][:2, 3] - self.place) > 4]
-        level = [T for T in earlier if T[2, 2] > np.cos(STEEP) and paths.can_continue_from(T[:2, 3])]
+        level = [T for T in earlier if T[2, 2] > np.cos(STEEP_TILT) and paths.can_continue_from(T[:2, 3])]
         if not level:
             return
         T, quat = level[self.rng.integers(len(level))], np.empty(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
-        set_down(self.robot, T[:3, 3] + [0, 0, 0.01], quat, STANDS)
-        self._carried = True
-        paths.moved()
+        set_down(self.robot, T[:3, 3] + [0, 0, 0.01], quat, STANDING_TIME)
+        self._was_carried = True
+        paths.on_carried()
         self._take()
 
     def _take(self) -> None:
@@ -330,8 +330,8 @@ class Drive:
         k = frame.intrinsics
         self._intrinsics = np.array([k.width, k.height, k.fx, k.fy, k.cx, k.cy])
         grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
-        self._grey.append(np.asarray(cv2.resize(grey, GREY, interpolation=cv2.INTER_AREA), np.uint8))
+        self._grey.append(np.asarray(cv2.resize(grey, GREY_SIZE, interpolation=cv2.INTER_AREA), np.uint8))
         image = np.rint(frame.depth / DEPTH_UNIT).astype(np.uint16)
         self._images.append(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].ravel())
-        self._frames.append((pose.time, pose.T_world_base, pose.T_odom_base, frame.T_base_camera, self._carried))
-        self._carried = False
+        self._frames.append((pose.time, pose.T_world_base, pose.T_odom_base, frame.T_base_camera, self._was_carried))
+        self._was_carried = False

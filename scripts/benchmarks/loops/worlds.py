@@ -14,9 +14,9 @@ from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.load import load_arena
 
 CELL = 0.2  # m, resolution of the floor plans
-WALL = 0.05  # m, half thickness of a wall
+WALL_HALF_THICKNESS = 0.05  # m, half thickness of a wall
 WALL_HEIGHT = 1.8  # m, default height of the walls
-STOREY = 2.0  # m, height from one floor to the next
+STOREY_HEIGHT = 2.0  # m, height from one floor to the next
 WOOD, WHITE, GREY = (0.6, 0.45, 0.3), (0.85, 0.85, 0.82), (0.55, 0.56, 0.58)
 Rectangle = tuple[float, float, float, float]  # x0, y0, x1, y1, m
 
@@ -77,7 +77,7 @@ class Plan:
                     self._add_wall(axis, across, float(along[0]), float(along[1]), height)
 
     def _add_wall(self, axis: int, across: float, start: float, stop: float, height: float) -> None:
-        middle, half = [across, (start + stop) / 2], [WALL, (stop - start) / 2 + WALL]
+        middle, half = [across, (start + stop) / 2], [WALL_HALF_THICKNESS, (stop - start) / 2 + WALL_HALF_THICKNESS]
         order = slice(None) if axis == 0 else slice(None, None, -1)
         z = self.floor + height / 2
         self.builder.add_box("panel", "wall", (0, 0, 0), 0, (*middle[order], z), (*half[order], height / 2), WHITE)
@@ -109,8 +109,8 @@ def niches(rng: np.random.Generator, corridors: list[Rectangle], spacing: float 
     return found
 
 
-def finished(builder: ArenaBuilder, name: str, plan: Plan, start: tuple[float, float, float]) -> RescueArena:
-    """The arena with a floor, lights and a start (x and y, m, heading, rad)."""
+def finish_arena(builder: ArenaBuilder, name: str, plan: Plan, start: tuple[float, float, float]) -> RescueArena:
+    """Add a floor around the plan, lights and a ``start`` (x and y, m, heading, rad), and return the arena."""
     low, high = np.subtract(plan.low, 1), np.add(plan.high, 1)
     builder.add_floor(low, high)
     builder.add_surroundings(low, high)
@@ -124,7 +124,7 @@ def on_floor(nodes: ArrayLike, floor: float = 0.0) -> NDArray[np.float64]:
     return np.column_stack([places, np.full(len(places), floor)])
 
 
-def neighbours(*paths: tuple[int, ...]) -> frozenset[tuple[int, int]]:
+def edges_along(*paths: tuple[int, ...]) -> frozenset[tuple[int, int]]:
     """The pairs of neighbouring nodes along paths."""
     return frozenset((a, b) for path in paths for a, b in pairwise(path))
 
@@ -138,8 +138,8 @@ def ring(rng: np.random.Generator) -> World:
     corridors = [corridor(*nodes[a], *nodes[b]) for a, b in ((0, 2), (2, 3), (5, 3), (0, 5), (6, 1), (4, 7))]
     plan.clear(*corridors, *niches(rng, corridors))
     plan.add_walls()
-    arena = finished(builder, "ring", plan, (0, 0, 0))
-    return World(arena, on_floor(nodes), neighbours(*paths), (0, 1, 2, 3, 4, 5, 0))
+    arena = finish_arena(builder, "ring", plan, (0, 0, 0))
+    return World(arena, on_floor(nodes), edges_along(*paths), (0, 1, 2, 3, 4, 5, 0))
 
 
 def wings(rng: np.random.Generator) -> World:
@@ -162,7 +162,7 @@ def wings(rng: np.random.Generator) -> World:
     nodes.append((27, 0))
     paths = (0, 2, 3, 4, 5, 2), (1, 6, 7, 8, 9, 6), (0, 1, 10)
     lap = (0, 2, 3, 4, 5, 2, 0, 1, 6, 7, 8, 9, 6, 1, 10)
-    return World(finished(builder, "wings", plan, (0, 0, 0)), on_floor(nodes), neighbours(*paths), lap)
+    return World(finish_arena(builder, "wings", plan, (0, 0, 0)), on_floor(nodes), edges_along(*paths), lap)
 
 
 def storeys(rng: np.random.Generator) -> World:
@@ -172,24 +172,28 @@ def storeys(rng: np.random.Generator) -> World:
     rooms = [corridor(*own[a], *own[b]) for a, b in ((0, 1), (1, 2), (3, 2), (0, 3))]
     dents = [d for d in niches(rng, rooms) if d[2] <= 12.9]
     for level in (0, 1):
-        plan = Plan(builder, (-3.0, -3.0), (17.0, 16.0), level * STOREY)
+        plan = Plan(builder, (-3.0, -3.0), (17.0, 16.0), level * STOREY_HEIGHT)
         # The ramp begins at the south-east corner and ends at the north-east corner.
         landing = (13.0, -1.0, 15.2, 0.6) if level == 0 else (13.0, 11.4, 15.2, 13.0)
         plan.clear(*rooms, *dents, landing, (13.2, 0.6, 15.2, 11.4))
         plan.add_walls(1.85 if level == 0 else 1.3)
     for x0, y0, x1, y1 in (*rooms, *dents, (13.0, 11.4, 15.2, 13.0)):
-        middle, half = ((x0 + x1) / 2, (y0 + y1) / 2, STOREY - 0.05), ((x1 - x0) / 2, (y1 - y0) / 2, 0.05)
+        middle, half = ((x0 + x1) / 2, (y0 + y1) / 2, STOREY_HEIGHT - 0.05), ((x1 - x0) / 2, (y1 - y0) / 2, 0.05)
         builder.add_geom("terrain", {"type": "box", "pos": middle, "size": half}, GREY)
     corners = np.array(
-        [(x, y, z) for x in (13.2, 15.2) for y, z in ((0.6, -0.05), (0.6, 0.0), (11.4, STOREY), (11.4, STOREY - 0.1))]
+        [
+            (x, y, z)
+            for x in (13.2, 15.2)
+            for y, z in ((0.6, -0.05), (0.6, 0.0), (11.4, STOREY_HEIGHT), (11.4, STOREY_HEIGHT - 0.1))
+        ]
     )
     builder.add_geom("inclined_ramp", {"type": "mesh", "mesh": builder.add_mesh(corners)}, WOOD)
     # Nodes 0 to 3 are on the lower storey, 4 and 5 at the ends of the ramp, and 6 to 9 on the upper storey.
     below, above = np.vstack([own, (14.2, -0.2)]), np.vstack([(14.2, 12.2), own])
-    nodes = np.vstack([on_floor(below), on_floor(above, STOREY)])
+    nodes = np.vstack([on_floor(below), on_floor(above, STOREY_HEIGHT)])
     paths = (0, 1, 2, 3, 0), (1, 4, 5, 8), (6, 7, 8, 9, 6)
     lap = (0, 3, 2, 1, 4, 5, 8, 9, 6, 7, 8, 5, 4, 1)
-    return World(finished(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, neighbours(*paths), lap)
+    return World(finish_arena(builder, "storeys", plan, (0, 0, np.pi / 2)), nodes, edges_along(*paths), lap)
 
 
 def hall(rng: np.random.Generator) -> World:
@@ -203,7 +207,7 @@ def hall(rng: np.random.Generator) -> World:
             continue
         half = rng.uniform((0.15, 0.15, 0.2), (0.9, 0.5, 0.9))
         builder.add_box("furniture", "clutter", (x, y, 0), rng.uniform(0, 360), (0, 0, half[2]), half, WOOD)
-    return World(finished(builder, "hall", plan, (3, 3, 0)))
+    return World(finish_arena(builder, "hall", plan, (3, 3, 0)))
 
 
 def panels(rng: np.random.Generator) -> World:
@@ -218,7 +222,7 @@ def panels(rng: np.random.Generator) -> World:
                 place, half = (x + rng.uniform(-0.6, 0.6), y + rng.uniform(-0.5, 0.5), 0), rng.uniform(0.4, 0.9)
                 yaw = 0 if rng.random() < 0.85 else 90
                 builder.add_box("panel", "wall", place, yaw, (0, 0, 0.6), (half, 0.006, 0.6), WOOD)
-    return World(finished(builder, "panels", plan, (2, 1, 0)))
+    return World(finish_arena(builder, "panels", plan, (2, 1, 0)))
 
 
 WORLDS: dict[str, Callable[[np.random.Generator], World]] = {

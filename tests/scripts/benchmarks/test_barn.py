@@ -13,7 +13,7 @@ from scripts.benchmarks.barn import BarnJudge, optimal_seconds, read_path, score
 
 def judged(*poses: tuple[float, float, float], contacts: int = 0) -> BarnJudge:
     """A judge that has seen (s, x, y), m, until it ended the run; the contacts come with the last."""
-    judge = BarnJudge(begin=0.5)
+    judge = BarnJudge(set_down_time=0.5)
     for n, (time, x, y) in enumerate(poses, 1):
         if not judge.see(time, from_yaw(x, y, 0, np.pi / 2), contacts if n == len(poses) else 0):
             assert n == len(poses)

@@ -7,7 +7,7 @@ from pipeline.tracks.find import Reading, box_corners
 from pipeline.victims.detection import Detection
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import barn, camera, exploration, finds, localisation, networks, semantic, victims
-from scripts.benchmarks.reports import flat, group_figures
+from scripts.benchmarks.reports import flat_figures, group_figures
 from scripts.benchmarks.runs import Job
 from scripts.benchmarks.settings import NetworksSettings
 from scripts.benchmarks.victims import PeopleInFrame, ap50
@@ -26,7 +26,7 @@ def report(explored=1.0, seen90=None, time=100.0, collisions=0, tipped=0):
 
 
 def test_all_numbers_of_a_report_become_figures_but_not_its_settings():
-    assert flat(report(seen90=40.0)) == {
+    assert flat_figures(report(seen90=40.0)) == {
         "sim_time_s": 100,
         "steps": 7,
         "timing_ms.sense.median": 5,

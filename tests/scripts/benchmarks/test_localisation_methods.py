@@ -59,7 +59,7 @@ def test_a_peer_that_strays_counts_as_lost_and_follows_the_odometry(name):
 
 
 def test_every_method_follows_a_drive_and_leaves_its_way(tmp_path, monkeypatch):
-    monkeypatch.setattr(localisation, "FRAMES", 5)
+    monkeypatch.setattr(localisation, "MAX_FRAMES", 5)
     job = Job("nist_6x4", EpisodeConfig(labels="truth", detector=None))
     report = localisation.run_job(tuple(METHODS), tmp_path, job)["report"]
     assert 5 <= report["frames"] < 60  # the drive to the viewpoint under way is finished

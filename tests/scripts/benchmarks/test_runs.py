@@ -92,7 +92,7 @@ def write_barn_world(folder, *posts):
 
 
 def test_a_barn_run_ends_with_the_clock_and_is_not_repeated(tmp_path, monkeypatch):
-    monkeypatch.setattr(barn, "LIMIT", 2.0)
+    monkeypatch.setattr(barn, "TIME_LIMIT", 2.0)
     write_barn_world(tmp_path, (-3.5, 5.0), (-1.0, 6.0))
     settings = BarnSettings(worlds=tmp_path, seeds=1, runs=tmp_path / "runs")
     result = barn.measure(settings)
@@ -133,7 +133,7 @@ def test_a_robot_that_is_carried_finds_its_place_and_the_map_is_made_once(tmp_pa
     counts = kidnappings.kidnap(config, 1, folder)
     assert counts.total() == 1 and counts["found"] + counts["found_worse"] == 1
     made = (folder / "keyframes.npz").stat().st_mtime_ns
-    monkeypatch.setattr(kidnappings, "placed", lambda *given: None)
+    monkeypatch.setattr(kidnappings, "new_explorer", lambda *given: None)
     kidnappings.kidnap(config, 0, folder)
     assert (folder / "keyframes.npz").stat().st_mtime_ns == made
 

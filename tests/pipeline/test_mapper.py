@@ -181,9 +181,9 @@ def assert_same_segments(one: Mapper, other: Mapper) -> None:
 def from_scratch(mapper: Mapper) -> Mapper:
     """Another mapper with the same evidence at the same poses, which makes every map of it."""
     other, known = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation()), mapper.keyframes
-    for seen, T in zip(known.seen, known.poses, strict=True):
+    for seen, T in zip(known.observations, known.poses, strict=True):
         other.keyframes.add(seen, T)
-    for k, evidence in known.ground:
+    for k, evidence in known.ground_evidence:
         other.keyframes.add_ground(k, evidence)
     other.segments.members = mapper.segments.members
     other.restore()

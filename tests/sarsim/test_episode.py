@@ -275,7 +275,7 @@ def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
     known = mapper.keyframes
     assert known.loaded_count == len(first.episode.explorer.mapper.keyframes) < len(known)
     poses = first.episode.explorer.mapper.localisation.poses
-    np.testing.assert_allclose(mapper.localisation.poses[: known.loaded], poses, atol=1e-3)
+    np.testing.assert_allclose(mapper.localisation.poses[: known.loaded_count], poses, atol=1e-3)
     explored = [diary.report["exploration"]["explored_fraction"] for diary in (first, second)]
     assert 0.3 < explored[0] < explored[1]
     assert second.report["metric_map"]["occupied_precision"] > 0.95

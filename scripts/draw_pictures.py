@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # scripts/ is not installed
 RUN, MISSION, PHOTOS = "runs/results/episode", "runs/mission", "runs/real_frames"
 RESULTS = "runs/results"
-OF_A_FOLDER = {
+FOLDER_PICTURES = {
     "animation": RUN,
     "recording": RUN,
     "rescue_report": RUN,
@@ -39,7 +39,7 @@ ORIGINS = {
     PHOTOS: "put Open3D's test images of SUN RGB-D, NYU Depth v2 and TUM RGB-D there",
 }
 """Instructions for obtaining each of these folders."""
-OF_THE_CODE = (
+CODE_PICTURES = (
     *("arenas", "badges", "camera", "esogu", "labels", "lanes"),
     *("lidar", "lighting", "notebook", "victim_detection"),
 )
@@ -52,12 +52,12 @@ def draw_pictures(pictures: Annotated[tuple[str, ...], tyro.conf.Positional] = (
     Args:
         pictures: names of modules in scripts/pictures. By default all pictures of the run measured by make results.
     """
-    known = (*OF_A_FOLDER, *OF_THE_CODE)
+    known = (*FOLDER_PICTURES, *CODE_PICTURES)
     if unknown := set(pictures) - set(known):
         raise InputError(f"{', '.join(sorted(unknown))}: no such picture; use {', '.join(known)}")
-    names = pictures or [name for name, folder in OF_A_FOLDER.items() if folder == RUN]
-    shown = {name: [ROOT / OF_A_FOLDER[name]] if name in OF_A_FOLDER else [] for name in names}
-    for folder in {OF_A_FOLDER[name] for name in names if name in OF_A_FOLDER}:
+    names = pictures or [name for name, folder in FOLDER_PICTURES.items() if folder == RUN]
+    shown = {name: [ROOT / FOLDER_PICTURES[name]] if name in FOLDER_PICTURES else [] for name in names}
+    for folder in {FOLDER_PICTURES[name] for name in names if name in FOLDER_PICTURES}:
         if not (ROOT / folder).is_dir():
             raise InputError(f"{folder}: no such folder; {ORIGINS[folder]}")
     for name, arguments in shown.items():

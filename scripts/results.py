@@ -37,10 +37,10 @@ FOLDER = ROOT / "docs" / "results"
 ENTRIES = FOLDER / "leaderboard"
 README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
-WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
+GENERATED_NOTE = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
 LEADERBOARD_PAGE = "leaderboard"
-FOLDER_WORD = "FOLDER"  # Placeholder for a folder outside the checkout in the command of a page
+FOLDER_PLACEHOLDER = "FOLDER"  # Placeholder for a folder outside the checkout in the command of a page
 DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
 The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95%
@@ -55,7 +55,7 @@ Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Results:
+class ResultsSettings:
     """Which pages to measure and write.
 
     Attributes:
@@ -76,7 +76,7 @@ class Results:
     claims: bool = False
 
 
-def results(settings: Results) -> None:
+def results(settings: ResultsSettings) -> None:
     """Measure the pages that lack figures for this state of the code, and write all pages and README's table."""
     known = pages_config()["pages"]
     if settings.claims:
@@ -96,7 +96,7 @@ def pages_config() -> dict[str, Any]:
     return content
 
 
-def measure_page(name: str, page: Mapping[str, Any], settings: Results) -> None:
+def measure_page(name: str, page: Mapping[str, Any], settings: ResultsSettings) -> None:
     """Measure a page unless it has figures for this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
@@ -107,9 +107,9 @@ def measure_page(name: str, page: Mapping[str, Any], settings: Results) -> None:
     if commit.endswith("+") or settings.again:
         delete_episodes(own)
     command, given = with_folder(f"{own} {settings.flags}".strip(), settings.folder)
-    record = measured(command, ROOT / "runs" / "results" / name, {}, given) | {"commit": commit}
+    record = measure(command, ROOT / "runs" / "results" / name, {}, given) | {"commit": commit}
     for variant, environment in page.get("environments", {}).items():
-        again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment, given)
+        again = measure(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment, given)
         record["figures"] |= {f"{variant}.{figure}": value for figure, value in again["figures"].items()}
     with atomic_write(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
@@ -119,10 +119,10 @@ def measure_page(name: str, page: Mapping[str, Any], settings: Results) -> None:
 def with_folder(command: str, folder: Path | None) -> tuple[str, dict[str, str]]:
     """The command to run and to show, without FOLDER unless ``folder`` is given, and the replacement for FOLDER."""
     if folder is None:
-        return command.replace(f" {FOLDER_WORD}", ""), {}
+        return command.replace(f" {FOLDER_PLACEHOLDER}", ""), {}
     if not folder.is_dir():
         raise InputError(f"--folder {folder}: must be a folder")
-    return command, {FOLDER_WORD: str(folder.resolve())}
+    return command, {FOLDER_PLACEHOLDER: str(folder.resolve())}
 
 
 def delete_episodes(command: str) -> None:
@@ -131,7 +131,7 @@ def delete_episodes(command: str) -> None:
         shutil.rmtree(ROOT / folder, ignore_errors=True)
 
 
-def measured(
+def measure(
     command: str, folder: Path, environment: Mapping[str, str] = {}, given: Mapping[str, str] = {}
 ) -> dict[str, Any]:
     """The record of a command, without the commit; the command is a benchmark or an episode.
@@ -163,12 +163,12 @@ def measured(
         "processor_s": round(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime),
         "version": content["version"],
         "machine": content.get("machine") or machine(),
-        "figures": kept(content["figures"] if benchmark else dict(flat("", content))),
+        "figures": stored_figures(content["figures"] if benchmark else dict(flat("", content))),
         **({"words": content["words"]} if "words" in content else {}),
     }
 
 
-def kept(figures: Mapping[str, Any]) -> dict[str, float]:
+def stored_figures(figures: Mapping[str, Any]) -> dict[str, float]:
     """The figures that are numbers, except settings, rounded to ``DIGITS``; leading dots are stripped from names."""
     numbers = {name.lstrip("."): value for name, value in figures.items() if isinstance(value, int | float)}
     return {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items() if not name.startswith("config")}
@@ -191,12 +191,12 @@ def generated_pages() -> dict[Path, str]:
     """The text of every file that is generated from figures."""
     content = pages_config()
     pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
-    written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
+    written = {FOLDER / f"{name}.md": page_text(name, page, records[name]) for name, page in pages.items()}
     before, _, rest = README.read_text().partition(MARKERS[0])
     parts = readme_parts(content, records)
     readme = "\n\n".join([before.rstrip(), MARKERS[0], *parts, MARKERS[1]]) + rest.partition(MARKERS[1])[2]
-    written |= {FOLDER / "index.md": index_of(pages, records), README: readme}
-    return written | {FOLDER / "leaderboard.md": leaderboard(tuple(sorted(ENTRIES.glob("*.json"))), LEADERBOARD)}
+    written |= {FOLDER / "index.md": index_page(pages, records), README: readme}
+    return written | {FOLDER / "leaderboard.md": leaderboard_page(tuple(sorted(ENTRIES.glob("*.json"))), LEADERBOARD)}
 
 
 def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None]) -> list[str]:
@@ -214,12 +214,12 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
     ]
 
 
-def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
+def index_page(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
     """The page that lists all pages of results, as Markdown."""
     rows = ["| page | measured | takes |", "|---|---|---|"]
     for name, page in pages.items():
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
-        rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
+        rows.append(table_row([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
     older = "[`earlier.md`](earlier.md) has older figures, [`tried.md`](../tried.md) those of rejected ideas."
     return markdown("Results", INDEX, "make results   # measure everything", "\n".join(rows), board, older)
@@ -241,25 +241,29 @@ def leaderboard_record(files: tuple[Path, ...]) -> Record:
 
 
 @cache
-def leaderboard(files: tuple[Path, ...], about: str) -> str:
+def leaderboard_page(files: tuple[Path, ...], about: str) -> str:
     """The page of the leaderboard, from the files of its entries, as Markdown; cached to read the files only once."""
     from sarsim.commands.sweeps.leaderboard import boards, read_entry
 
     parts = []
     for board in boards(map(read_entry, files)):
-        rows = [line(board.headings), "|---" * len(board.headings) + "|", *(line(row) for row in board.rows)]
+        rows = [
+            table_row(board.headings),
+            "|---" * len(board.headings) + "|",
+            *(table_row(row) for row in board.rows),
+        ]
         parts += [f"## {board.title}", "\n".join(rows)]
     command = "sarsim-sweep --arenas nist_6x4 --seeds 0 1 2   # run one of the tables again"
     return markdown("Results: leaderboard", about, command, *parts or [f"{NOT_MEASURED.capitalize()}."])
 
 
-def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
+def page_text(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     """A page as Markdown."""
     command = f"make results PAGE={name}   # about {duration(page, record)}"
     parts = [f"Results: {page['title']}", page["about"], command]
     if record is None:
         return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
-    whole, done = shown(page["command"]), shown(record["command"])
+    whole, done = displayed_command(page["command"]), displayed_command(record["command"])
     part = [f"The complete measurement is `{whole}`."] if done != whole else []
     every = f"All figures are in [{name}.json]({name}.json)."
     return markdown(
@@ -273,7 +277,7 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
 
 def markdown(title: str, about: str, command: str, *parts: str) -> str:
     """A page with a title, an introduction, the command that makes it, and paragraphs or tables."""
-    return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", about, f"```sh\n{command}\n```", *parts]) + "\n"
+    return "\n\n".join([f"# {title}", f"<!-- {GENERATED_NOTE} -->", about, f"```sh\n{command}\n```", *parts]) + "\n"
 
 
 def origin(record: Record) -> str:
@@ -283,7 +287,7 @@ def origin(record: Record) -> str:
     return f"Measured on {record['date']} at commit {record['commit']} (version {record['version']}) on {on} by"
 
 
-def shown(command: str) -> str:
+def displayed_command(command: str) -> str:
     """A command as a page shows it: with its installed name, if it has one, and without the folder ``--runs``."""
     command = re.sub(r" --runs \S+", "", command)
     return (
@@ -311,8 +315,8 @@ def table_of(table: Mapping[str, Any], figures: Mapping[str, float], words: Mapp
     for label, row in table.get("rows", {}).items() if "by" not in table else rows_by(table["by"], figures):
         names = [cell.format(row=row, column=column) for column in columns.values()]
         if any(name in figures for name in names):
-            rows.append(line([label, *(shown.get(name, "–") for name in names)]))
-    heads = [line([table.get("title", "figure"), *columns]), "|---" * (1 + len(columns)) + "|"]
+            rows.append(table_row([label, *(shown.get(name, "–") for name in names)]))
+    heads = [table_row([table.get("title", "figure"), *columns]), "|---" * (1 + len(columns)) + "|"]
     return "\n".join([*heads, *rows]) if rows else ""
 
 
@@ -326,7 +330,7 @@ def rows_by(ending: str, figures: Mapping[str, float]) -> list[tuple[str, str]]:
     return [(name, name) for name in names]
 
 
-def line(cells: Iterable[str]) -> str:
+def table_row(cells: Iterable[str]) -> str:
     """A row of a table in Markdown."""
     return f"| {' | '.join(cells)} |"
 
@@ -336,9 +340,9 @@ def readme_row(row: Mapping[str, str], record: Record | None) -> str:
     page = f"[{row['page']}](docs/results/{row['page']}.md)"
     figures = record["figures"] if record else {}
     try:
-        return line([row["what"], *(filled(row.get(who, "–"), figures) for who in ("ours", "baseline")), page])
+        return table_row([row["what"], *(filled(row.get(who, "–"), figures) for who in ("ours", "baseline")), page])
     except KeyError:
-        return line([row["what"], f"{NOT_MEASURED}: `make results PAGE={row['page']}`", "–", page])
+        return table_row([row["what"], f"{NOT_MEASURED}: `make results PAGE={row['page']}`", "–", page])
 
 
 def measured_at(records: Iterable[Record | None]) -> str:
@@ -357,7 +361,7 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
     figures = record["figures"] if record else {}
     value = value_of(claim, figures, NOT_MEASURED)
     link = f"[{claim['page']}](docs/results/{claim['page']}.md)"
-    return line([claim["claim"], link, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
+    return table_row([claim["claim"], link, f"{processor_seconds(page, record) / 60:.1f}", expected(claim), value])
 
 
 def value_of(claim: Mapping[str, Any], figures: Mapping[str, float], otherwise: str) -> str:
@@ -381,7 +385,7 @@ def check_claims() -> None:
     for name, group in groupby(content["claims"], lambda claim: claim["page"]):
         command, _ = with_folder(content["pages"][name]["command"].format(commit=commit), None)
         delete_episodes(command)
-        figures = measured(command, ROOT / "runs" / "claims" / name)["figures"]
+        figures = measure(command, ROOT / "runs" / "claims" / name)["figures"]
         for claim in group:
             failed += not holds(claim, figures)
             value = value_of(claim, figures, "missing")
@@ -401,19 +405,19 @@ def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:
     """Processor time of a page, in words."""
-    taken = seconds(page, record)
+    taken = processor_seconds(page, record)
     return f"{taken:.0f} s of processor time" if taken < 100 else f"{taken / 60:.0f} min of processor time"
 
 
-def seconds(page: Mapping[str, Any], record: Record | None) -> float:
+def processor_seconds(page: Mapping[str, Any], record: Record | None) -> float:
     """Processor time of a page, s, from the last measurement if it was complete, otherwise from the plan."""
-    whole = record and shown(record["command"]) == shown(page["command"])
+    whole = record and displayed_command(record["command"]) == displayed_command(page["command"])
     return float(record["processor_s"] if record and whole else 60 * page["minutes"])
 
 
 def main() -> None:
     """Entry point."""
-    run_with_settings(results, Results)
+    run_with_settings(results, ResultsSettings)
 
 
 if __name__ == "__main__":

@@ -23,25 +23,25 @@ from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
 from sarsim.scoring.coverage import Coverage
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from scripts.pictures.layout import BACKGROUND, DIM, IMAGES, INK, blank
+from scripts.pictures.layout import BACKGROUND, DIM_INK, IMAGES, INK, blank
 
-STEP, SHOWN, LAST = 1.5, 130, 3500
+IMAGE_INTERVAL, DISPLAY_TIME, LAST_DISPLAY_TIME = 1.5, 130, 3500
 """Time of the episode between two images, s; display times of each image and of the last image, ms."""
-OVERVIEW, CUT = (720, 540), (45, 467)
+OVERVIEW_SIZE, OVERVIEW_ROWS = (720, 540), (45, 467)
 """Size of the picture from above, and the range of its rows that is shown, pixels."""
-SIDE = 300
+SIDE_WIDTH = 300
 """Width of the column to the right of the picture from above, pixels."""
-DARK = 16
+MAX_SKY_VALUE = 16
 """Maximum value of the sky's colours in the robot's noisy image."""
-SKY = 20.0
+SKY_DISTANCE = 20.0
 """Distance from the overview camera beyond which there is no part of the arena, m."""
-BEHIND = 0.03
+MAX_DEPTH_BEHIND = 0.03
 """Maximum distance of a painted point behind the surface in the picture, m."""
-PAINT = 0.8
+LABEL_OPACITY = 0.8
 """Opacity of a label's colour."""
-AROUND = 0.1
+PERSON_MARGIN = 0.1
 """Margin around the box of a person who was found, m; clutter inside is drawn as part of the person."""
-NAMED = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.VICTIM
+LEGEND_LABELS = Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, Label.VICTIM
 TRACK = (255, 255, 255)
 QUALITY = 50
 IMAGE = IMAGES / "episode.webp"
@@ -54,7 +54,7 @@ class Drive:
     Attributes:
         times: (N,) times of the true poses, s.
         places: (N, 3) true positions, m.
-        turns: the true rotations, interpolated over time.
+        rotations: the true rotations, interpolated over time.
         keyframes: time of each keyframe, s, and the observation stored for it.
         poses: (K, 4, 4) poses of the keyframes.
         people: time at which each person was found, s, and the person's position (3,) and size (3,), m.
@@ -62,7 +62,7 @@ class Drive:
 
     times: NDArray[np.float64]
     places: NDArray[np.float64]
-    turns: Slerp
+    rotations: Slerp
     keyframes: list[tuple[float, KeyframeObservation]]
     poses: NDArray[np.float64]
     people: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]
@@ -71,14 +71,14 @@ class Drive:
 def draw(folder: Path) -> None:
     """Draw the episode in a folder."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    first, *others = list(growing(read(folder, robot), robot))
-    durations = [SHOWN] * len(others) + [LAST]
+    first, *others = list(render_images(read_drive(folder, robot), robot))
+    durations = [DISPLAY_TIME] * len(others) + [LAST_DISPLAY_TIME]
     first.save(IMAGE, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=6)
     print(f"{IMAGE}: {1 + len(others)} pictures, {IMAGE.stat().st_size / 1e3:.0f} kB")
     robot.close()
 
 
-def read(folder: Path, robot: SimulatedRobot) -> Drive:
+def read_drive(folder: Path, robot: SimulatedRobot) -> Drive:
     """Read the drive of an episode from its folder."""
     columns = "t x y z qx qy qz qw"
     true = read_numbers(folder / "trajectory_true.tum", columns)
@@ -90,8 +90,8 @@ def read(folder: Path, robot: SimulatedRobot) -> Drive:
     ]
     times = true[passing_indices(true[:, 1:], np.array(keyframes.poses)), 0].tolist()
     seen = list(zip(times, keyframes.observations, strict=True))
-    turns = Slerp(true[:, 0], Rotation.from_quat(true[:, 4:]))
-    return Drive(true[:, 0], true[:, 1:4], turns, seen, keyframes.poses, people)
+    rotations = Slerp(true[:, 0], Rotation.from_quat(true[:, 4:]))
+    return Drive(true[:, 0], true[:, 1:4], rotations, seen, keyframes.poses, people)
 
 
 def passing_indices(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -113,29 +113,31 @@ def passing_indices(track: NDArray[np.float64], poses: NDArray[np.float64]) -> N
     return np.array(chosen[::-1])
 
 
-def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
-    """Yield one image per ``STEP`` of the drive."""
+def render_images(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
+    """Yield one image per ``IMAGE_INTERVAL`` of the drive."""
     coverage, done = Coverage(robot), 0
     clouds = [(np.zeros((0, 3), np.float32), np.zeros(0, np.int64))]
-    for time in np.arange(drive.times[0], drive.times[-1] + STEP, STEP).clip(max=drive.times[-1]):
+    for time in np.arange(drive.times[0], drive.times[-1] + IMAGE_INTERVAL, IMAGE_INTERVAL).clip(max=drive.times[-1]):
         while done < len(drive.keyframes) and drive.keyframes[done][0] <= time:
-            clouds.append(labelled(drive.keyframes[done][1], drive.poses[done]))
+            clouds.append(labelled_points(drive.keyframes[done][1], drive.poses[done]))
             coverage.see(drive.keyframes[done][1].points_at(drive.poses[done]))
             done += 1
         place = np.array([np.interp(time, drive.times, along) for along in drive.places.T])
-        T = from_rotation(drive.turns(time).as_matrix(), place)
+        T = from_rotation(drive.rotations(time).as_matrix(), place)
         robot.robot.set_pose(robot.physics, T[:3, 3], np.roll(Rotation.from_matrix(T[:3, :3]).as_quat(), 1))
         robot.physics.forward()
         points, labels = (np.concatenate(parts) for parts in zip(*clouds, strict=True))
         for found, middle, size in drive.people:
-            is_person = (np.abs(points - middle) <= size / 2 + AROUND).all(axis=1) & (labels == Label.CLUTTER)
+            is_person = (np.abs(points - middle) <= size / 2 + PERSON_MARGIN).all(axis=1) & (labels == Label.CLUTTER)
             labels = np.where(is_person & (found <= time), Label.VICTIM, labels)
         track = drive.places[drive.times <= time]
-        picture = painted(robot, points, COLOURS[labels], track)
-        yield beside(picture, robot.sense().rgb, time - drive.times[0], coverage.fraction)
+        picture = painted_overview(robot, points, COLOURS[labels], track)
+        yield composed_image(picture, robot.sense().rgb, time - drive.times[0], coverage.fraction)
 
 
-def labelled(seen: KeyframeObservation, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+def labelled_points(
+    seen: KeyframeObservation, T: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """(N, 3) points of a keyframe in ``map``, m, except the ceiling, and their labels (N,); empty without labels."""
     if seen.top_two_classes is None:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
@@ -144,54 +146,52 @@ def labelled(seen: KeyframeObservation, T: NDArray[np.float64]) -> tuple[NDArray
     return seen.points_at(T)[kept], labels[kept]
 
 
-def painted(
+def painted_overview(
     robot: SimulatedRobot, points: NDArray[np.float32], colours: NDArray[np.uint8], track: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
     """(H, W, 3) image of the arena from above, with the visible points and the robot's track (N, 3) m painted on."""
     data = robot.physics.data.ptr
-    picture = np.asarray(cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW), np.uint8)
-    depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)
-    uv, far = in_picture(robot, points)
+    picture = np.asarray(cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW_SIZE), np.uint8)
+    depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW_SIZE)
+    uv, far = project(robot, points)
     layer = np.zeros_like(picture)
     for step in ((0, 0), (1, 0), (0, 1), (1, 1), (-1, 0), (0, -1)):
-        u, v = (uv.astype(int) + step).clip(0, np.array(OVERVIEW) - 1).T
-        in_sight = far < depth[v, u] + BEHIND
+        u, v = (uv.astype(int) + step).clip(0, np.array(OVERVIEW_SIZE) - 1).T
+        in_sight = far < depth[v, u] + MAX_DEPTH_BEHIND
         layer[v[in_sight], u[in_sight]] = colours[in_sight]
-    opacity = PAINT * layer.any(axis=2, keepdims=True)
+    opacity = LABEL_OPACITY * layer.any(axis=2, keepdims=True)
     picture = np.ascontiguousarray((picture * (1 - opacity) + layer * opacity).astype(np.uint8))
-    picture[(depth <= 0) | (depth >= SKY)] = BACKGROUND
-    line, far = in_picture(robot, track + np.array([0, 0, BEHIND]))
-    u, v = line.astype(int).clip(0, np.array(OVERVIEW) - 1).T
-    in_sight = far < depth[v, u] + BEHIND
+    picture[(depth <= 0) | (depth >= SKY_DISTANCE)] = BACKGROUND
+    line, far = project(robot, track + np.array([0, 0, MAX_DEPTH_BEHIND]))
+    u, v = line.astype(int).clip(0, np.array(OVERVIEW_SIZE) - 1).T
+    in_sight = far < depth[v, u] + MAX_DEPTH_BEHIND
     for n in np.flatnonzero(in_sight[1:] & in_sight[:-1]):
         start, end = line[n : n + 2].round().astype(int).tolist()
         cv2.line(picture, start, end, TRACK, 2, cv2.LINE_AA)
     return picture
 
 
-def in_picture(
-    robot: SimulatedRobot, points: NDArray[np.floating]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def project(robot: SimulatedRobot, points: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N, 2) pixels of points (N, 3) m in the picture from above, and their depths (N,) m."""
     view = robot.physics.named
     in_camera = (points - view.data.cam_xpos["overview"]) @ view.data.cam_xmat["overview"].reshape(3, 3)
-    focal = OVERVIEW[1] / 2 / np.tan(np.radians(view.model.cam_fovy["overview"]) / 2)
-    return in_camera[:, :2] * (1, -1) / -in_camera[:, 2:] * focal + np.array(OVERVIEW) / 2, -in_camera[:, 2]
+    focal = OVERVIEW_SIZE[1] / 2 / np.tan(np.radians(view.model.cam_fovy["overview"]) / 2)
+    return in_camera[:, :2] * (1, -1) / -in_camera[:, 2:] * focal + np.array(OVERVIEW_SIZE) / 2, -in_camera[:, 2]
 
 
-def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
+def composed_image(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
     """The picture from above and, to its right, the robot's view, the clock, the explored fraction and a legend."""
-    image = blank(OVERVIEW[0] + SIDE, CUT[1] - CUT[0])
-    image[:, : OVERVIEW[0]] = picture[slice(*CUT)]
-    tall = SIDE * view.shape[0] // view.shape[1]
-    view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(BACKGROUND, np.uint8))
-    image[:tall, OVERVIEW[0] :] = cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)
-    left, line = OVERVIEW[0] + 16, tall + 37
+    image = blank(OVERVIEW_SIZE[0] + SIDE_WIDTH, OVERVIEW_ROWS[1] - OVERVIEW_ROWS[0])
+    image[:, : OVERVIEW_SIZE[0]] = picture[slice(*OVERVIEW_ROWS)]
+    tall = SIDE_WIDTH * view.shape[0] // view.shape[1]
+    view = np.where(view.max(axis=2, keepdims=True) > MAX_SKY_VALUE, view, np.array(BACKGROUND, np.uint8))
+    image[:tall, OVERVIEW_SIZE[0] :] = cv2.resize(view, (SIDE_WIDTH, tall), interpolation=cv2.INTER_AREA)
+    left, line = OVERVIEW_SIZE[0] + 16, tall + 37
     minutes, seconds = divmod(int(time), 60)
     write(image, (left, line), f"{minutes}:{seconds:02d}", 30, INK)
     write(image, (left + 100, line), f"{explored:.0%}", 30, INK)
-    write(image, (left + 185, line), "explored", 18, DIM)
-    for n, label in enumerate(NAMED):
+    write(image, (left + 185, line), "explored", 18, DIM_INK)
+    for n, label in enumerate(LEGEND_LABELS):
         y = tall + 56 + 27 * n
         image[y : y + 20, left : left + 20] = COLOURS[label]
         write(image, (left + 32, y + 16), PLAIN_NAMES[label], 18, INK)

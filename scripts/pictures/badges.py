@@ -5,7 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "badges"
-CHARACTER, MARGIN, HEIGHT = 6.4, 6, 20  # px, at a font size of 11
+CHARACTER_WIDTH, MARGIN, HEIGHT = 6.4, 6, 20  # px, at a font size of 11
 TEMPLATE = """<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" role="img"
  aria-label="{left}: {right}">
 <rect width="{width}" height="{height}" rx="3" fill="#444"/>
@@ -17,8 +17,8 @@ TEMPLATE = """<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{h
 
 def badge(left: str, right: str) -> str:
     """A badge with a name and a value, as SVG."""
-    middle = round(len(left) * CHARACTER) + 2 * MARGIN
-    width = middle + round(len(right) * CHARACTER) + 2 * MARGIN
+    middle = round(len(left) * CHARACTER_WIDTH) + 2 * MARGIN
+    width = middle + round(len(right) * CHARACTER_WIDTH) + 2 * MARGIN
     rest, start = width - middle - 3, middle + MARGIN
     return TEMPLATE.format(
         width=width, height=HEIGHT, left=left, right=right, middle=middle, rest=rest, margin=MARGIN, start=start

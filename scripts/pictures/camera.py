@@ -13,12 +13,12 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.pictures.layout import beside, save, scaled, stacked, titled
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
-ERROR = 0.04  # m, error at either end of the colour scale
+MAX_ERROR = 0.04  # m, error at either end of the colour scale
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> Rgb:
     """(H, W, 3) image of errors (H, W) in m: blue too near, red too far, grey exact, black without return."""
-    scaled = ((error / ERROR + 1) / 2 * 255).clip(0, 255).astype(np.uint8)
+    scaled = ((error / MAX_ERROR + 1) / 2 * 255).clip(0, 255).astype(np.uint8)
     side = np.abs(scaled.astype(np.float32) - 127.5)[..., None] / 127.5
     red_or_blue = np.where((scaled > 127)[..., None], (230, 40, 40), (40, 90, 230))
     return ((1 - side) * 225 + side * red_or_blue).astype(np.uint8) * returns[..., None]
@@ -35,7 +35,7 @@ def draw() -> None:
     )
     noisy = Xtion().apply(ideal, np.random.default_rng(0))
     returns = noisy.depth > 0
-    scale = f"depth error: red +{ERROR * 100:.0f} cm, blue −{ERROR * 100:.0f} cm"
+    scale = f"depth error: red +{MAX_ERROR * 100:.0f} cm, blue −{MAX_ERROR * 100:.0f} cm"
     rows = [
         [("colour", ideal.rgb), ("true depth", depth_picture(ideal.depth)), ("label", COLOURS[ideal.label])],
         [

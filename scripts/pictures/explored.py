@@ -12,12 +12,12 @@ from pipeline.errors import InputError
 from scripts.benchmarks.exploration import GROUND_ONLY, NEAREST_FRONTIER
 from scripts.benchmarks.runs import arena_name
 from scripts.pictures.layout import BACKGROUND, INK, save
-from scripts.pictures.rescue_report import in_browser
+from scripts.pictures.rescue_report import browser_screenshot
 
-ACROSS, WIDTH, HEIGHT = 5, 300, 250
-"""Number of maps in a row; width and height of a map with its caption, pixels."""
+COLUMNS, WIDTH, HEIGHT = 5, 300, 250
+"""Number of columns of maps; width and height of a map with its caption, pixels."""
 STYLE = f"""
-body {{ margin: 0; background: rgb{BACKGROUND}; display: grid; grid-template-columns: repeat({ACROSS}, {WIDTH}px); }}
+body {{ margin: 0; background: rgb{BACKGROUND}; display: grid; grid-template-columns: repeat({COLUMNS}, {WIDTH}px); }}
 figure {{ margin: 0; padding: 4px; width: {WIDTH}px; height: {HEIGHT}px; display: flex; flex-direction: column; }}
 figcaption {{ color: rgb{INK}; font-size: 15px; overflow: hidden; white-space: nowrap; }}
 .drawing {{ flex: 1; min-height: 0; background: rgb{BACKGROUND}; }}
@@ -37,14 +37,14 @@ def draw(results: Path) -> None:
     own.sort(key=lambda run: (explored[run], run.name))
     figures = "".join(
         f"<figure><figcaption>{arena_name(runs[run]['report']['arena'])}: {explored[run]:.1%}</figcaption>"
-        f"{drawing(run.read_text())}</figure>"
+        f"{map_svg(run.read_text())}</figure>"
         for run in own
     )
     style = re.findall(r"<style>(.*?)</style>", own[0].read_text(), re.DOTALL)[0]
     page = f"<!DOCTYPE html><meta charset='utf-8'><style>{style}{STYLE}</style>{figures}"
-    save("explored-arenas.jpg", in_browser(page, ACROSS * WIDTH, math.ceil(len(own) / ACROSS) * HEIGHT), 80)
+    save("explored-arenas.jpg", browser_screenshot(page, COLUMNS * WIDTH, math.ceil(len(own) / COLUMNS) * HEIGHT), 80)
 
 
-def drawing(page: str) -> str:
+def map_svg(page: str) -> str:
     """The SVG of the map on a report's page."""
     return re.findall(r'<svg [^>]*class="drawing".*?</svg>', page, re.DOTALL)[0]

@@ -12,9 +12,9 @@ from pipeline.labels import COLOURS, PLAIN_NAMES, Label
 from pipeline.lettering import width_of, write
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
-BACKGROUND, INK, DIM = (24, 27, 31), (235, 235, 235), (160, 165, 170)
+BACKGROUND, INK, DIM_INK = (24, 27, 31), (235, 235, 235), (160, 165, 170)
 """RGB of the background, of text, and of less important text."""
-GAP, LETTERS = 8, 18
+GAP, LETTER_HEIGHT = 8, 18
 """Gap between pictures, and height of letters, pixels."""
 
 
@@ -39,14 +39,14 @@ def blank(width: int, height: int) -> Rgb:
     return np.full((height, width, 3), BACKGROUND, np.uint8)
 
 
-def titled(picture: Rgb, title: str, size: int = LETTERS) -> Rgb:
+def titled(picture: Rgb, title: str, size: int = LETTER_HEIGHT) -> Rgb:
     """The picture with a line of text above it."""
     bar = blank(picture.shape[1], 2 * size)
     write(bar, (size // 2, round(1.4 * size)), title, size, INK)
     return np.vstack([bar, picture])
 
 
-def captioned(picture: Rgb, text: str, size: int = LETTERS) -> Rgb:
+def captioned(picture: Rgb, text: str, size: int = LETTER_HEIGHT) -> Rgb:
     """The picture with a text on a patch of background in its upper left corner."""
     picture = picture.copy()
     picture[: round(1.6 * size), : width_of(text, size) + size] = BACKGROUND
@@ -54,7 +54,7 @@ def captioned(picture: Rgb, text: str, size: int = LETTERS) -> Rgb:
     return picture
 
 
-def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
+def legend(labels: Sequence[Label], width: int, size: int = LETTER_HEIGHT) -> Rgb:
     """The names and colours of labels in one line."""
     line, left = blank(width, 2 * size), size // 2
     for label in labels:
@@ -64,7 +64,7 @@ def legend(labels: Sequence[Label], width: int, size: int = LETTERS) -> Rgb:
     return line
 
 
-def on_ground(picture: Rgb) -> Rgb:
+def on_background(picture: Rgb) -> Rgb:
     """A rendered picture with the background's colour, instead of black, where the renderer drew nothing."""
     return np.where(picture.any(axis=2, keepdims=True), picture, np.array(BACKGROUND, np.uint8))
 

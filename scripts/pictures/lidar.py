@@ -14,9 +14,12 @@ from scripts.pictures.layout import blank, save, stacked
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
 SENSOR = LidarConfig("64x1024", vertical=(-40, 10))
-WIDTH, ROW = 1024, 4  # Width of the picture, and height of each row of beams, pixels
+WIDTH, ROW_HEIGHT = 1024, 4  # Width of the picture, and height of each row of beams, pixels
 MARGIN = 16  # Margin around the view from above, pixels
-EYE, LOOK = np.array([-1.6, -4.4, 8.0]), np.array([-0.6, 0.9, 0.3])  # m, viewer's position and its target
+VIEWER_POSITION, VIEW_TARGET = (
+    np.array([-1.6, -4.4, 8.0]),
+    np.array([-0.6, 0.9, 0.3]),
+)  # m, viewer's position and its target
 
 
 def panorama(scan: Scan) -> Rgb:
@@ -25,15 +28,15 @@ def panorama(scan: Scan) -> Rgb:
     picture = np.zeros((rows, columns, 3), np.uint8)
     shade = (0.35 + 0.65 * scan.intensity)[:, None]
     picture[rows - 1 - scan.ring, columns - 1 - scan.column] = COLOURS[scan.label] * shade
-    return picture.repeat(ROW, axis=0)
+    return picture.repeat(ROW_HEIGHT, axis=0)
 
 
 def from_above(scan: Scan) -> Rgb:
     """The points in the colours of their labels, seen from above the arena; nearer points hide farther points."""
-    z = (LOOK - EYE) / np.linalg.norm(LOOK - EYE)
+    z = (VIEW_TARGET - VIEWER_POSITION) / np.linalg.norm(VIEW_TARGET - VIEWER_POSITION)
     x = np.cross(z, (0, 0, 1)) / np.linalg.norm(np.cross(z, (0, 0, 1)))
     T_world_eye = np.eye(4)
-    T_world_eye[:3, :3], T_world_eye[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), EYE
+    T_world_eye[:3, :3], T_world_eye[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), VIEWER_POSITION
     points = transform_points(inverse(T_world_eye) @ scan.T_world_lidar, scan.points)
     seen = points[:, :2] / points[:, 2:]
     lowest, highest = np.quantile(seen, (0.001, 0.999), axis=0)

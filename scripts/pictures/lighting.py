@@ -8,7 +8,7 @@ from sarsim.dataset.summary import depth_picture
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.pictures.layout import beside, captioned, save, scaled, stacked
 
-PLACES = [(-2.2, 1.2, 0.3), (2.6, 0.5, -1.5)]
+POSES = [(-2.2, 1.2, 0.3), (2.6, 0.5, -1.5)]
 """x, y in m and yaw in rad in ``nist_6x4``: in front of the lying child, in front of the sitting woman."""
 CONDITIONS = {
     "normal": SimulationConfig(),
@@ -19,7 +19,7 @@ CONDITIONS = {
     "normal, dust 1": SimulationConfig(dust=1),
 }
 
-GRAIN = (slice(60, 380), slice(1480, 1800))
+DETAIL = (slice(60, 380), slice(1480, 1800))
 """Rows and columns of the part of each row of images that shows the woman and is drawn at full size."""
 
 
@@ -28,14 +28,14 @@ def draw() -> None:
     rows = [row_of(config) for config in CONDITIONS.values()]
     titled = (captioned(scaled(row, 0.5), title) for row, title in zip(rows, CONDITIONS, strict=True))
     save("lighting.jpg", stacked(*titled, gap=4), 82)
-    save("lighting-grain.jpg", beside(*(row[GRAIN] for row in rows[:3])))
+    save("lighting-grain.jpg", beside(*(row[DETAIL] for row in rows[:3])))
 
 
 def row_of(config: SimulationConfig) -> Rgb:
     """Colour and depth images at each pose, side by side."""
     robot = SimulatedRobot(load_arena("nist_6x4"), config, seed=0)
     pictures = []
-    for x, y, yaw in PLACES:
+    for x, y, yaw in POSES:
         robot.robot.set_pose(robot.physics, (x, y, 0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
         robot.physics.forward()
         frame = robot.sense()

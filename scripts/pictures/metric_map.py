@@ -16,7 +16,7 @@ from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
 from scripts.pictures.layout import INK, beside, blank, save, stacked
 
-SHARES = (0.25, 0.5, 0.75, 1.0)
+FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 """Fractions of the keyframes after which the map is drawn."""
 ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
 PIXELS_PER_METRE = 112
@@ -31,17 +31,17 @@ def draw(folder: Path) -> None:
     mapper = make_mapper(PerceptionConfig(detector=None), robot_model(), earlier=folder)
     keyframes, semantic_map, metric_map = mapper.keyframes, mapper.semantic_map, MetricMap()
     points, labels = semantic_map.points(), semantic_map.labels()
-    due, panels = [round(share * len(keyframes)) for share in SHARES], []
+    due, panels = [round(share * len(keyframes)) for share in FRACTIONS], []
     for count, (seen, T_map_base) in enumerate(zip(keyframes.observations, keyframes.poses, strict=True), 1):
         seen.add_to_metric_map(metric_map, T_map_base)
         if count in due:
-            picture = voxels(metric_map, voxel_labels(metric_map, points, labels))
+            picture = voxel_picture(metric_map, voxel_labels(metric_map, points, labels))
             write(picture, (20, SIZE[1] - 20), f"{count} keyframes", 30, INK)
             panels.append(picture)
     save("metric-map.jpg", stacked(beside(*panels[:2], gap=0), beside(*panels[2:], gap=0), gap=0), 78)
 
 
-def voxels(metric_map: MetricMap, labels: Labels) -> Rgb:
+def voxel_picture(metric_map: MetricMap, labels: Labels) -> Rgb:
     """The occupied voxels as cubes in the colours of their (N,) labels, drawn from back to front."""
     picture = blank(*SIZE)
     centres, side = metric_map.occupied_centres(), metric_map.voxel_size

@@ -16,7 +16,7 @@ from scripts.pictures.layout import INK, beside, blank, save, scaled, stacked
 
 HEIGHT = 720
 """Height of the maps, pixels."""
-LINE = 26
+LINE_HEIGHT = 26
 """Height of a line of the list, pixels."""
 
 
@@ -44,10 +44,10 @@ def cloud_picture(path: Path) -> Rgb:
 def list_picture(path: Path, width: int) -> Rgb:
     """(H, width, 3) image of the list of finds, without robot and mode, which are the same in every line."""
     rows = [row[:-2] for row in csv.reader(path.read_text().splitlines()) if len(row) > 1]
-    picture = blank(width, LINE * (len(rows) + 1))
+    picture = blank(width, LINE_HEIGHT * (len(rows) + 1))
     for k, row in enumerate(rows, start=1):
         for column, text in enumerate(row):
-            place = (10 + column * width // len(row), k * LINE)
+            place = (10 + column * width // len(row), k * LINE_HEIGHT)
             write(picture, place, text, 17, INK)
     return picture
 

@@ -14,7 +14,7 @@ NOTEBOOK = Path(__file__).parents[2] / "docs" / "episode.ipynb"
 DPI = 80
 
 
-def outputs(printed: str) -> list[dict[str, Any]]:
+def cell_outputs(printed: str) -> list[dict[str, Any]]:
     """The outputs of a cell that has just run, in notebook format: the printed text and the open figures."""
     made: list[dict[str, Any]] = []
     if printed:
@@ -38,5 +38,5 @@ def draw() -> None:
             printed = io.StringIO()
             with redirect_stdout(printed):
                 exec(compile("".join(cell["source"]), NOTEBOOK.name, "exec"), space)
-            cell["outputs"], cell["execution_count"] = outputs(printed.getvalue()), count
+            cell["outputs"], cell["execution_count"] = cell_outputs(printed.getvalue()), count
     NOTEBOOK.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n")

@@ -22,11 +22,11 @@ from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
 from scripts.pictures.layout import save
 
-SCALE = 5000
+DEPTH_SCALE = 5000
 """Units per metre of the depth images that are mapped."""
 
 
-def read(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
+def read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
     """The image in a file; InputError if the file cannot be read."""
     image = cv2.imread(str(path), flags)
     if image is None:
@@ -36,9 +36,9 @@ def read(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[Any]:
 
 def corridor(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     """Colour (H, W, 3), depth (H, W), m, and intrinsics of SUN RGB-D's frame, which stores rotated bits of depth."""
-    depth = read(folder / "SUN_depth.png", cv2.IMREAD_UNCHANGED)
+    depth = read_image(folder / "SUN_depth.png", cv2.IMREAD_UNCHANGED)
     turned = ((depth >> 3) | (depth << 13)).astype(np.uint16)
-    return read(folder / "SUN_color.jpg"), turned / 1000, Calibration(570.3, 570.3, 320, 240)
+    return read_image(folder / "SUN_color.jpg"), turned / 1000, Calibration(570.3, 570.3, 320, 240)
 
 
 def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
@@ -46,22 +46,25 @@ def basement(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     raw = (folder / "NYU_depth.pgm").read_bytes()[-2 * 640 * 480 :]
     disparity = np.frombuffer(raw, "<u2").reshape(480, 640).astype(float)
     depth = np.where(disparity < 1092, 351.3 / np.maximum(1092.5 - disparity, 1), 0)
-    return read(folder / "NYU_color.ppm"), depth, Calibration(518.9, 519.5, 325.6, 253.7)
+    return read_image(folder / "NYU_color.ppm"), depth, Calibration(518.9, 519.5, 325.6, 253.7)
 
 
 def desk(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
     """Colour (H, W, 3), depth (H, W), m, and intrinsics of TUM RGB-D's frame."""
-    depth = read(folder / "TUM_depth.png", cv2.IMREAD_UNCHANGED) / 5000
-    return read(folder / "TUM_color.png"), depth, Calibration(525, 525, 319.5, 239.5)
+    depth = read_image(folder / "TUM_depth.png", cv2.IMREAD_UNCHANGED) / 5000
+    return read_image(folder / "TUM_color.png"), depth, Calibration(525, 525, 319.5, 239.5)
 
 
 def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDArray[np.uint8]:
     """(H, W) label of each pixel's point in the map that map_recording.py makes; unlabelled without depth."""
     with TemporaryDirectory() as name:
-        for kind, image in (("rgb", colour), ("depth", np.rint(np.clip(depth, 0, 13) * SCALE).astype(np.uint16))):
+        for kind, image in (
+            ("rgb", colour),
+            ("depth", np.rint(np.clip(depth, 0, 13) * DEPTH_SCALE).astype(np.uint16)),
+        ):
             (Path(name) / kind).mkdir()
             cv2.imwrite(str(Path(name) / kind / "0.png"), image)
-        recording = read_tum_folder(Path(name), calibration, SCALE, 1.0)
+        recording = read_tum_folder(Path(name), calibration, DEPTH_SCALE, 1.0)
         mapper = make_mapper(
             PerceptionConfig(detector=None), robot_model(), localisation=localisation_of("registration")
         )

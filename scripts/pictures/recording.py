@@ -21,7 +21,7 @@ from pipeline.rerun.viewer import HOST
 from scripts.pictures.layout import beside, save, scaled
 
 SIZE = (1600, 1000)
-MAP = (slice(36, 730), slice(0, 1196))
+MAP_REGION = (slice(36, 730), slice(0, 1196))
 """Rows and columns of the map in the window."""
 
 
@@ -30,13 +30,13 @@ def draw(folder: Path) -> None:
     if shutil.which("xvfb-run") is None:
         raise InputError("xvfb-run is missing; run: apt-get install xvfb mesa-vulkan-drivers")
     recording = folder / "episode.rrd"
-    semantic, metric, segments, localisation = (in_window(recording, tab) for tab in (0, 1, 2, 4))
+    semantic, metric, segments, localisation = (viewer_screenshot(recording, tab) for tab in (0, 1, 2, 4))
     save("recording-native.jpg", semantic)
-    save("recording-tabs.jpg", scaled(beside(metric[MAP], segments[MAP]), 0.6))
-    save("recording-localisation.jpg", localisation[MAP])
+    save("recording-tabs.jpg", scaled(beside(metric[MAP_REGION], segments[MAP_REGION]), 0.6))
+    save("recording-localisation.jpg", localisation[MAP_REGION])
 
 
-def in_window(recording: Path, tab: int) -> Rgb:
+def viewer_screenshot(recording: Path, tab: int) -> Rgb:
     """(H, W, 3) image of the viewer with one of the map's tabs in front, at the end of the recording."""
     with tempfile.TemporaryDirectory() as folder:
         layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")

@@ -28,10 +28,10 @@ def draw(folder: Path) -> None:
     frames = "".join(WINDOW.format(page=page, width=width, height=HEIGHT) for width in WIDTHS)
     windows = WINDOWS.format(gap=GAP, background=BACKGROUND, frames=frames)
     size = sum(WIDTHS) + 3 * GAP, HEIGHT + 2 * GAP
-    save("rescue-report.jpg", scaled(in_browser(windows, *size), FACTOR), 82)
+    save("rescue-report.jpg", scaled(browser_screenshot(windows, *size), FACTOR), 82)
 
 
-def in_browser(html: str, width: int, height: int) -> Rgb:
+def browser_screenshot(html: str, width: int, height: int) -> Rgb:
     """(height, width, 3) screenshot of a page in a window of this size in pixels."""
     if (browser := shutil.which("chromium")) is None:
         raise InputError("chromium is missing; run: apt-get install chromium")

@@ -14,7 +14,7 @@ from pipeline.segments.segments import Segments
 from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
-from scripts.pictures.layout import DIM, beside, blank, legend, save, scaled, stacked
+from scripts.pictures.layout import DIM_INK, beside, blank, legend, save, scaled, stacked
 
 PIXELS_PER_METRE = 180
 MARGIN = 0.1
@@ -65,5 +65,5 @@ def segments_picture(view: View, segments: Segments) -> Rgb:
     for segment in segments:
         middle = segment.box.T_map_box[:3, 3]
         a, b = view.pixels(np.stack([middle, middle + 0.15 * segment.plane.normal])).tolist()
-        cv2.arrowedLine(picture, a, b, DIM, 3, cv2.LINE_AA, tipLength=0.35)
+        cv2.arrowedLine(picture, a, b, DIM_INK, 3, cv2.LINE_AA, tipLength=0.35)
     return picture

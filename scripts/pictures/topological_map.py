@@ -17,8 +17,8 @@ from sarsim.robots.model import robot_model
 from sarsim.settings import PerceptionConfig
 from scripts.pictures.layout import BACKGROUND, INK, beside, save
 
-CELL = 8
-"""Pixels per cell."""
+CELL_SIDE = 8
+"""Side of a drawn cell, pixels."""
 MARGIN = 8
 """Margin around the traversable ground, cells."""
 KNOWN, HAZARD, TRAVERSABLE, RAMP = (58, 62, 68), (150, 154, 160), (92, 97, 104), (70, 92, 150)
@@ -39,24 +39,26 @@ class Picture:
         self._grid, self._low = traversability.grid, cells.min(axis=0) - MARGIN
         high = cells.max(axis=0) + MARGIN
         ground = ground[self._low[0] : high[0], self._low[1] : high[1]]
-        self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
+        self.image = np.ascontiguousarray(
+            np.kron(ground, np.ones((CELL_SIDE, CELL_SIDE, 1), np.uint8)).swapaxes(0, 1)[::-1]
+        )
 
-    def line(self, path: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
+    def draw_path(self, path: NDArray[np.floating], colour: tuple[int, int, int], width: int) -> None:
         """Draw a path (N, 2 or 3), m, with a width in pixels."""
         cv2.polylines(self.image, [self._pixels(path)], False, colour, width, cv2.LINE_AA)
 
-    def edge(self, edge: dict[str, Any]) -> None:
+    def draw_edge(self, edge: dict[str, Any]) -> None:
         """Draw an edge, in different colours for edges of the tree and for edges that only the roadmap has."""
-        self.line(np.array(edge["way"]), TREE if edge["tree"] else LOOP, 3)
+        self.draw_path(np.array(edge["way"]), TREE if edge["tree"] else LOOP, 3)
 
-    def node(self, node: dict[str, Any]) -> None:
+    def draw_node(self, node: dict[str, Any]) -> None:
         """Draw a node in the colour of its label."""
         middle = self._pixels(np.array([node["position"]]))[0].tolist()
         cv2.circle(self.image, middle, 11, BACKGROUND, -1, cv2.LINE_AA)
         cv2.circle(self.image, middle, 9, COLOURS[Label[node["label"].upper()]].tolist(), -1, cv2.LINE_AA)
 
     def _pixels(self, points: NDArray[np.floating]) -> NDArray[np.int32]:
-        x, y = ((points[:, :2] - self._grid.origin) / self._grid.cell - self._low).T * CELL
+        x, y = ((points[:, :2] - self._grid.origin) / self._grid.cell - self._low).T * CELL_SIDE
         return np.column_stack([x, self.image.shape[0] - y]).astype(np.int32)
 
 
@@ -65,14 +67,14 @@ def draw(folder: Path) -> None:
     ground = make_mapper(PerceptionConfig(detector=None), robot_model(), earlier=folder).drivable
     topology = json.loads((folder / "topology.json").read_text())
     tree, roadmap = Picture(ground), Picture(ground)
-    roadmap.line(farthest_plan(topology, ground), PLAN, 10)
+    roadmap.draw_path(farthest_plan(topology, ground), PLAN, 10)
     for edge in topology["edges"]:
-        roadmap.edge(edge)
+        roadmap.draw_edge(edge)
         if edge["tree"]:
-            tree.edge(edge)
+            tree.draw_edge(edge)
     for node in topology["nodes"]:
-        tree.node(node)
-        roadmap.node(node)
+        tree.draw_node(node)
+        roadmap.draw_node(node)
     save("topological-map.jpg", beside(tree.image, roadmap.image, gap=16))
 
 

@@ -21,9 +21,9 @@ from sarsim.settings import DEFAULT_DETECTOR
 from scripts.benchmarks.victims import recipe, with_lighting
 from scripts.pictures.layout import beside, save, scaled, stacked
 
-FACTOR, LETTERS = 0.75, 15
+FACTOR, LETTER_HEIGHT = 0.75, 15
 """Factor by which images are scaled down, and height of letters, pixels."""
-SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
+SEED, FRAMES, IMAGES_PER_LIGHTING, MIN_PERSON_PIXELS = 2026, 4, 3, 3000
 """Seed of the arenas; frames per arena; images per lighting; minimum number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 """RGB colours of boxes in which depth confirms a person, and of other boxes; confirmed people are tinted."""
@@ -46,11 +46,11 @@ def frames(light: Lighting) -> Iterator[Frame]:
             noise = arenas.rng(index, "noise")
             captured = [world.capture(pose, noise) for pose in poses]
         best = max(captured, key=lambda frame: frame.victim_area.sum())
-        if best.victim_area.sum() < LEAST:
+        if best.victim_area.sum() < MIN_PERSON_PIXELS:
             continue
         yield best.frame
         shown += 1
-        if shown == A_ROW:
+        if shown == IMAGES_PER_LIGHTING:
             return
 
 
@@ -68,8 +68,8 @@ def picture(frame: Frame, detector: VictimDetector) -> Rgb:
         texts.append((FACTOR * x0, FACTOR * y0, text, colour))
     result = scaled(result, FACTOR)
     for x, y, text, colour in texts:  # Text is written on the scaled image, so that letters stay sharp
-        left = min(round(x), result.shape[1] - width_of(text, LETTERS) - 4)
-        write(result, (left, max(round(y) - 5, LETTERS)), text, LETTERS, colour)
+        left = min(round(x), result.shape[1] - width_of(text, LETTER_HEIGHT) - 4)
+        write(result, (left, max(round(y) - 5, LETTER_HEIGHT)), text, LETTER_HEIGHT, colour)
     return result
 
 

@@ -11,7 +11,7 @@ from numba.core.dispatcher import Dispatcher
 
 from pipeline.elevation_map.pose_kernels import Costs
 from sarsim.compilation import compile_functions, listed_functions, resolve_name, type_of
-from scripts.list_kernels import described
+from scripts.list_kernels import argument_type
 from tests.source_tree import ROOT
 
 ARRAY = types.Array(types.float32, 2, "A", readonly=True)
@@ -30,7 +30,7 @@ TYPES = [
 
 @pytest.mark.parametrize("kind", TYPES, ids=str)
 def test_types_are_read_back(kind: types.Type) -> None:
-    assert type_of(described(kind)) == kind
+    assert type_of(argument_type(kind)) == kind
 
 
 def test_most_of_the_list_is_in_the_code() -> None:

@@ -6,10 +6,10 @@ import pytest
 
 from pipeline.errors import InputError
 from scripts import draw_pictures
-from scripts.draw_pictures import OF_A_FOLDER, OF_THE_CODE
+from scripts.draw_pictures import CODE_PICTURES, FOLDER_PICTURES
 
 
-@pytest.mark.parametrize("name", [*OF_A_FOLDER, *OF_THE_CODE])
+@pytest.mark.parametrize("name", [*FOLDER_PICTURES, *CODE_PICTURES])
 def test_every_picture_has_a_module_that_draws_it(name):
     assert callable(import_module(f"scripts.pictures.{name}").draw)
 

@@ -10,16 +10,16 @@ import pytest
 from pipeline.errors import InputError
 from scripts import results
 from scripts.results import (
-    Results,
+    ResultsSettings,
     check_claims,
     claim_row,
     holds,
-    kept,
     measure_page,
     measured_at,
     pages_config,
     readme_row,
     record_of,
+    stored_figures,
     table_of,
     with_folder,
 )
@@ -36,7 +36,7 @@ TRUE = {"claim": "equal", "page": "camera", "figure": "a.ms", "is_true": True}
 
 def test_numbers_are_kept_with_five_digits() -> None:
     figures = {".sim_time_s": 123.4567, "arena": "nist_6x4", "config.steps": 8, "missing": None, "runs": 3}
-    assert kept(figures) == {"sim_time_s": 123.46, "runs": 3.0}
+    assert stored_figures(figures) == {"sim_time_s": 123.46, "runs": 3.0}
 
 
 def test_a_table_has_the_rows_that_have_a_figure() -> None:
@@ -93,9 +93,11 @@ def test_figures_of_this_state_are_not_measured_again(
 
     monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(results, "state_of_code", lambda: new)
-    monkeypatch.setattr(results, "measured", measured)
+    monkeypatch.setattr(results, "measure", measured)
     (tmp_path / "camera.json").write_text(json.dumps(RECORD | {"commit": old}))
-    measure_page("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results(again=again, flags="--frames 8"))
+    measure_page(
+        "camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, ResultsSettings(again=again, flags="--frames 8")
+    )
     assert commands == ["benchmark.py camera --frames 8"] * 2 * runs
     record = json.loads((tmp_path / "camera.json").read_text())
     assert record["commit"] == new
@@ -121,9 +123,9 @@ def test_finished_episodes_are_reused_only_by_an_interrupted_measurement_of_a_co
         found.append([file.exists() for file in episodes])
         return dict(RECORD)
 
-    monkeypatch.setattr(results, "measured", measured)
+    monkeypatch.setattr(results, "measure", measured)
     page = PAGE | {"command": "benchmark.py barn --runs runs/barn-{commit}"}
-    measure_page("barn", page, Results(again=again, flags="--runs runs/mine"))
+    measure_page("barn", page, ResultsSettings(again=again, flags="--runs runs/mine"))
     assert found == [[kept, True]]  # a folder that the user names keeps its episodes
 
 
@@ -135,13 +137,13 @@ def test_an_environment_reaches_the_command(tmp_path: Path, monkeypatch: pytest.
     (tmp_path / "scripts" / "run_episode.py").write_text(program)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "left.json").touch()  # of an earlier one
-    assert results.measured("run_episode.py", tmp_path / "out", {"N": "7"})["figures"] == {"n": 7.0}
+    assert results.measure("run_episode.py", tmp_path / "out", {"N": "7"})["figures"] == {"n": 7.0}
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.json"]
 
 
 def test_a_page_that_is_not_there_is_refused_with_those_that_are() -> None:
     with pytest.raises(InputError, match=r"speed: .*metric-map"):
-        results.results(Results(pages=("speed",)))
+        results.results(ResultsSettings(pages=("speed",)))
 
 
 @pytest.mark.parametrize(("figure", "held"), [(1.9, False), (2.0, True), (2.1, True), (float("nan"), False)])
@@ -169,7 +171,7 @@ def test_all_claims_of_a_command_are_checked_by_one_run_without_earlier_episodes
     monkeypatch.setattr(results, "ROOT", tmp_path)
     monkeypatch.setattr(results, "state_of_code", lambda: "abc")
     monkeypatch.setattr(results, "pages_config", lambda: content)
-    monkeypatch.setattr(results, "measured", measured)
+    monkeypatch.setattr(results, "measure", measured)
     with pytest.raises(SystemExit):
         check_claims()
     assert commands == ["benchmark.py camera --runs runs/camera-abc"]

@@ -69,4 +69,4 @@ def test_every_method_follows_a_drive_and_leaves_its_way(tmp_path, monkeypatch):
     assert (np.diff(ways[0][:, 0]) > 0).all()  # each frame once
     assert all(way[0] == pytest.approx(ways[-1][0], abs=1e-2) for way in ways)  # they begin where the robot was
     moved = np.linalg.norm(np.diff(ways[-1][:, 1:3], axis=0), axis=1)
-    assert moved.max() < 2 * localisation.SPACING
+    assert moved.max() < 2 * localisation.FRAME_DISTANCE

@@ -152,7 +152,7 @@ def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_
         context.paths.start = None if ended == "shut_in" else context.paths.start
 
     monkeypatch.setattr(run.explorer.mission, "choose", choose)
-    monkeypatch.setattr(run.explorer.mission, "left", lambda context: left)
+    monkeypatch.setattr(run.explorer.mission, "leftovers", lambda context: left)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
     run.run()
     expected = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0, "why": "unseen"}]} if left else {}

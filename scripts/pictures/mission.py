@@ -30,7 +30,7 @@ def plan_picture(path: Path) -> Rgb:
 def cloud_picture(path: Path) -> Rgb:
     """(HEIGHT, W, 3) image of the 3D map from above, y up as on the 2D map, with the highest points on top."""
     cloud = read_cloud(path)
-    points, colours = cloud.points(), cloud.points(RGB).astype(np.uint8)
+    points, colours = cloud.rows(), cloud.rows(RGB).astype(np.uint8)
     order = np.argsort(points[:, 2])
     x, y = points[order, :2].T
     scale = (HEIGHT - 20) / np.ptp(y)

@@ -36,11 +36,14 @@ class RandomWalk(Strategy):
         """``stride``: maximum length of the path to the next position, m; ``steps``: number of keyframes to take."""
         self._rng, self._draw = np.random.default_rng(seed), np.zeros(2)
         self._max_seconds, self._steps_left = stride / robot.speed, steps
+        self._keyframe_count = 0
 
     def observe(self, context: Context) -> None:
-        """Count a step, and draw the random numbers that determine the next viewpoint."""
-        self._steps_left -= 1
-        self._draw = self._rng.random(2)
+        """Count a step if there is a new keyframe, and draw the random numbers that determine the next viewpoint."""
+        if len(context.poses) > self._keyframe_count:
+            self._keyframe_count = len(context.poses)
+            self._steps_left -= 1
+            self._draw = self._rng.random(2)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that was drawn; None after the last step, or if the robot cannot drive anywhere."""

@@ -9,7 +9,7 @@ from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw
-from tests.pipeline.exploration.asking import CAMERA, closed_room, corridor, frontiers, next_viewpoint
+from tests.pipeline.exploration.asking import CAMERA, closed_room, context, corridor, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -102,6 +102,16 @@ def test_a_random_walk_goes_by_its_seed_and_ends():
 
     assert walk(1) == walk(1)
     assert walk(1) != walk(2)
+
+
+def test_a_random_walk_that_is_asked_again_in_a_step_answers_the_same_and_counts_it_once():
+    world, exploration = closed_room(), RandomWalk(PIONEER, 0, steps=1)
+    here = context(world, from_yaw(0, 0, 0, 0))
+    places = []
+    for _ in range(3):
+        exploration.observe(here)
+        places.append(exploration.next_viewpoint(here).position)
+    np.testing.assert_array_equal(places, [places[0]] * 3)
 
 
 @pytest.mark.parametrize("stride", [0.5, 1.0])

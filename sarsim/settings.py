@@ -22,7 +22,7 @@ from sarsim.flags import Given
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 LabelSource = NetworkName | Literal["rules", "truth"] | str
-"""Source of the points' labels: a network, rules on height and slope, the simulator, or a class, MODULE:CLASS."""
+"""Source of the points' labels: a network, rules without learning, the simulator, or a class, MODULE:CLASS."""
 ExplorationName = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
 LocalisationName = Literal["slam", "odometry"] | str
 PlannerName = Literal["topological"] | str
@@ -165,7 +165,7 @@ class PerceptionConfig:
     """Settings of everything that labels points and finds people.
 
     Attributes:
-        labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
+        labels: source of the labels: a network, rules without learning, the simulator's truth, or MODULE:CLASS.
         weights: network weights file. By default the shipped one.
         detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; --no-detector leaves
             out people.

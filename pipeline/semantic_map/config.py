@@ -8,7 +8,7 @@ from pipeline.errors import InputError, require_at_least, require_positive
 
 @dataclass(frozen=True)
 class RuleConfig:
-    """How the baseline classifies points by height and slope.
+    """How the baseline classifies points by height, slope and roughness.
 
     Attributes:
         wall_tilt: minimum tilt of a wall, rad.

@@ -1,4 +1,4 @@
-"""The baseline: classification by height and slope alone, without learning."""
+"""The baseline: classification by height, slope and roughness, without learning."""
 
 import numpy as np
 from scipy.spatial import cKDTree

@@ -72,7 +72,7 @@ class SweepSettings:
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         lighting: light in the arenas; if it is dark, the robot switches on its lamp.
         steps: maximum number of exploration steps of an episode.
-        labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
+        labels: source of the labels: a network, rules without learning, the simulator's truth, or MODULE:CLASS.
         detector: victim detector: .onnx, Darknet's .cfg and .weights, or a .safetensors file; --no-detector leaves
             out people.
         camera_size: size of the images in pixels.

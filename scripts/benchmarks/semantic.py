@@ -1,4 +1,4 @@
-"""Speed and accuracy of the robot's semantic network, compared with plain DGCNN and rules for height and slope."""
+"""Speed and accuracy of the robot's semantic network, compared with plain DGCNN and rules without learning."""
 
 import tempfile
 from collections.abc import Iterable, Mapping

@@ -324,7 +324,7 @@ class LanesSettings(PerceptionConfig, SubjectSettings):
 class BarnSettings(RunsSettings):
     """BARN's cylinder worlds, crossed autonomously with the robot's own camera.
 
-    The search for people and objects is off, and labels come from height and slope.
+    The search for people and objects is off, and labels come from rules.
 
     Attributes:
         worlds: folder with the BARN challenge's world_N.world and path_N.npy.

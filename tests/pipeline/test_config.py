@@ -141,7 +141,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (VisibilityConfig, "rays", 12),
         (ExplorationConfig, "more_time", 1.0),
         (ObstacleCheckConfig, "ahead", 0.0),
-        (ObstacleCheckConfig, "turn", -0.1),
+        (ObstacleCheckConfig, "angle_between_checks", -0.1),
         (ObstacleCheckConfig, "min_returns", 0),
         (SpeedLimitConfig, "people_speed", 0.0),
         (SpeedLimitConfig, "arc_lag", 0.0),

@@ -198,7 +198,7 @@ def test_each_error_alone_makes_it_drift(error, monkeypatch):
     believed = drive(WheelOdometry(np.random.default_rng(1), RADIUS), 0.2, 0.1, 10.0)
     drift = np.linalg.norm(believed - drive(ideal(), 0.2, 0.1, 10.0))
     # A scale error turns the vertical only where the robot accelerates: here, sideways, by 0.06 m/s².
-    least, most = (0.0, 1e-6) if error == "ACCELEROMETER scale" else (1e-6, 0.1)
+    least, most = (0.0, 1e-6) if error == "ACCELEROMETER scale_sigma" else (1e-6, 0.1)
     assert least < drift < most
 
 

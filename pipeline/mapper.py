@@ -151,7 +151,7 @@ class Mapper:
             return ground
         limit = self.config.navigation.speed_limit
         been = self.elevation_map.swept
-        return ground.keeping_off(np.concatenate(people), been, limit.beside_people, limit.people_speed)
+        return ground.keeping_off(np.concatenate(people), been, limit.beside_people, limit.speed_near_people)
 
     @property
     def people(self) -> list[Points]:

@@ -12,8 +12,8 @@ class PathCosts:
     Attributes:
         full_speed_clearance: free space around the footprint that lets the robot drive at full speed, m. More free
             space makes no difference, so clearances are computed only up to this distance.
-        narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
-            Pioneer then drives at 0.2 m/s.
+        narrow_stopping_distance: stopping distance that limits the speed where obstacles leave no room around the
+            footprint, m; a Pioneer then drives at 0.2 m/s.
         ramp_pace: fraction of the robot's ramp speed and turn rate that costs assume. It is lower than the fraction
             that the robot reaches, because the robot may slip and slide on ramps; expected durations do not include
             this risk.
@@ -29,7 +29,7 @@ class PathCosts:
     """
 
     full_speed_clearance: float = 0.2
-    narrow_stop: float = 0.067
+    narrow_stopping_distance: float = 0.067
     ramp_pace: float = 0.65
     expected_ramp_pace: float = 0.9
     turn_pace: float = 0.42
@@ -39,10 +39,10 @@ class PathCosts:
     stop: float = 1.5
 
     def __post_init__(self) -> None:
-        positive = "full_speed_clearance", "narrow_stop", "ramp_pace", "expected_ramp_pace", "turn_pace", "backing"
-        require_positive("elevation_map.traversability.costs", self, *positive)
-        not_negative = "max_path_deviation", "collision_penalty", "stop"
-        require_at_least(0, "elevation_map.traversability.costs", self, *not_negative)
+        section = "elevation_map.traversability.costs"
+        require_positive(section, self, "full_speed_clearance", "narrow_stopping_distance", "ramp_pace")
+        require_positive(section, self, "expected_ramp_pace", "turn_pace", "backing")
+        require_at_least(0, section, self, "max_path_deviation", "collision_penalty", "stop")
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ class Terrain(NamedTuple):
         required_clearance: int8 minimum allowed clearance, cm.
         ramp: cells in which the wheels may be on a ramp.
         uphill: (nx, ny, 2) gradient of this ramp, m per m; 0 where there is none.
-        beside_people: bool, cells in which the robot drives no faster than ``people_speed``.
+        beside_people: bool, cells in which the robot drives no faster than ``speed_near_people``.
     """
 
     origin: Place
@@ -65,7 +65,7 @@ class Costs(NamedTuple):
     Attributes:
         half_length, half_width: half the length and width of the footprint, m.
         speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
-        people_speed: maximum speed near people, m/s.
+        speed_near_people: maximum speed near people, m/s.
         turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
         max_deviation: maximum deviation of the robot from its path, m.
         slope_deviation: additional deviation in a turn, m per unit of slope.
@@ -83,7 +83,7 @@ class Costs(NamedTuple):
     half_width: float
     speed: float
     ramp_speed: float
-    people_speed: float
+    speed_near_people: float
     turn_rate: float
     ramp_turn_rate: float
     max_deviation: float
@@ -261,7 +261,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, is_beside_people, backw
         else level_speed(clearance, costs.speed, costs.full_speed_clearance, costs.narrow_speed)
     )
     if is_beside_people:
-        speed = min(speed, costs.people_speed)
+        speed = min(speed, costs.speed_near_people)
     seconds = (1.0 + costs.cross_slope_factor * across) / speed
     risk = costs.collision_penalty * collision_probability(clearance, costs.max_deviation)
     return seconds * (costs.backing if backward else 1.0) * (1.0 + risk)

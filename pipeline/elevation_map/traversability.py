@@ -71,10 +71,10 @@ class Traversability:
         turnable: where the robot can turn through a full circle on level ground.
         tall: hazards that hide the ground behind them, unlike decks and ramps.
         kept_off: ground next to people, from which the robot keeps away; it is treated as a hazard.
-        beside_people: ground around people, on which the robot drives no faster than ``people_speed``.
+        beside_people: ground around people, on which the robot drives no faster than ``speed_near_people``.
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
-        people_speed: maximum speed near people, m/s.
+        speed_near_people: maximum speed near people, m/s.
         is_tight: whether paths need no margin, see :attr:`without_margin`.
         ignores_downhill_room: whether paths need no room downhill, see :attr:`without_downhill_room`.
     """
@@ -99,7 +99,7 @@ class Traversability:
     sealed: Layer
     robot: RobotModel
     config: TraversabilityConfig
-    people_speed: float = np.inf
+    speed_near_people: float = np.inf
     is_tight: bool = False
     ignores_downhill_room: bool = False
 
@@ -131,7 +131,11 @@ class Traversability:
         return replace(self, clearance=clearance, free=free, ignores_downhill_room=True)
 
     def keeping_off(
-        self, people: NDArray[np.floating], been: MaskLayer, beside_people: float = 0.0, people_speed: float = np.inf
+        self,
+        people: NDArray[np.floating],
+        been: MaskLayer,
+        beside_people: float = 0.0,
+        speed_near_people: float = np.inf,
     ) -> "Traversability":
         """The same ground if everything within ``keep_off`` of people is a hazard, except where the robot has been.
 
@@ -141,11 +145,11 @@ class Traversability:
         Args:
             people: (N, 2 or 3) points on people, m.
             been: (nx, ny) cells where the robot has been.
-            beside_people: distance from people within which the robot drives no faster than ``people_speed``, m.
-            people_speed: maximum speed near people, m/s.
+            beside_people: distance from people within which the robot drives no faster than ``speed_near_people``, m.
+            speed_near_people: maximum speed near people, m/s.
         """
         to_people = self.grid.distance_to(self.grid.mask_of(people))
-        limited = replace(self, beside_people=to_people <= beside_people, people_speed=people_speed)
+        limited = replace(self, beside_people=to_people <= beside_people, speed_near_people=speed_near_people)
         kept_off = (to_people <= self.config.keep_off) & ~been & ~self.hazard
         if not kept_off.any():
             return limited
@@ -244,7 +248,7 @@ class Traversability:
             half_width=robot.half_width,
             speed=robot.speed,
             ramp_speed=drives * robot.ramp_speed,
-            people_speed=float(self.people_speed),
+            speed_near_people=float(self.speed_near_people),
             turn_rate=costs.turn_pace * robot.turn_rate,
             ramp_turn_rate=turns * robot.ramp_turn_rate,
             max_deviation=caution * costs.max_path_deviation,
@@ -253,7 +257,7 @@ class Traversability:
             lean=0.0 if self.ignores_downhill_room else WIDEST_HEIGHT_FRACTION * robot.body_height,
             cross_slope_factor=1 / np.tan(robot.max_tilt),
             full_speed_clearance=costs.full_speed_clearance,
-            narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
+            narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stopping_distance)),
             backing=costs.backing,
             collision_penalty=costs.collision_penalty,
             stop=costs.stop,
@@ -290,7 +294,7 @@ UNSEEN_VALUES: dict[str, float] = {
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
-NO_LAYERS = "grid", "robot", "config", "people_speed", "is_tight", "ignores_downhill_room"
+NO_LAYERS = "grid", "robot", "config", "speed_near_people", "is_tight", "ignores_downhill_room"
 LAYERS = [field.name for field in fields(Traversability) if field.name not in NO_LAYERS]
 
 

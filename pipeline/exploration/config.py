@@ -23,8 +23,8 @@ class VisibilityConfig:
             steeply.
         max_blocked_probability: maximum probability that a wall has stopped a ray in unknown ground for the ray to be
             followed further.
-        min_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
-            walls are.
+        min_unknown_length: minimum length of unknown ground that a ray is expected to see through, m, however close
+            the walls are.
         level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
         min_new_view_distance: minimum distance between a viewpoint that is expected to show a cell and the keyframe
             that last missed the cell, m.
@@ -36,7 +36,7 @@ class VisibilityConfig:
     max_overshoot: float = 0.2
     nist_slope: float = float(2 * np.tan(RAMP_TILT))
     max_blocked_probability: float = 0.4
-    min_unknown: float = 1.0
+    min_unknown_length: float = 1.0
     level_run: float = 1.0
     min_new_view_distance: float = 0.3
 
@@ -94,7 +94,7 @@ class ExplorationConfig:
         more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
         more_time: see ``more_ground``.
         max_given_up_fraction: maximum fraction of the seen ground that may be given up as not worth the drive.
-        min_piece_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
+        min_unreachable_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
         goal_tolerance: distance within which a viewpoint or goal is considered reached, m.
         max_drives_without_progress: number of drives without progress towards a goal after which the goal is given
@@ -116,7 +116,7 @@ class ExplorationConfig:
     more_ground: float = 1.002
     more_time: float = 1.15
     max_given_up_fraction: float = 0.01
-    min_piece_area: float = 0.25
+    min_unreachable_area: float = 0.25
     horizon: float = 1.5
     goal_tolerance: float = 0.15
     max_drives_without_progress: int = 5
@@ -130,7 +130,7 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
-        require_at_least(0, "exploration", self, "max_given_up_fraction", "min_piece_area", "max_unseen_gap")
+        require_at_least(0, "exploration", self, "max_given_up_fraction", "min_unreachable_area", "max_unseen_gap")
         if not self.more_time > 1:
             raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
         require_at_least(1, "exploration", self, "max_drives_without_progress", "looks", "drives_to_look")

@@ -274,7 +274,7 @@ class NextBestView(Strategy):
         with_slopes = _connected_to_reachable(context, is_known & (steep | ~traversability.hazard))
         without = _connected_to_reachable(context, is_known & ~traversability.hazard)
         for piece in np.argsort(-areas):
-            if areas[piece] < self.config.min_piece_area:
+            if areas[piece] < self.config.min_unreachable_area:
                 return
             cells = pieces == piece
             between = near & cells_touching(context, cells, half)

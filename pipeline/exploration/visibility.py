@@ -53,10 +53,10 @@ def expected_sight_length(walls: MaskLayer, seen: MaskLayer, cell: float, config
         walls: cells that block the view.
         seen: cells whose ground was seen.
         cell: side of a cell, m.
-        config: settings, of which ``max_blocked_probability`` and ``min_unknown`` are used.
+        config: settings, of which ``max_blocked_probability`` and ``min_unknown_length`` are used.
     """
     depth = -np.log1p(-config.max_blocked_probability) * mean_free_path(walls, seen, cell)
-    return float(rounded(max(config.min_unknown, depth)))
+    return float(rounded(max(config.min_unknown_length, depth)))
 
 
 def mean_free_path(walls: MaskLayer, seen: MaskLayer, cell: float) -> float:

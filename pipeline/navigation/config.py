@@ -120,8 +120,8 @@ class SpeedLimitConfig:
     """Where the robot slows down.
 
     Attributes:
-        beside_people: distance from a person within which the robot drives no faster than ``people_speed``, m.
-        people_speed: maximum speed near people, m/s.
+        beside_people: distance from a person within which the robot drives no faster than ``speed_near_people``, m.
+        speed_near_people: maximum speed near people, m/s.
         beside_ramps: distance from a ramp within which the robot drives as on the ramp, because its wheels may
             already be on the ramp, m.
         arc_lag: time in which a robot that enters an arc must be able to reach the arc's turn rate, s; until then,
@@ -131,20 +131,20 @@ class SpeedLimitConfig:
     """
 
     beside_people: float = 1.0
-    people_speed: float = 0.2
+    speed_near_people: float = 0.2
     beside_ramps: float = 0.2
     arc_lag: float = 0.46
     max_bend_offset: float = 0.02
 
     def __post_init__(self) -> None:
         """Raise InputError if the robot could not drive near people or in arcs with these settings."""
-        require_positive("navigation.speed_limit", self, "people_speed", "arc_lag", "max_bend_offset")
+        require_positive("navigation.speed_limit", self, "speed_near_people", "arc_lag", "max_bend_offset")
         require_at_least(0, "navigation.speed_limit", self, "beside_people", "beside_ramps")
 
 
 @dataclass(frozen=True)
 class FaultConfig:
-    """Limits beyond which the robot reports faults of its own sensors.
+    """Limit beyond which the robot reports a fault in its depth camera.
 
     Attributes:
         max_depth_scale_error: relative error of the measured height of the camera above which a fault is reported;

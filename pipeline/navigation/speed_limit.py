@@ -29,7 +29,7 @@ class SpeedLimit:
         self._deceleration = config.follower.braking * traversability.robot.acceleration
         slow = (
             (ramps, self._config.beside_ramps, traversability.robot.ramp_speed),
-            (people, self._config.beside_people, self._config.people_speed),
+            (people, self._config.beside_people, self._config.speed_near_people),
         )
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 

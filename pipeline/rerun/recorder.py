@@ -242,14 +242,14 @@ class Recorder(Sink):
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.confidence_ellipsoids(victims))
         log("world/victims/photos", victim_drawings.photo_sheet(victims, PHOTO_SIDE))
-        confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
+        confirmed, unconfirmed = len(victims.confirmed), len(victims.worth_a_look)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_finds(self, finds: Finds) -> None:
         confirmed = finds.reported
         self.stream.log("world/finds", find_drawings.marks(confirmed))
         self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, PHOTO_SIDE))
-        self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
+        self._log_metrics("finds/", confirmed=len(confirmed), worth_a_look=len(finds.worth_a_look))
 
     def _log_clouds(self, mapper: Mapper) -> None:
         """Log the metric map and the semantic map, each of them only if its size has changed enough."""

@@ -48,7 +48,7 @@ class Finds(Tracks):
         }
         if not any(find.kind in reach for find in found):
             return found  # checking whether people are confirmed takes long, and each step reads this property
-        return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
+        return list(one_per_person(found, self._people.confirmed, self._people.worth_a_look, reach))
 
     @property
     def flat_find_points(self) -> list[Points]:

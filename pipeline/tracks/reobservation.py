@@ -46,7 +46,7 @@ class Reobservation:
         keyframes: Keyframes,
         config: ReobservationConfig = ReobservationConfig(),
     ) -> None:
-        """Reward viewpoints towards unconfirmed ``tracks``, with lines of sight free in ``metric_map``."""
+        """Reward viewpoints towards ``tracks`` worth another look, with lines of sight free in ``metric_map``."""
         self.last_frame: Frame | None = None
         self._tracks, self._map, self._keyframes, self._config = tracks, metric_map, keyframes, config
         self._aimed: list[tuple[Track, AnchoredPlaces]] = []
@@ -54,8 +54,8 @@ class Reobservation:
     @property
     def wanted(self) -> list[Track]:
         """The objects that are worth another look and were not tried too often."""
-        unconfirmed = (track for tracks in self._tracks for track in tracks.unconfirmed)
-        return [track for track in unconfirmed if len(track.tried) < self._config.max_tries]
+        wanted = (track for tracks in self._tracks for track in tracks.worth_a_look)
+        return [track for track in wanted if len(track.tried) < self._config.max_tries]
 
     def gains(self, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground with (M,) bearings, rad."""

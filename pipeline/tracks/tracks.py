@@ -32,7 +32,7 @@ class Tracks:
         return [track for track in self.all if track.is_confirmed]
 
     @property
-    def unconfirmed(self) -> list[Track]:
+    def worth_a_look(self) -> list[Track]:
         """The tracks worth another look."""
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 

@@ -17,9 +17,9 @@ class DetectorConfig:
         max_hints: maximum number of hints of people in an image of an arena. An image with more hints is unlike the
             images on which the arena network was trained. Of 485 frames of three arenas, 1% have more; of 116 photos
             of rooms and people, all have more.
-        min_corroboration: minimum confidence of a box of the COCO network that corroborates a suspect. Even with this
-            low minimum, the network sees people in hardly any image without people, and two networks rarely make the
-            same mistake.
+        min_corroboration: minimum confidence of a box of the COCO network that corroborates a candidate. Even with
+            this low minimum, the network sees people in hardly any image without people, and two networks rarely make
+            the same mistake.
     """
 
     confidence: float = 0.25

@@ -18,7 +18,7 @@ def confirmed_with_ids(victims: Tracks) -> list[tuple[str, Track]]:
 
 def unconfirmed_with_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The unconfirmed victims that are worth another look, with their ids: "A", "B", …"""
-    return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
+    return [(letters(k), victim) for k, victim in enumerate(victims.worth_a_look)]
 
 
 def letters(k: int) -> str:

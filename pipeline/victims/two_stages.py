@@ -1,8 +1,8 @@
-"""The shipped detector of people: the arena network finds suspects, which the COCO network must corroborate.
+"""The shipped detector of people: the arena network finds candidates, which the COCO network must corroborate.
 
 The arena network (YOLOv3-small) was trained only on renderings of arenas: it misses few people there, but has many
 false detections in photos. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
-times as much per pixel. The COCO network therefore examines only suspects, unless the image does not look like an
+times as much per pixel. The COCO network therefore examines only candidates, unless the image does not look like an
 arena.
 """
 
@@ -26,13 +26,13 @@ LARGE_BOX = 0.15
 MIN_HINT_CONFIDENCE = 0.02
 """Minimum confidence of a box that is a hint of a person."""
 CORROBORATION_IOU = 0.3
-"""Minimum intersection over union, exclusive, of a suspect's box and a box that corroborates it."""
+"""Minimum intersection over union, exclusive, of a candidate's box and a box that corroborates it."""
 CLOSE_UP_SIZE = 128, 128
-"""Size of the COCO network's input for a suspect, pixels, multiples of 32."""
+"""Size of the COCO network's input for a candidate, pixels, multiples of 32."""
 CONTEXT = 1.25
-"""Side of the square around a suspect that this input shows, relative to the suspect's longer side."""
+"""Side of the square around a candidate that this input shows, relative to the candidate's longer side."""
 MIN_LYING_RATIO = 0.8
-"""Minimum ratio of a suspect's width to its height for its square to be rotated, because few photos show people
+"""Minimum ratio of a candidate's width to its height for its square to be rotated, because few photos show people
 lying."""
 NOTHING: ScoredBoxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
@@ -43,7 +43,7 @@ class TwoStageNetwork:
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
     def __init__(self, arena: Yolo, coco: Yolo, config: DetectorConfig) -> None:
-        """``arena``: the network that finds suspects; ``coco``: the network that must corroborate the suspects."""
+        """``arena``: the network that finds candidates; ``coco``: the network that must corroborate them."""
         self._arena = arena
         self._coco = coco
         self._config = config
@@ -55,13 +55,13 @@ class TwoStageNetwork:
 
     def find(self, image: Rgb, min_confidence: float) -> ScoredBoxes:
         """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``min_confidence``."""
-        (boxes, scores), hints = self._suspects(image, min_confidence)
+        (boxes, scores), hints = self._candidates(image, min_confidence)
         look = self._check_close_ups if hints <= self._config.max_hints else self._check_whole_image
         corroborated, seen = look(image, boxes)
         return joined([(boxes[corroborated], scores[corroborated]), seen])
 
-    def _suspects(self, image: Rgb, min_confidence: float) -> tuple[ScoredBoxes, int]:
-        """The suspects that the arena network finds, the most confident first, and the number of hints of people."""
+    def _candidates(self, image: Rgb, min_confidence: float) -> tuple[ScoredBoxes, int]:
+        """The candidates of the arena network, the most confident first, and the number of hints of people."""
         config = self._config
         far = self._arena.boxes(image, config.size, min(MIN_HINT_CONFIDENCE, min_confidence))
         hints = len(self._best(far, MIN_HINT_CONFIDENCE)[0])
@@ -75,29 +75,29 @@ class TwoStageNetwork:
         is_near = extent >= LARGE_BOX * max(image.shape)
         return boxes[is_near], scores[is_near]
 
-    def _check_close_ups(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
-        """(N,) whether each of (N, 4) suspects is corroborated in a square around it, and the squares' boxes."""
-        seen, corroborated = NOTHING, np.zeros(len(suspects), bool)
-        for number, suspect in enumerate(suspects[:, None]):
-            corroborated[number] = self._are_corroborated(suspect, seen)
+    def _check_close_ups(self, image: Rgb, candidates: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
+        """(N,) whether each of (N, 4) candidates is corroborated in a square around it, and the squares' boxes."""
+        seen, corroborated = NOTHING, np.zeros(len(candidates), bool)
+        for number, candidate in enumerate(candidates[:, None]):
+            corroborated[number] = self._are_corroborated(candidate, seen)
             if not corroborated[number]:
-                corner, square = surroundings(image, suspect[0])
-                # A suspect nearly fills its square; people this large are found on the coarsest grid.
+                corner, square = surroundings(image, candidate[0])
+                # A candidate nearly fills its square; people this large are found on the coarsest grid.
                 view = shifted(
                     self._coco.boxes(square, CLOSE_UP_SIZE, self._config.min_corroboration, heads=1), corner
                 )
                 seen = joined([seen, view])
-                corroborated[number] = self._are_corroborated(suspect, view) or (
-                    _is_wide(suspect[0])
-                    and self._are_corroborated(suspect, shifted(self._rotated_boxes(square), corner))
+                corroborated[number] = self._are_corroborated(candidate, view) or (
+                    _is_wide(candidate[0])
+                    and self._are_corroborated(candidate, shifted(self._rotated_boxes(square), corner))
                 )
         return corroborated, seen
 
-    def _check_whole_image(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
-        """(N,) whether each of (N, 4) suspects is corroborated in the whole image, and all boxes in the image."""
+    def _check_whole_image(self, image: Rgb, candidates: NDArray[np.float32]) -> tuple[Mask, ScoredBoxes]:
+        """(N,) whether each of (N, 4) candidates is corroborated in the whole image, and all boxes in the image."""
         least = self._config.min_corroboration
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near_boxes(self._coco, image, least)])
-        return self._are_corroborated(suspects, seen), seen
+        return self._are_corroborated(candidates, seen), seen
 
     def _rotated_boxes(self, image: Rgb) -> ScoredBoxes:
         """Boxes that the COCO network sees in an image rotated by 90° either way, which sets lying people upright."""
@@ -108,10 +108,10 @@ class TwoStageNetwork:
             for boxes, scores in [self._coco.boxes(side, CLOSE_UP_SIZE, self._config.min_corroboration, heads=1)]
         )
 
-    def _are_corroborated(self, suspects: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
-        """(N,) whether each of (N, 4) suspects overlaps a seen box, with an IoU above ``CORROBORATION_IOU``."""
+    def _are_corroborated(self, candidates: NDArray[np.float32], seen: ScoredBoxes) -> Mask:
+        """(N,) whether each of (N, 4) candidates overlaps a seen box, with an IoU above ``CORROBORATION_IOU``."""
         boxes, _ = self._best(seen, self._config.min_corroboration)
-        return np.asarray(pairwise_iou(suspects, boxes).max(axis=1, initial=0) > CORROBORATION_IOU)
+        return np.asarray(pairwise_iou(candidates, boxes).max(axis=1, initial=0) > CORROBORATION_IOU)
 
     def _best(self, found: ScoredBoxes, min_confidence: float) -> ScoredBoxes:
         """One box per object, the most confident first."""

@@ -17,7 +17,7 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.files import atomic_write, read_text
 from sarsim.commands.cli import COMMON_FLAGS_HELP, apply_common_flags, check_names, parse, program, run_guarded
-from sarsim.methods.plugins import is_portable, may_be_in_file, settings_of, shipped_plugin, split_flags, summary
+from sarsim.methods.plugins import is_portable, may_be_in_file, plugins_help, settings_of, shipped_plugin, split_flags
 from sarsim.settings import chooses_code
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def settings_from(
     asked: dict[str, list[str]] = {}
     if "plugins" in own:
         asked, args = split_flags(args, own)
-        description = description and f"{description}\n\n{summary()}"
+        description = description and f"{description}\n\n{plugins_help()}"
     found = config_file(args)
     given = [*args, *(f"--{name}" for name in asked)]
     default: dict[str, Any] = {"default": load_settings(kind, found[1], given, found[0])} if found else {}

@@ -151,7 +151,11 @@ class Dataset:
         return len(self.entries)
 
     def __iter__(self) -> Iterator[tuple[SceneEntry, Scene]]:
-        """Yield every scene, open until the next is requested; InputError if a file is missing, changed or broken."""
+        """Yield each scene's entry, and the scene, which is open until the next is requested.
+
+        Raises:
+            InputError: a file is missing, changed or broken.
+        """
         for entry in self.entries:
             path = self.folder / entry.file
             # Check before HDF5 opens the file, because its library hangs on some damaged files.

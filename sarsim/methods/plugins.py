@@ -25,7 +25,7 @@ def installed(groups: Iterable[str] = FLAG_GROUPS) -> dict[str, EntryPoint]:
     return {entry.name: entry for group in groups for entry in entry_points(group=group)}
 
 
-def summary() -> str:
+def plugins_help() -> str:
     """The installed plug-ins, for ``--help``."""
     names = ", ".join(f"--{name}" for name in sorted(installed()))
     missions = ", ".join(sorted(filter(str.isidentifier, installed([MISSION_GROUP]))))

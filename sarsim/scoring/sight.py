@@ -36,7 +36,7 @@ class Sight:
 
     def views(self, poses: NDArray[np.float64]) -> sparse.csr_array:
         """(V, N) bool, sparse, the cells seen from each of the poses (V, 3): x and y, m, and heading, rad."""
-        rows = [self._seen(T @ self._frame.T_base_camera) for T in self._on_ground(poses)]
+        rows = [self._visible_cells(T @ self._frame.T_base_camera) for T in self._on_ground(poses)]
         ends = np.cumsum([0, *map(len, rows)])
         columns = np.concatenate([*rows, np.zeros(0, np.int64)])
         return sparse.csr_array((np.ones(len(columns), np.bool_), columns, ends), shape=(len(poses), len(self.cells)))
@@ -53,7 +53,7 @@ class Sight:
         T[:, :2, 3], T[:, 2, 3] = poses[:, :2], self._ground.elevation[where]
         return T
 
-    def _seen(self, T_world_camera: Pose) -> NDArray[np.int64]:
+    def _visible_cells(self, T_world_camera: Pose) -> NDArray[np.int64]:
         """Sorted indices of the cells that one image shows."""
         lens, sensor = self._frame.intrinsics, self._frame.sensor
         corners = transform_places(T_world_camera, sensor.farthest * lens.frustum)

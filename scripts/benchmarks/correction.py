@@ -61,11 +61,11 @@ def measure(settings: CorrectionSettings) -> Result:
     return Result(figures | {"equal": float(all(equal)), "bytes_per_keyframe": most})
 
 
-def map_drive(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
+def map_drive(arena: str, size: int, seed: int) -> tuple[Mapper, "OctreeSink"]:
     """The maps of a drive with ``size`` keyframes, and an octree of the same keyframes."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig("wheel"), seed)
     mapper = make_mapper(TRUE_LABELS, robot.model, seed)
-    octree, explorer = Octree(mapper.metric_map), Explorer(robot, mapper)
+    octree, explorer = OctreeSink(mapper.metric_map), Explorer(robot, mapper)
     explorer.watch(octree)
     explorer.mission.exploration = RandomWalk(robot.model, seed, steps=size)
     explore(explorer, may_step=lambda: len(mapper.keyframes) < size)
@@ -73,7 +73,7 @@ def map_drive(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
     return mapper, octree
 
 
-class Octree(Sink):
+class OctreeSink(Sink):
     """Inserts every keyframe into an octree.
 
     Attributes:

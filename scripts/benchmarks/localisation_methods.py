@@ -24,7 +24,7 @@ from scripts.benchmarks.localisation_scores import errors_of, moved_along, nees,
 STRIDE = 4
 """Pixel stride of the points given to KISS-ICP.
 
-The points are still denser than the voxels of KISS-ICP, each of which keeps one point.
+The points are still denser than the voxels to which KISS-ICP downsamples a scan, each of which keeps one point.
 """
 
 MIN_RETURNS = 0.1

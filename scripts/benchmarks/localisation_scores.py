@@ -34,7 +34,7 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     first = np.flatnonzero(way <= way[-1] - RPE_DISTANCE)
     if len(first):
         last = np.searchsorted(way, way[first] + RPE_DISTANCE)
-        errors = errors_of(relative(true, first, last), relative(estimated, first, last))
+        errors = errors_of(relative_poses(true, first, last), relative_poses(estimated, first, last))
         scores["rpe_m"] = rms(np.linalg.norm(errors[:, 3:], axis=1))
         scores["rpe_deg"] = float(np.rad2deg(rms(np.linalg.norm(errors[:, :3], axis=1))))
     return scores
@@ -45,7 +45,7 @@ def distances_driven(true: NDArray[np.float64]) -> Values:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))
 
 
-def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> Poses:
+def relative_poses(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> Poses:
     """(M, 4, 4) poses ``last`` relative to poses ``first``, which are (M,) indices into (N, 4, 4) ``poses``."""
     return np.linalg.inv(poses[first]) @ poses[last]
 

@@ -86,7 +86,7 @@ def frames_by_group(settings: NetworksSettings) -> dict[str, dict[str, int]]:
     return {group: {arena: n for arena, n in arenas.items() if n} for group, arenas in groups.items()}
 
 
-def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
+def after_planar_vote(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
     """(N, 8) probabilities of a frame's points after the planar vote, from the ``given`` (N, 8) probabilities."""
     result = given.copy()
     result[:, CLASSES] = vote_on_planes(
@@ -95,7 +95,7 @@ def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
     return result
 
 
-VOTES: Mapping[str, Change] = {"": voted, ".alone": lambda frame, given: given}
+VOTES: Mapping[str, Change] = {"": after_planar_vote, ".alone": lambda frame, given: given}
 """Changes to probabilities, with and without the planar vote, by suffix of the figures' names."""
 
 

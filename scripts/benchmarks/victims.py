@@ -47,7 +47,7 @@ def measure(settings: VictimsSettings) -> Result:
     # The detector's average precision in frames of unseen arenas, from the same viewpoints in each light.
     arenas = recipe(settings.seed, settings.frames)
     for light in tracked(Lighting if settings.scenes else (), "frames"):
-        seen = [one for n in range(settings.scenes) for one in scene_frames(arenas, n, light, precise)]
+        seen = [one for n in range(settings.scenes) for one in people_in_scene(arenas, n, light, precise)]
         if np.isfinite(value := ap50(seen)):
             figures[f"ap50.{light.name}"] = value
         figures[f"ap50.{light.name}.people"] = sum(int(people.counts.sum()) for people in seen)
@@ -117,7 +117,7 @@ def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
             return []
 
     with torch_threads(THREADS):
-        for _ in scene_frames(recipe(seed, rounds), 0, Lighting.normal, Timed()):
+        for _ in people_in_scene(recipe(seed, rounds), 0, Lighting.normal, Timed()):
             pass
     return {"detector_ms": float(1e3 * np.mean(times))}
 
@@ -152,7 +152,7 @@ def recipe(seed: int, frames: int) -> Recipe:
     return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 
-def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
+def people_in_scene(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
     """Yield the people and detections in each frame of a scene; ``lighting`` changes nothing else in the scene."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")

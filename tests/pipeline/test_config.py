@@ -143,7 +143,7 @@ def test_a_config_that_is_not_passed_on_is_seen() -> None:
         (ObstacleCheckConfig, "ahead", 0.0),
         (ObstacleCheckConfig, "angle_between_checks", -0.1),
         (ObstacleCheckConfig, "min_returns", 0),
-        (SpeedLimitConfig, "people_speed", 0.0),
+        (SpeedLimitConfig, "speed_near_people", 0.0),
         (SpeedLimitConfig, "arc_lag", 0.0),
         (SpeedLimitConfig, "beside_people", -1.0),
         (ArcConfig, "radii", (0.3, 0.0)),

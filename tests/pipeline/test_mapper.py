@@ -63,7 +63,7 @@ def test_drives_near_people_are_planned_with_their_speed_limit(monkeypatch):
     person = np.array([[2.0, 0.0, 0.1]], np.float32)
     monkeypatch.setattr(Mapper, "people", [person])
     ground, limit = TRUE.drivable, TRUE.config.navigation.speed_limit
-    assert ground.costs().people_speed == limit.people_speed
+    assert ground.costs().speed_near_people == limit.speed_near_people
     near = ground.grid.distance_to(ground.grid.mask_of(person)) <= limit.beside_people
     np.testing.assert_array_equal(ground.terrain.beside_people, near)
 

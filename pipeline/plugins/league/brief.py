@@ -53,7 +53,8 @@ class Penalties:
 
     Attributes:
         contact: fraction of a living victim's points that each contact with it costs, Virtual Robot 2022.
-        wrong: fraction of a victim's points that a mark without a victim costs, Virtual Robot 2022.
+        wrong: fraction of a victim's points that a wrong mark costs, Virtual Robot 2022. A wrong mark of a living
+            victim costs more, according to the formula of the score.
         reset: points that each reset in the labyrinth costs; 0, because the summary of the rules names no penalty.
     """
 

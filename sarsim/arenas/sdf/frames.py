@@ -29,7 +29,7 @@ class _Frame:
     T: Pose
     relative_to: str
     fallback: str
-    inside: "Frames | None"
+    nested_frames: "Frames | None"
     placement_frame: str
     merged: bool
 
@@ -51,7 +51,7 @@ class Frames:
 
     def add(
         self, name: str, T: Pose, relative_to: str,
-        inside: "Frames | None" = None, placement_frame: str = MODEL, merged: bool = False, fallback: str = "",
+        nested_frames: "Frames | None" = None, placement_frame: str = MODEL, merged: bool = False, fallback: str = "",
     ) -> str:  # fmt: skip
         """Add a frame and return its name.
 
@@ -68,18 +68,18 @@ class Frames:
         """
         while name in self._frames:
             name += "'"
-        self._frames[name] = _Frame(T, relative_to, fallback, inside, placement_frame, merged)
+        self._frames[name] = _Frame(T, relative_to, fallback, nested_frames, placement_frame, merged)
         return name
 
     def has(self, name: str) -> bool:
         """Whether there is a frame of this name, which may be in a nested model (``model::frame``)."""
         outer, _, inner = name.partition("::")
-        within = self._frames[outer].inside if outer in self._frames else None
-        merged = [frame.inside for frame in self._frames.values() if frame.merged and frame.inside is not None]
+        within = self._frames[outer].nested_frames if outer in self._frames else None
+        merged = [frame.nested_frames for frame in self._frames.values() if frame.merged]
         return (
             name in (self.root, *self._frames)
             or bool(inner and within is not None and within.has(inner))
-            or any(inside.has(name) for inside in merged)
+            or any(nested_frames.has(name) for nested_frames in merged if nested_frames is not None)
         )
 
     def pose(self, name: str, fallback: str = "") -> Pose:
@@ -99,15 +99,15 @@ class Frames:
         outer, _, inner = name.partition("::")
         if outer not in self._frames:
             return self._merged_pose(name)
-        T, inside = self._pose(outer), self._frames[outer].inside
-        if inside is None:
+        T, nested_frames = self._pose(outer), self._frames[outer].nested_frames
+        if nested_frames is None:
             raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
-        return T @ inside.pose(inner)
+        return T @ nested_frames.pose(inner)
 
     def _merged_pose(self, name: str) -> NDArray[np.float64]:
         for key, frame in self._frames.items():
-            if frame.merged and frame.inside is not None and frame.inside.has(name):
-                return self._pose(key) @ frame.inside.pose(name)
+            if frame.merged and frame.nested_frames is not None and frame.nested_frames.has(name):
+                return self._pose(key) @ frame.nested_frames.pose(name)
         raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
 
     def _pose(self, name: str) -> NDArray[np.float64]:
@@ -122,7 +122,7 @@ class Frames:
                 T = self.pose(frame.relative_to, frame.fallback) @ frame.T
             finally:
                 self._resolving.remove(name)
-            if frame.inside is not None and frame.placement_frame != MODEL:
-                T = T @ inverse(frame.inside.pose(frame.placement_frame))
+            if frame.nested_frames is not None and frame.placement_frame != MODEL:
+                T = T @ inverse(frame.nested_frames.pose(frame.placement_frame))
             self._poses[name] = T
         return self._poses[name]

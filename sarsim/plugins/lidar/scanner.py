@@ -149,7 +149,7 @@ class Scanner:
             return [] if self.rolls else [self._next_scan(time)]
         if self.rolls:
             with hidden(self._world, self._is_robot):
-                return list(self._roll(*before, time, pose))
+                return list(self._scan_rolling(*before, time, pose))
         return (
             [self._next_scan(time)]
             if time >= self._start_time + self._turn / self.model.rate - TIME_TOLERANCE
@@ -160,7 +160,7 @@ class Scanner:
         self._turn = int((time - self._start_time) * self.model.rate + TIME_TOLERANCE) + 1
         return self.scan(time)
 
-    def _roll(self, t0: float, T0: Pose, t1: float, T1: Pose) -> Iterator[Scan]:
+    def _scan_rolling(self, t0: float, T0: Pose, t1: float, T1: Pose) -> Iterator[Scan]:
         """Fire the columns between two times, s, as the robot moves between two poses, and yield complete scans."""
         step, columns = self.model.column_time, self.model.columns
         while True:

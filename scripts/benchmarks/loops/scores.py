@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Indices, Poses, Values
 from pipeline.localisation.pose_graph import ConstraintKind
-from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative, rms
+from scripts.benchmarks.localisation_scores import distances_driven, each_nees, errors_of, relative_poses, rms
 from scripts.benchmarks.loops.replay import TourLocalisation
 from scripts.benchmarks.loops.revisits import MIN_REVISIT_PATH
 from scripts.benchmarks.loops.tours import Tour
@@ -73,7 +73,7 @@ def offsets(
     Each direction is weighted by the constraint's information, divided by the sum of this information and the
     information of an error of ``FALSE_ERROR``.
     """
-    errors = errors_of(relative(true, first, second), T)
+    errors = errors_of(relative_poses(true, first, second), T)
     information = whitening.swapaxes(1, 2) @ whitening
     least = np.diag(np.repeat([FALSE_ERROR[1], FALSE_ERROR[0]], 3) ** -2.0)
     kept = np.einsum("nij,nj->ni", np.linalg.solve(information + least, information), errors)
@@ -96,7 +96,8 @@ def _relative_nees(true: Poses, run: TourLocalisation) -> dict[str, list[float]]
     for apart in KEYFRAME_GAPS:
         first = np.arange(0, max(0, len(true) - apart), max(1, (len(true) - apart) // PAIRS_PER_GAP))
         if len(first):
-            errors = errors_of(relative(true, first, first + apart), relative(graph.poses, first, first + apart))
+            second = first + apart
+            errors = errors_of(relative_poses(true, first, second), relative_poses(graph.poses, first, second))
             stated = np.array([graph.covariance(int(k) + apart, int(k)) for k in first])
             found[str(apart)] = each_nees(errors, stated).tolist()
     return found

@@ -48,7 +48,7 @@ def test_it_keeps_off_a_hand_on_the_floor_but_can_leave_from_where_it_has_been()
 def test_near_people_it_plans_to_drive_as_slowly_as_it_is_allowed_to(y):
     ground = assess_map(surface_of(ground_points(flat, (-3, 3), (-3, 3))))
     person, nowhere = np.array([[0.0, y, 0.1]]), np.zeros(ground.grid.shape, np.bool_)
-    kept = ground.keeping_off(person, nowhere, beside_people=1.0, people_speed=0.05)
+    kept = ground.keeping_off(person, nowhere, beside_people=1.0, speed_near_people=0.05)
     for away, is_slow in ((0.9, True), (1.2, False)):
         a, b = np.array([[-0.1, y - away], [0.1, y - away]])
         usual = ground.line_seconds([a], [b])[0], PosePaths(ground, a, 0.0).seconds_at(b, 0)
@@ -315,7 +315,7 @@ def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
 
 def test_other_numbers_hold_in_the_map_on_the_ground_and_for_the_way():
     clouds = ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.4))
-    costs = PathCosts(stop=3.0, narrow_stop=0.02)
+    costs = PathCosts(stop=3.0, narrow_stopping_distance=0.02)
     world = ElevationMap(PIONEER, ElevationConfig(cell=0.1, traversability=TraversabilityConfig(costs=costs)))
     world.update(np.vstack(clouds))
     slow, usual = (PosePaths(assess_map(w), (-1.0, -1.0), 0.0) for w in (world, surface_of(*clouds)))

@@ -181,4 +181,4 @@ def test_rays_are_expected_to_go_farther_in_a_hall_than_among_walls():
         for walls, seen in (room(1.2), room(12.0), (nothing, ~nothing))
     )
 
-    assert among_walls == config.min_unknown < CAMERA.far < hall < open_ground
+    assert among_walls == config.min_unknown_length < CAMERA.far < hall < open_ground

@@ -93,14 +93,14 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
     blind = replace(frame, depth=np.where(frame.depth > 3.5, 0, frame.depth).astype(np.float32))
     finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.6, -1.0))], T, 0)
     assert finds.reported == []
-    (wanted,) = finds.unconfirmed
+    (wanted,) = finds.worth_a_look
     least, most = wanted.policy.viewing_range(wanted, XTION)
     assert XTION.nearest <= least < most <= XTION.farthest
     frame, T = seen_from(3.3, 0.4)
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.6, 3.3, 0.4, half=30))], T, 1)
     (find,) = finds.reported
     np.testing.assert_allclose(find.position, (WALL, 0.5, 0.6), atol=0.05)
-    assert finds.unconfirmed == []
+    assert finds.worth_a_look == []
 
 
 def test_sightings_without_depth_do_not_move_what_has_a_place() -> None:
@@ -131,7 +131,7 @@ def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> N
     frame, T = seen_from()
     finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
     assert finds.reported == []
-    assert len(finds.unconfirmed) == 1
+    assert len(finds.worth_a_look) == 1
 
 
 @pytest.mark.parametrize(("kind", "from_one"), [("door_lever", 0), ("heat", 1), ("hazmat_sign", 1)])
@@ -141,7 +141,7 @@ def test_what_its_shape_identifies_is_reported_when_it_was_seen_from_two_places(
         frame, T = seen_from(1.0, y)
         finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8, seen_y=y, half=3), 0.9, kind)], T, k)
         assert len(finds.reported) == (1 if y == 0.5 else from_one)
-        assert len(finds.unconfirmed) == (kind == "hazmat_sign")
+        assert len(finds.worth_a_look) == (kind == "hazmat_sign")
 
 
 def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:

@@ -1,4 +1,4 @@
-"""What the arena network suspects and the COCO network sees, by networks that see spots of one colour."""
+"""What the arena network proposes and the COCO network sees, by networks that see spots of one colour."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def found(network: TwoStageNetwork, image: np.ndarray) -> list[tuple[list[int], 
     ]
 
 
-def test_a_suspect_counts_only_with_a_witness() -> None:
+def test_a_candidate_counts_only_with_a_witness() -> None:
     for other, count in (((BLUE, *PERSON), 1), ((BLUE, slice(100, 110), slice(200, 203)), 0)):
         network = TwoStageNetwork(Spots(RED, score=0.9), Spots(BLUE, score=0.06), CONFIG)
         assert found(network, image_of((RED, *PERSON), other)) == [([200, 100, 220, 140], 0.9)] * count
@@ -64,7 +64,7 @@ def test_what_the_witness_is_sure_of_counts_by_itself() -> None:
     assert boxes == [([205, 110, 210, 120], 0.7)]
 
 
-def test_the_witness_looks_only_where_there_is_a_suspect() -> None:
+def test_the_witness_looks_only_where_there_is_a_candidate() -> None:
     arena, coco = Spots(RED), Spots(BLUE)
     network = TwoStageNetwork(arena, coco, CONFIG)
     assert found(network, image_of((BLUE, *PERSON))) == []

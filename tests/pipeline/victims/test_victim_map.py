@@ -111,7 +111,7 @@ def test_a_hole_in_the_depth_is_refused() -> None:
 def test_two_frames_from_different_places_confirm() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON, OTHER], [PERSON])
-    assert len(victims.unconfirmed) == 1
+    assert len(victims.worth_a_look) == 1
     walk(victims, [(0.1, 0)], [PERSON, OTHER], [PERSON])
     assert victims.confirmed == []
     walk(victims, [(0.1, 0.4)], [PERSON, OTHER], [PERSON])
@@ -146,14 +146,14 @@ def test_little_evidence_is_worth_observing_again_and_less_is_not() -> None:
     for confidences, worth in (((0.3,), 0), ((0.3, 0.4), 1), ((0.6,), 1)):
         victims = victims_of(confidences, SMALL)
         assert victims.confirmed == []
-        assert len(victims.unconfirmed) == worth
+        assert len(victims.worth_a_look) == worth
 
 
 def test_what_is_small_takes_more_evidence() -> None:
     for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
         victims = victims_of(confidences, PeopleConfig())
         assert len(victims.confirmed) == is_enough
-        assert len(victims.unconfirmed) == (not is_enough)
+        assert len(victims.worth_a_look) == (not is_enough)
 
 
 def test_two_people_stay_two() -> None:

@@ -132,7 +132,7 @@ def test_a_missing_package_is_a_line_that_names_the_extra() -> None:
 
 def test_help_lists_plugins_without_importing_them() -> None:
     code = (
-        "import sys\nfrom sarsim.methods.plugins import summary\nprint(summary())\n"
+        "import sys\nfrom sarsim.methods.plugins import plugins_help\nprint(plugins_help())\n"
         "assert not [name for name in sys.modules if '.plugins.' in name], sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

@@ -32,7 +32,7 @@ class ActionGoal:
         self.why = ""
         self._handle: Any = None
         self._is_cancelled = False
-        answer.add_done_callback(self._take_answer)
+        answer.add_done_callback(self._take_goal_response)
 
     def cancel(self) -> None:
         """Ask the other node to cancel the goal, at once or as soon as that node has accepted the goal."""
@@ -40,7 +40,7 @@ class ActionGoal:
         if self._handle is not None and self.end is None and not was_cancelled:
             self._handle.cancel_goal_async()
 
-    def _take_answer(self, answer: Any) -> None:
+    def _take_goal_response(self, answer: Any) -> None:
         handle = answer.result()
         if not handle.accepted:
             self.end = GoalEnd.REJECTED

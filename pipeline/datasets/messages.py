@@ -4,14 +4,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Pose
 from pipeline.transforms import from_rotation
 
-Message = Any  # A message of rosbags: an instance of one of the dataclasses in the store
-STORE = get_typestore(Stores.ROS2_JAZZY)
+Message = Any  # A message of rosbags: an instance of one of the dataclasses in its type store
 CAMERA, BASE, ODOM, MAP = "camera_optical", "base_link", "odom", "map"  # Names of the frames
 NS_PER_S = 10**9  # Number of nanoseconds in a second
 

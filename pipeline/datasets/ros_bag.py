@@ -25,7 +25,8 @@ from pipeline.datasets.cameras import (
 from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.images import DEPTH_ENCODINGS, colour_of, depth_of, is_depth, label_of
 from pipeline.datasets.links import TF_TYPES, FrameTree, tf_topics
-from pipeline.datasets.messages import CAMERA, NS_PER_S, STORE, Message, pose_matrix, seconds, vector_of
+from pipeline.datasets.message_types import STORE
+from pipeline.datasets.messages import CAMERA, NS_PER_S, Message, pose_matrix, seconds, vector_of
 from pipeline.datasets.recording import BAG_ENDINGS, Recording, describes_bag
 from pipeline.errors import InputError, required
 from pipeline.files import check_regular

@@ -36,7 +36,6 @@ class ExportDatasetConfig:
         out: new folder for the export; it appears once the export is complete.
         voxel: s3dis: side of the cubes that keep one point each, m; larger cubes make smaller files. By default 0.02.
         points: blocks: points per block, as the network expects them. By default 4096.
-        min_points: blocks: minimum number of points in a column of 1 m × 1 m to make a block of it. By default 100.
         colours: blocks: nine channels with r g b, as in S3DIS, instead of six.
         min_area: yolo, coco: minimum number of visible pixels for an object to get a box. By default 100.
     """
@@ -46,7 +45,6 @@ class ExportDatasetConfig:
     out: Path
     voxel: Given[float] = None
     points: Given[int] = None
-    min_points: Given[int] = None
     colours: bool = False
     min_area: Given[int] = None
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 
-from pipeline.datasets.messages import STORE, Message
+from pipeline.datasets.message_types import STORE
+from pipeline.datasets.messages import Message
 from pipeline.errors import InputError
 from pipeline.plugins.ros.messages import nanoseconds, type_of
 

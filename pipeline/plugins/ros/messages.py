@@ -15,7 +15,8 @@ from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Labels, Places, Points, Pose, Values
-from pipeline.datasets.messages import BASE, CAMERA, MAP, NS_PER_S, ODOM, STORE, Message, seconds
+from pipeline.datasets.message_types import STORE
+from pipeline.datasets.messages import BASE, CAMERA, MAP, NS_PER_S, ODOM, Message, seconds
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.robot import Motion, Velocity

@@ -18,7 +18,7 @@ BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
 GREEN, BLUE = (0, 122, 82), (0, 87, 184)
 SUPERSAMPLING = 2  # Supersampling factor of drawings
-BLEED_RATIO = 1.5  # Ratio of the width of the coloured areas to the diagonal of the diamond that is cut from them
+BLEED = 1.5  # Ratio of the width of the coloured areas to the diagonal of the diamond that is cut from them
 LINE_RATIO = 0.92  # Ratio of the inner line's diagonal to the sign's diagonal
 
 
@@ -124,8 +124,7 @@ def _draw_sign(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
     """(size, size, 3) uint8 RGB, a sign that stands on its corner; its colours extend beyond the diamond's edges."""
     sign = _SIGNS[name]
     drawing = Drawing.blank(size, sign.top)
-    side = BLEED_RATIO
-    drawing.polygon([(-side, sign.split), (side, sign.split), (side, side), (-side, side)], sign.bottom)
+    drawing.polygon([(-BLEED, sign.split), (BLEED, sign.split), (BLEED, BLEED), (-BLEED, BLEED)], sign.bottom)
     if name == "flammable-solid":
         _draw_stripes(drawing)
     if name == "inhalation-hazard":

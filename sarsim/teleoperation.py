@@ -206,13 +206,15 @@ class MappedDrive(MappingRun):
         Raises:
             InputError: the labels, the detector, the robot, the window or the folder for results are not available.
         """
+        plugins = make_plugins(config)
+        for plugin in plugins:
+            plugin.add_to_arena(arena)
         self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
         with ExitStack() as refused:
             refused.callback(robot.close)
             perception = PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline)
-            plugins = make_plugins(config)
             mapper = make_mapper(perception, robot.model, plugins=plugins, sensor=robot.sensor)
             self._driven: Robot = robot
             for plugin in plugins:

@@ -1,5 +1,6 @@
 """``sarsim/Explore-v0``: explore an arena in MuJoCo, viewpoint by viewpoint, with the robot's own software."""
 
+import gc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -193,6 +194,7 @@ class Explore(gymnasium.Env[Any, Any]):
         self._achieved = Achievements(self._robot, self.explorer, finds)
         self.explorer.watch(self._achieved)
         self._steps, self._ended = 0, ""
+        gc.collect()  # the maps of the last episode are in reference cycles
         self._look()
         return self._observation(), self._info()
 

@@ -1,4 +1,6 @@
+import gc
 import sys
+import weakref
 from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
@@ -158,4 +160,17 @@ def test_with_the_networks_counts_what_is_found_and_not_what_is_in_view(tmp_path
     assert info["victims.visible"] == 1  # a box that stands for a person, which no network takes for one
     _, reward, _, _, info = env.step(info["own_choice"])
     assert info["victims.found"] == reward == 0
+    env.close()
+
+
+def test_an_environment_frees_the_maps_of_an_earlier_episode(arena: str) -> None:
+    env = Explore(arena)
+    env.reset(seed=0)
+    maps = weakref.ref(env.explorer.mapper)
+    gc.disable()
+    try:
+        env.reset(seed=1)
+    finally:
+        gc.enable()
+    assert maps() is None
     env.close()

@@ -4,9 +4,10 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from scripts.benchmarks.cost import Sampler, measure
+from scripts.benchmarks.cost import Sampler, measure, peak_memory, reset_peak_memory
 from scripts.benchmarks.settings import CostSettings
 from tests.sarsim.rooms import room
 
@@ -36,3 +37,11 @@ def test_the_time_of_every_thread_counts_and_that_of_waiting_does_not() -> None:
         other.join()
         time.sleep(0.2)
     assert sum(sampler.seconds.values()) == pytest.approx(0.4, rel=0.3)
+
+
+def test_the_peak_of_an_episode_leaves_out_what_an_earlier_one_used() -> None:
+    earlier = np.ones(int(0.5e9 / 8))
+    at_peak = peak_memory()
+    del earlier
+    reset_peak_memory()
+    assert 0.4 < at_peak - peak_memory() < at_peak

@@ -127,7 +127,7 @@ class Mapper:
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
         self.keyframes = Keyframes(robot, reach, cell, config.keyframes.min_displacement)
-        self.victims = Victims(config.tracks.victim, self.keyframes)
+        self.victims = Victims(config.tracks.victim)
         self.finds = Finds(self.victims, config.tracks, getattr(readers, "kinds", None))
         self.stopwatch = Stopwatch()
         self.knows_camera = True

@@ -1,6 +1,6 @@
 """Policy for tracking people: where they are, which observations show one person, and which frames are misses."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import cast
@@ -8,17 +8,16 @@ from typing import cast
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.arrays import Covariance, Indices, Information, Mask, Place, Points, Pose, Values
+from pipeline.arrays import Covariance, Indices, Information, Mask, Place, Points, Pose
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.geometry.voxel_hash import first_points, voxels_of
-from pipeline.keyframes import Keyframes
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import Extents, PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.track import GATE, Location, Observation, Track, TrackPolicy, mahalanobis
-from pipeline.transforms import inverse, transform_points
+from pipeline.transforms import transform_points
 
 WIDTH_IN_IMAGE = 0.85
 """Width of a person that must be in the image when the person is looked at again, m."""
@@ -39,7 +38,8 @@ VOXEL = 0.03
 MIN_AGREEMENT = 0.2
 """Minimum fraction of the keyframes showing a person that must show a voxel for the voxel to belong to the person.
 
-Keyframes in which the voxel is hidden or outside the image do not count, because they say nothing about it.
+Keyframes in which the voxel is hidden count too: otherwise, a piece of a wall that one keyframe takes for a part of
+the person would stay if the others do not have it in view, and the person would be too large to be confirmed.
 """
 SKIN_TO_MIDDLE = 0.08
 """Standard deviation due to the distance from the visible skin to the middle of the body, m."""
@@ -73,28 +73,19 @@ class PersonVoxels:
         shown = np.bincount(voxel, np.concatenate([voxels.counts for voxels in observations])).astype(np.int64)
         return cls(edge, seen[first_points(voxel, len(keys))], shown)
 
-    def agreed_points(self, frames: float | Values) -> Points:
-        """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel.
-
-        ``frames``: one number, or (N,) one for each voxel.
-        """
+    def agreed_points(self, frames: float) -> Points:
+        """A point in each voxel that at least ``frames`` observations show or, if there is none, in every voxel."""
         is_agreed = self.counts >= frames
         return self.points[is_agreed] if is_agreed.any() else self.points
 
 
 @dataclass(frozen=True, kw_only=True)
 class PeoplePolicy(PeopleConfig, TrackPolicy):
-    """How people are tracked: several observations in a frame may show touching parts of one person.
-
-    Attributes:
-        keyframes: the keyframes that the observations refer to; without them, everything is taken to be in view of
-            every keyframe.
-    """
+    """How people are tracked: several observations in a frame may show touching parts of one person."""
 
     kind: str = VICTIM
     across: float = WIDTH_IN_IMAGE
     extents: tuple[Extents, ...] = EXTENTS
-    keyframes: Keyframes | None = None
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
         """The location of a person, from the voxels and the information of all observations."""
@@ -111,19 +102,9 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person located by voxels; voxels shown by few of the keyframes in whose view they lie are left out."""
-        points = voxels.agreed_points(MIN_AGREEMENT * self._view_counts(voxels.points, keyframes))
+        """A person located by voxels; voxels that only few of the keyframes show are left out."""
+        points = voxels.agreed_points(MIN_AGREEMENT * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
-
-    def _view_counts(self, points: Points, keyframes: Collection[int]) -> Values:
-        """(N,) number of the keyframes in view of each point."""
-        if self.keyframes is None:
-            return np.full(len(points), float(len(keyframes)))
-        views = np.zeros(len(points))
-        for k in keyframes:
-            frame = self.keyframes.observations[k].frame
-            views += _are_in_view(points, frame, inverse(self.keyframes.poses[k] @ frame.T_base_camera))
-        return views
 
     def fused_information(self, one: Information, other: Information) -> Information:
         """The sum of two information matrices, limited because errors from one viewpoint are correlated."""

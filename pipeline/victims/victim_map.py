@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from pipeline.arrays import Pose
 from pipeline.frame import Frame
-from pipeline.keyframes import Keyframes
 from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.track import Observation, Track
@@ -24,10 +23,9 @@ class Victims(Tracks):
         refusals: detections in the last frame that are not people.
     """
 
-    def __init__(self, config: PeopleConfig = PeopleConfig(), keyframes: Keyframes | None = None) -> None:
-        """Start without people; ``keyframes``: see :class:`PeoplePolicy`."""
+    def __init__(self, config: PeopleConfig = PeopleConfig()) -> None:
         super().__init__(join_nearest)
-        self.policy = PeoplePolicy(**vars(config), keyframes=keyframes)
+        self.policy = PeoplePolicy(**vars(config))
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int) -> None:

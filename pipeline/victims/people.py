@@ -102,7 +102,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person located by voxels; voxels that only few of the keyframes show are left out."""
+        """A person located by voxels, without the voxels that only a few of the keyframes show."""
         points = voxels.agreed_points(MIN_AGREEMENT * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 

@@ -32,7 +32,7 @@ from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import POSE, are_poses
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
-FORMAT, VERSION = "sarsim keyframes", 10
+FORMAT, VERSION = "sarsim keyframes", 11
 
 Row = dict[str, Any]
 Field = tuple[str, *tuple[int | str, ...]]
@@ -99,6 +99,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "camera": ("f8", 3),
         "has_depth": ("?",),
         "points": POINTS,
+        "walls": ("f8", "w", 4),  # Planes
         "photo": ("u1", "p"),
         "photo_shape": ("i8", 3),
     },

@@ -101,6 +101,12 @@ def facing_camera(planes: Planes) -> Planes:
     return np.where(planes[:, 3:] > 0, -planes, planes)
 
 
+def transform_planes(T: Pose, planes: Planes) -> Planes:
+    """The planes (P, 4) of points that ``T`` transforms."""
+    normals = planes[:, :3] @ T[:3, :3].T
+    return np.column_stack([normals, planes[:, 3] + normals @ T[:3, 3]])
+
+
 @dataclass(frozen=True, eq=False)
 class Moments:
     """Count, sum and sum of squares of points, which suffice to fit a least-squares plane; moments are additive.

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.arrays import Covariance, Information, Place, Points, Pose, Poses, Rgb
+from pipeline.arrays import Covariance, Information, Place, Planes, Points, Pose, Poses, Rgb
 from pipeline.frame import Frame
 from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.planes import transform_planes
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.localisation.gates import chi2_gate
 from pipeline.sensor import SensorModel
@@ -38,6 +39,7 @@ class Observation:
         photo: photo of the object; empty if another observation of the object shows more.
         time: time of the frame, s; NaN for a frame of an earlier run.
         has_depth: whether the object's distance was measured.
+        walls: (P, 4) vertical planes around the object, with their normals towards the camera.
     """
 
     reading: Reading
@@ -49,13 +51,14 @@ class Observation:
     photo: Rgb
     time: float = np.nan
     has_depth: bool = True
+    walls: Planes = field(default_factory=lambda: np.zeros((0, 4)))
 
     def transformed(self, T: Pose) -> "Observation":
         """The same observation, transformed by ``T``."""
         information = T[:3, :3] @ self.information @ T[:3, :3].T
         position, camera = transform_places(T, self.position), transform_places(T, self.camera)
-        points = moved(T, self.points)
-        return replace(self, position=position, camera=camera, information=information, points=points)
+        points, walls = moved(T, self.points), transform_planes(T, self.walls)
+        return replace(self, position=position, camera=camera, information=information, points=points, walls=walls)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,8 @@ class _Samples:
         return replace(self, points=self.points[chosen], pixels=self.pixels[chosen], inside=self.inside[chosen])
 
 
-def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> list[Planes]:
-    """The planes of the background in and around a box in pixels; the planes are in ``camera_optical``.
+def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> Planes:
+    """The planes (P, 4) of the background in and around a box in pixels; the planes are in ``camera_optical``.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
@@ -74,7 +74,7 @@ def background_planes(frame: Frame, box: tuple[float, float, float, float], rng:
         if is_beyond or _is_flat(samples[near], plane):
             planes.append(plane)
         samples = samples[~near]
-    return planes
+    return np.reshape(planes, (-1, 4))
 
 
 def _is_flat(samples: _Samples, plane: Planes) -> bool:

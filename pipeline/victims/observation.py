@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Mask, PixelMask, Points, Pose
+from pipeline.arrays import Mask, PixelMask, Planes, Points, Pose
 from pipeline.frame import Frame
+from pipeline.geometry.planes import transform_planes
+from pipeline.sensor import SensorModel
 from pipeline.tracks.find import VICTIM, Reading, box_corners
 from pipeline.tracks.likelihood import extents_of, relative_positions, weigh
 from pipeline.tracks.pictures import photo_of
@@ -44,7 +46,8 @@ def observe(
     if not returns.any():
         return Refusal(detection, "no depth in the box")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
-    is_background = ~_stands_out(frame, detection, in_camera)
+    planes = background_planes(frame, detection.box, np.random.default_rng(0))
+    is_background = _are_near_planes(in_camera, planes, frame.sensor)
     if is_background.all():
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
@@ -65,6 +68,7 @@ def observe(
         points=person,
         photo=photo_of(frame.rgb, detection.box, PHOTO_MARGIN),
         time=frame.time,
+        walls=_vertical(transform_planes(T_map_camera, planes)),
     )
 
 
@@ -75,9 +79,14 @@ def _box_pixels(frame: Frame, detection: Detection) -> PixelMask:
     return ((v >= y0) & (v <= y1))[:, None] & (u >= x0) & (u <= x1)
 
 
-def _stands_out(frame: Frame, detection: Detection, points: Points) -> Mask:
-    """Which of the box's points, in ``camera_optical``, lie on none of the background's planes."""
-    result = np.ones(len(points), np.bool_)
-    for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
-        result &= ~is_near_plane(points, plane, frame.sensor)
+def _are_near_planes(points: Points, planes: Planes, sensor: SensorModel) -> Mask:
+    """Which points lie on at least one of the planes (P, 4); both are in ``camera_optical``."""
+    result = np.zeros(len(points), np.bool_)
+    for plane in planes:
+        result |= is_near_plane(points, plane, sensor)
     return result
+
+
+def _vertical(planes: Planes) -> Planes:
+    """The planes in ``map`` that are nearer to vertical than to horizontal."""
+    return planes[np.abs(planes[:, 2]) < np.sin(np.pi / 4)]

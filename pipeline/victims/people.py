@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.arrays import Covariance, Indices, Information, Mask, Place, Points, Pose
 from pipeline.frame import Frame
+from pipeline.geometry.planes import distances
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.geometry.voxel_hash import first_points, voxels_of
 from pipeline.sensor import SensorModel
@@ -31,6 +32,10 @@ EXTENTS = (1.7, 0.5, 0.25), (1.1, 0.7, 0.5), (0.45, 0.2, 0.14)
 """
 TOUCH_DISTANCE = 0.15
 """Maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose."""
+WALL_GAP = 0.05
+"""Distance behind a wall from which on points are certainly behind it, m: the error of a keyframe's pose."""
+MIN_FRACTION_PER_SIDE = 0.8
+"""Minimum fraction of a person's points that lie on the person's side of a wall between two people."""
 MIN_VISIBLE_FRACTION = 0.7
 """Minimum fraction of a person's points that must be in view."""
 VOXEL = 0.03
@@ -115,16 +120,19 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return len(observation.points) * observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
-        """Squared Mahalanobis distance; infinite if the tracks are too far apart, or if a frame shows them apart."""
+        """Squared Mahalanobis distance; infinite if the tracks are too far apart or show two people."""
         distance = mahalanobis(track, new)
         is_near = distance <= GATE or self._are_touching(track.points, new.points)
-        return distance if is_near and not self._are_seen_apart(track, new) else np.inf
+        return distance if is_near and not self._are_two_people(track, new) else np.inf
 
     def merge_distance(self, one: Track, other: Track) -> float:
-        """0 if both tracks touch and no frame shows them apart; otherwise infinite."""
-        return (
-            0.0 if self._are_touching(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
-        )
+        """0 if both tracks touch and do not show two people; otherwise infinite."""
+        are_touching = self._are_touching(one.points, other.points)
+        return 0.0 if are_touching and not self._are_two_people(one, other) else np.inf
+
+    def _are_two_people(self, one: Track, other: Track) -> bool:
+        """Whether two tracks show two people, however near to each other."""
+        return self._are_seen_apart(one, other) or _is_wall_between(one, other) or _is_wall_between(other, one)
 
     def _are_touching(self, one: Points, other: Points) -> bool:
         """Whether the nearest points of two sets are at most ``TOUCH_DISTANCE`` apart."""
@@ -132,7 +140,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH_DISTANCE)[0].min() <= TOUCH_DISTANCE)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
-        """Whether a keyframe shows both tracks apart, so that they are two people, however near to each other."""
+        """Whether a keyframe shows both tracks apart."""
         both = one.keyframes & other.keyframes
         return any(
             not self._are_touching(_points_in_keyframe(one, keyframe), _points_in_keyframe(other, keyframe))
@@ -187,6 +195,14 @@ def _are_in_view(points: Points, frame: Frame, T_camera_map: Pose) -> Mask:
     row, column = pixels[result].T
     result[result] = frame.returns[row, column] & (frame.depth[row, column] > in_camera[result, 2] - TOUCH_DISTANCE)
     return result
+
+
+def _is_wall_between(one: Track, other: Track) -> bool:
+    """Whether ``one`` is seen in front of a wall and ``other`` is behind this wall, except for a few points each."""
+    walls = np.concatenate([seen.walls for seen in one.placed])
+    is_in_front = (distances(one.points, walls) > 0).mean(axis=0) >= MIN_FRACTION_PER_SIDE
+    is_behind = (distances(other.points, walls) < -WALL_GAP).mean(axis=0) >= MIN_FRACTION_PER_SIDE
+    return bool((is_in_front & is_behind).any())
 
 
 def _points_in_keyframe(track: Track, keyframe: int) -> Points:

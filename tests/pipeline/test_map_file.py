@@ -14,7 +14,7 @@ from pipeline.labels import Label
 from pipeline.localisation.localisation import LocalisedFrame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
-from pipeline.map_file import LAYOUT, load_elevation_map, load_keyframes, save_keyframes, varies
+from pipeline.map_file import LAYOUT, VERSION, load_elevation_map, load_keyframes, save_keyframes, varies
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
@@ -58,6 +58,7 @@ def mapper() -> Mapper:
             np.full(3, 0.5 * k),
             points[k:] + np.float32(0.01 * k),
             photo[: 4 * k],
+            walls=np.array([[-1.0, 0, 0, -2 - k]])[: k // 2],
         )
         for k, sure in ((0, 0.7), (2, 0.8))
     ]
@@ -109,6 +110,8 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     np.testing.assert_allclose(best_returns(find), best_returns(code), atol=1e-3)
     np.testing.assert_allclose(victim.tried_at, before.tried_at)
     np.testing.assert_allclose(victim.camera_positions[1], before.camera_positions[1])
+    assert [len(seen.walls) for seen in victim.placed] == [0, 1]
+    np.testing.assert_allclose(victim.placed[1].walls, before.placed[1].walls, atol=1e-6)
 
 
 def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
@@ -174,7 +177,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "changed.npz"),
-        ("version", 3, "version 10"),
+        ("version", 3, f"version {VERSION}"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
         ("track.tried_from", 4, "keyframe"),

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from pipeline.geometry.planes import Moments, Plane, distances, facing_camera, planes_through
+from pipeline.geometry.planes import Moments, Plane, distances, facing_camera, planes_through, transform_planes
+from pipeline.transforms import from_rotation, transform_points
 
 
 def test_distance_is_positive_on_the_side_of_the_normal() -> None:
@@ -47,6 +49,15 @@ def test_a_plane_through_three_points_holds_them(seed: int) -> None:
     for points, plane in zip(triples, planes, strict=True):
         assert distances(points, plane) == pytest.approx(0, abs=1e-9)
         assert distances(points + plane[:3], planes)[:, (planes == plane).all(axis=1)] == pytest.approx(1)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_points_keep_their_distances_when_planes_move_with_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, planes = rng.uniform(-5, 5, (20, 3)), planes_through(rng.uniform(-5, 5, (4, 3, 3)))
+    T = from_rotation(Rotation.random(random_state=rng).as_matrix(), rng.uniform(-5, 5, 3))
+    moved = distances(transform_points(T, points), transform_planes(T, planes))
+    np.testing.assert_allclose(moved, distances(points, planes), atol=1e-6)
 
 
 def test_no_plane_goes_through_three_points_on_a_line() -> None:

@@ -8,11 +8,11 @@ import pytest
 from pipeline.keyframes import AnchoredPlaces
 from pipeline.tracks.config import Confirmation, PeopleConfig
 from pipeline.tracks.track import Observation
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, from_yaw
 from pipeline.victims.detection import Detection
 from pipeline.victims.observation import Refusal, observe
 from pipeline.victims.victim_map import Victims
-from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
+from tests.pipeline.victims.rooms import WALL, Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 OTHER: Ball = (2.4, 1.5, 0.3, 0.25)
@@ -266,6 +266,14 @@ def test_two_whom_one_frame_shows_apart_are_two_though_they_touch_later() -> Non
     assert len(victims.all) == 2
     walk(victims, [(0, 0.4)], [PERSON, near], [near])
     assert len(victims.all) == 2
+
+
+def test_two_whom_a_wall_separates_are_two_though_they_lean_against_it_back_to_back() -> None:
+    for x, people in ((2.0, 1), (WALL, 2)):
+        victims, ball = Victims(), (x, 0.0, 0.25, 0.25)
+        for k, T in enumerate((camera_at(x - 2, 0), from_yaw(x + 2, 0, 0, np.pi) @ camera_at(0, 0))):
+            victims.update(step(T, [ball]), [detection_of(T, ball)], T, k)
+        assert len(victims.all) == people
 
 
 def test_two_boxes_of_one_person_in_one_frame_are_one_person() -> None:

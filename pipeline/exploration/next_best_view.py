@@ -140,8 +140,7 @@ class NextBestView(Strategy):
         """Remember the ground that a keyframe at this viewpoint is expected to show."""
         falling, decks = self.remaining.in_view(viewpoint)
         cells = falling | decks
-        ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
-        self.sightings.expect(np.argwhere(cells), ends, context.poses)
+        self.sightings.expect(viewpoint.position, viewpoint.heading, context)
         terrain = self.remaining.terrain
         shown = [terrain.probability[case].sum() for case in (falling, decks)]
         area = float(np.average(shown, weights=[1 - DECK_PROBABILITY, DECK_PROBABILITY])) * terrain.cell**2

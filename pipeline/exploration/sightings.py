@@ -1,26 +1,27 @@
 """The unseen ground that keyframes were expected to show, and whether they showed this ground."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, Poses, Values
+from pipeline.arrays import Place, Pose, Poses, Values
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.frontiers import unseen_cells
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, LayerType
-from pipeline.keyframes import AnchoredPlaces
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
-from pipeline.transforms import wrap_angle, yaw_of
+from pipeline.transforms import from_rotation, inverse, wrap_angle, yaw_of
 
 MAX_MISSES = np.iinfo(np.uint8).max
 """Number of misses of a cell after which further misses are not counted."""
 MAX_TURNED = np.deg2rad(5)
 """Maximum angle, rad, by which a robot that could not set out has turned."""
-NO_PLACES = AnchoredPlaces.joined([])
 LAYERS = {
     "target": LayerType(np.bool_),
     "misses": LayerType(np.uint8),
@@ -28,12 +29,30 @@ LAYERS = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A pose from which the robot looked for unseen ground.
+
+    Attributes:
+        keyframe: index of a keyframe.
+        T_keyframe_look: the pose relative to the ``base_link`` of this keyframe.
+        is_viewpoint: whether the pose is that of a viewpoint, not of the keyframe.
+    """
+
+    keyframe: int
+    T_keyframe_look: Pose
+    is_viewpoint: bool
+
+
 class Sightings:
     """Counts how often ground that was expected in view was shown, and how often it was missed.
 
+    A look misses the targets that it should have shown according to the newest map. Once the map shows a wall in
+    front of them, for example a wall that was too near for the camera, the look has not missed them.
+
     Attributes:
-        visibility_probabilities: (256,) probability that ground in view is shown, by the number of keyframes that
-            missed it.
+        visibility_probabilities: (256,) probability that ground in view is shown, by the number of looks that missed
+            it.
     """
 
     _layers: GridMap
@@ -45,17 +64,18 @@ class Sightings:
         # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
         self._shown = np.zeros(MAX_MISSES + 1, np.int64)
         self._missed = np.zeros(MAX_MISSES + 1, np.int64)
-        # The cells that the next keyframe is expected to show, and the ends of the drive.
-        self._expected = NO_PLACES
-        self._drive = NO_PLACES
-        # Cells that viewpoints were expected to show but did not, except those counted as misses of their keyframes.
-        self._unshown: list[AnchoredPlaces] = []
-        # Poses of the keyframes when their misses were counted.
+        self._looks: list[Look] = []
+        self._counted = 0  # Number of looks whose misses have been counted
+        # Indices of the looks that missed targets. The others are not counted again until keyframes move.
+        self._in_vain: list[int] = []
+        # The viewpoint to which the robot is driving, relative to the keyframe at which it set out.
+        self._expected: Look | None = None
+        # Poses of the keyframes when their looks were counted.
         self._poses = np.zeros((0, 4, 4))
 
     @property
     def misses(self) -> NDArray[np.uint8]:
-        """(nx, ny) number of keyframes that missed each cell, although the newest map puts the cell in their view."""
+        """(nx, ny) number of looks that missed each cell, although the newest map puts the cell in their view."""
         return self._layers["misses"]
 
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
@@ -66,7 +86,8 @@ class Sightings:
         layers = self._layers
         guesses = self._config.visibility
         layers.match(ground.grid)
-        first = self._count_shown(context, camera)
+        self._add_looks(context.poses, ground)
+        counted = self._count_shown(context, camera)
         layers.write("target", unseen_cells(context))
         seen = ~np.isnan(context.measured)
         terrain = SearchedTerrain(
@@ -76,7 +97,7 @@ class Sightings:
             gradient=ground.gradient,
             target=layers["target"],
             probability=np.ones(layers.grid.shape, np.float32),
-            missed_from=layers["missed_from"].copy(),
+            missed_from=np.full_like(layers["missed_from"], np.inf),
             falls=True,
             ramp_slope=float(np.tan(RAMP_TILT)),
             nist_slope=guesses.nist_slope,
@@ -84,75 +105,85 @@ class Sightings:
             level_run=guesses.level_run,
             min_new_view_distance=guesses.min_new_view_distance,
         )
-        self._count_misses(context.poses, first, camera, terrain)
+        self._count_misses(counted, context.poses, camera, terrain)
         # Adjacent cells are shown or missed together, so a strip as wide as the robot counts as one try.
         tries = self._robot.width / layers.grid.cell
         self.visibility_probabilities = visibility_probabilities(self._shown / tries, self._missed / tries)
         rounded = visibility.rounded(self.visibility_probabilities).astype(np.float32)
         return terrain._replace(probability=rounded[layers["misses"]], missed_from=layers["missed_from"])
 
-    def expect(self, cells: Cells, drive: NDArray[np.float64], poses: Poses) -> None:
-        """Remember the cells that the next keyframe is expected to show, and the ends (2, 2) of its drive, m."""
-        newest = len(poses) - 1
-        self._expected = AnchoredPlaces.anchored(self._layers.grid.centre_of(cells), poses, newest)
-        self._drive = AnchoredPlaces.anchored(drive, poses, newest)
+    def expect(self, position: Place, heading: float, context: Context) -> None:
+        """Remember the viewpoint, (2,) m and rad, to which the robot sets out."""
+        T_map_viewpoint = _standing(position, heading, context.traversability)
+        self._expected = Look(len(context.poses) - 1, inverse(context.poses[-1]) @ T_map_viewpoint, True)
 
-    def _count_shown(self, context: Context, camera: CameraView) -> int:
-        """Count the targets that were shown; return the index of the first keyframe with uncounted misses."""
-        layers = self._layers
-        before = self._poses
-        first = len(before)
-        ahead = camera.far, 0.0, 0.0, 1.0
-        moved = np.linalg.norm(((context.poses[:first] - before) @ ahead)[:, :2], axis=1).max(initial=0.0)
-        if moved < layers.grid.cell:
-            # Even a smaller move makes the map cover ground along its edges without showing it; opening removes such
-            # cells.
-            is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
-            self._shown += np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
-            self._poses = np.concatenate([before, context.poses[first:]])
-            return first
-        # The misses are counted again from the corrected poses.
-        self._poses = context.poses
-        self._missed[:] = 0
-        layers.write("misses", np.zeros_like(layers["misses"]))
-        layers.write("missed_from", np.full_like(layers["missed_from"], np.inf))
-        return 0
+    def _add_looks(self, poses: Poses, ground: Traversability) -> None:
+        """Add the looks of new keyframes, and that of the last viewpoint if the drive ended there or where it began.
 
-    def _count_misses(self, poses: Poses, first: int, camera: CameraView, terrain: SearchedTerrain) -> None:
-        """Count the targets that keyframes from index ``first`` on missed, according to the newest map."""
-        misses = self._layers["misses"].copy()
-        missed_from = terrain.missed_from
-        visibility.count_misses(poses[first:], camera, terrain, misses, self._missed)
-        self._note_unshown(missed_from, poses, camera)
-        for cells in self._unshown:
-            if cells.keyframe[0] >= first:
-                again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
-                misses[again] += misses[again] < MAX_MISSES
-                missed_from[again] = poses[cells.keyframe[0], :2, 3]
-        self._layers.write("misses", misses)
-        self._layers.write("missed_from", missed_from)
-
-    def _note_unshown(self, missed_from: NDArray[np.float32], poses: Poses, camera: CameraView) -> None:
-        """If the last drive ended at its viewpoint or where it began, note the cells that should have been shown.
-
-        Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
-        set out, or that sees nothing new from the viewpoint, must look for other ground. A keyframe taken elsewhere,
-        or with another heading, does not show whether the cells can be seen from the viewpoint.
+        A robot that could not set out, or that sees nothing new from the viewpoint, must look for other ground. A
+        keyframe taken elsewhere, or with another heading, does not show what can be seen from the viewpoint.
         """
-        here = poses[-1, :2, 3]
-        drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
-        expected = self._layers.grid.mask_of(self._expected.at(poses)) & self._layers["target"]
-        expected &= (missed_from != here.astype(np.float32)).any(axis=2)
-        centres = self._layers.grid.centre_of(np.argwhere(expected))
-        if (drive < self._config.goal_tolerance).any():
-            yaw = yaw_of(poses[-1])
-            turned = wrap_angle(yaw - yaw_of(poses[self._drive.keyframe[0]]))
-            if drive[0] >= self._config.goal_tolerance or abs(turned) > MAX_TURNED:
-                bearings = np.arctan2(*(centres - here).T[::-1])
-                centres = centres[np.abs(wrap_angle(bearings - yaw)) <= camera.field_of_view / 2]
-            if len(centres):
-                self._unshown.append(AnchoredPlaces.anchored(centres, poses, len(poses) - 1))
-        self._expected = self._drive = NO_PLACES
+        self._looks += [Look(k, np.eye(4), False) for k in range(len(self._poses), len(poses))]
+        look, self._expected = self._expected, None
+        if look is None:
+            return
+        start, here, newest = poses[look.keyframe], poses[-1], len(poses) - 1
+        viewpoint = start @ look.T_keyframe_look
+        turned = abs(wrap_angle(yaw_of(here) - yaw_of(start)))
+        if _are_near(here, start, self._config.goal_tolerance) and turned <= MAX_TURNED:
+            self._looks.append(look)
+        elif _are_near(here, viewpoint, self._config.goal_tolerance):
+            arrived = _standing(viewpoint[:2, 3], yaw_of(here), ground)
+            self._looks.append(Look(newest, inverse(here) @ arrived, True))
+
+    def _count_shown(self, context: Context, camera: CameraView) -> list[int]:
+        """Count the targets that were shown; return the indices of the looks whose misses must be counted."""
+        layers = self._layers
+        before, new = self._poses, range(self._counted, len(self._looks))
+        self._counted = len(self._looks)
+        ahead = camera.far, 0.0, 0.0, 1.0
+        moved = np.linalg.norm(((context.poses[: len(before)] - before) @ ahead)[:, :2], axis=1).max(initial=0.0)
+        if moved >= layers.grid.cell:
+            self._poses = context.poses
+            return [*range(len(self._looks))]
+        # Even a smaller move makes the map cover ground along its edges without showing it; opening removes such
+        # cells.
+        is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
+        self._shown += np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
+        self._poses = np.concatenate([before, context.poses[len(before) :]])
+        return [*self._in_vain, *new]
+
+    def _count_misses(self, counted: list[int], poses: Poses, camera: CameraView, terrain: SearchedTerrain) -> None:
+        """Count the targets that looks missed according to the newest map.
+
+        Ground behind crests is assumed to fall. Only viewpoints are also expected to show decks there.
+        """
+        misses = np.zeros_like(self._layers["misses"])
+        self._missed[:] = 0
+        self._in_vain = []
+        for n in counted:
+            look, before = self._looks[n], self._missed.sum()
+            T = poses[look.keyframe] @ look.T_keyframe_look
+            for falls in (True, False) if look.is_viewpoint else (True,):
+                visibility.count_misses(T[None], camera, terrain._replace(falls=falls), misses, self._missed)
+            if self._missed.sum() > before:
+                self._in_vain.append(n)
+        self._layers.write("misses", misses)
+        self._layers.write("missed_from", terrain.missed_from)
+
+
+def _standing(position: Place, heading: float, ground: Traversability) -> Pose:
+    """``T_map_base`` of a robot that stands on the ground at a position (2,), m, with a heading, rad."""
+    slope = ground.grid.at(ground.gradient, position[None])[0]
+    up = np.append(-slope, 1.0) / np.sqrt(1 + slope @ slope)
+    left = np.cross(up, (np.cos(heading), np.sin(heading), 0.0))
+    left /= np.linalg.norm(left)
+    return from_rotation(np.column_stack([np.cross(left, up), left, up]), ground.on_ground(position[None])[0])
+
+
+def _are_near(one: Pose, other: Pose, distance: float) -> bool:
+    """Whether two poses are less than a horizontal distance apart, m."""
+    return bool(np.linalg.norm(one[:2, 3] - other[:2, 3]) < distance)
 
 
 def visibility_probabilities(shown: Values, missed: Values) -> Values:

@@ -185,8 +185,7 @@ class UnseenGroundSearch:
         """Remember the ground that a view returned by :meth:`view_towards` is expected to show."""
         self._promised = view.shown_places
         self._aimed.append(AnchoredPlaces.anchored(view.shown_places, context.poses, len(context.poses) - 1))
-        ends = np.stack([context.T_map_base[:2, 3], view.position])
-        self._sightings.expect(context.traversability.grid.cell_of(view.shown_places), ends, context.poses)
+        self._sightings.expect(view.position, view.heading, context)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the map already shows most of the ground that the last view is expected to show."""

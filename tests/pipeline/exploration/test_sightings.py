@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.sightings import visibility_probabilities
+from pipeline.transforms import from_yaw
+from tests.pipeline.exploration.asking import corridor, next_viewpoint
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.worlds import wall_points
 
 NONE = np.zeros(256)
 
@@ -29,3 +34,14 @@ def test_what_shows_at_the_second_try_may_be_likelier_than_what_was_missed_once(
     missed[1] = shown[2] = 100
     _, once, twice, *_ = visibility_probabilities(shown, missed)
     assert once < 0.02 < 0.95 < twice
+
+
+def test_ground_that_turns_out_to_be_behind_a_wall_was_not_missed():
+    world, pose = corridor(-2, 2, is_closed=True), from_yaw(0.5, 0, 0, 0)
+    exploration = NextBestView(PIONEER)
+    assert next_viewpoint(exploration, world, pose) is not None
+    assert exploration.sightings.misses.any()
+    assert next_viewpoint(exploration, world, pose) is not None  # and the first viewpoint has shown nothing
+    world.update(wall_points((2, -1), (2, 1)))
+    next_viewpoint(exploration, world, pose)
+    assert not exploration.sightings.misses.any()

@@ -57,12 +57,17 @@ class _Samples:
         return replace(self, points=self.points[chosen], pixels=self.pixels[chosen], inside=self.inside[chosen])
 
 
-def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> Planes:
-    """The planes (P, 4) of the background in and around a box in pixels; the planes are in ``camera_optical``.
+def background_planes(
+    frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator
+) -> tuple[Planes, Mask]:
+    """The planes of the background in and around a box in pixels, and which of them are too flat for a person.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
+
+    Returns:
+        (P, 4) planes in ``camera_optical``, and (P,) bool.
     """
-    samples, planes = _samples(frame, box), []
+    samples, planes, are_flat = _samples(frame, box), list[Planes](), list[bool]()
     enough = max(3, MIN_PLANE_FRACTION * len(samples.points))
     while len(samples.points) >= enough:
         plane = _largest_plane(samples, rng)
@@ -71,10 +76,12 @@ def background_planes(frame: Frame, box: tuple[float, float, float, float], rng:
             break
         outside = np.count_nonzero(near & ~samples.inside)
         is_beyond = outside >= MIN_OUTSIDE_RATIO * np.count_nonzero(near & samples.inside)
-        if is_beyond or _is_flat(samples[near], plane):
+        is_flat = _is_flat(samples[near], plane)
+        if is_beyond or is_flat:
             planes.append(plane)
+            are_flat.append(is_flat)
         samples = samples[~near]
-    return np.reshape(planes, (-1, 4))
+    return np.reshape(planes, (-1, 4)), np.array(are_flat, np.bool_)
 
 
 def _is_flat(samples: _Samples, plane: Planes) -> bool:

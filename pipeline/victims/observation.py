@@ -20,6 +20,9 @@ from pipeline.victims.people import SKIN_TO_MIDDLE, PeoplePolicy, middle
 PHOTO_MARGIN = 0.2
 """Margin of a photo around a person's box, relative to the box's longer side; surroundings help recognition."""
 
+MAX_WALL_TILT = np.deg2rad(10)
+"""Maximum tilt of a wall, rad."""
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -46,7 +49,7 @@ def observe(
     if not returns.any():
         return Refusal(detection, "no depth in the box")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
-    planes = background_planes(frame, detection.box, np.random.default_rng(0))
+    planes, are_flat = background_planes(frame, detection.box, np.random.default_rng(0))
     is_background = _are_near_planes(in_camera, planes, frame.sensor)
     if is_background.all():
         return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
@@ -68,7 +71,8 @@ def observe(
         points=person,
         photo=photo_of(frame.rgb, detection.box, PHOTO_MARGIN),
         time=frame.time,
-        walls=_vertical(transform_planes(T_map_camera, planes)),
+        # A plane that may belong to the person, such as the back beside a box around a hand, is no wall.
+        walls=_walls(transform_planes(T_map_camera, planes[are_flat])),
     )
 
 
@@ -87,6 +91,6 @@ def _are_near_planes(points: Points, planes: Planes, sensor: SensorModel) -> Mas
     return result
 
 
-def _vertical(planes: Planes) -> Planes:
-    """The planes in ``map`` that are nearer to vertical than to horizontal."""
-    return planes[np.abs(planes[:, 2]) < np.sin(np.pi / 4)]
+def _walls(planes: Planes) -> Planes:
+    """The planes in ``map`` that are vertical within ``MAX_WALL_TILT``."""
+    return planes[np.abs(planes[:, 2]) < np.sin(MAX_WALL_TILT)]

@@ -1,6 +1,6 @@
 """Policy for tracking people: where they are, which observations show one person, and which frames are misses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import cast
@@ -122,30 +122,24 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     def distance(self, track: Track, new: Track) -> float:
         """Squared Mahalanobis distance; infinite if the tracks are too far apart or show two people."""
         distance = mahalanobis(track, new)
-        is_near = distance <= GATE or self._are_touching(track.points, new.points)
+        is_near = distance <= GATE or self._are_touching(track, new)
         return distance if is_near and not self._are_two_people(track, new) else np.inf
 
     def merge_distance(self, one: Track, other: Track) -> float:
         """0 if both tracks touch and do not show two people; otherwise infinite."""
-        are_touching = self._are_touching(one.points, other.points)
-        return 0.0 if are_touching and not self._are_two_people(one, other) else np.inf
+        return 0.0 if self._are_touching(one, other) and not self._are_two_people(one, other) else np.inf
 
     def _are_two_people(self, one: Track, other: Track) -> bool:
         """Whether two tracks show two people, however near to each other."""
         return self._are_seen_apart(one, other) or _is_wall_between(one, other) or _is_wall_between(other, one)
 
-    def _are_touching(self, one: Points, other: Points) -> bool:
-        """Whether the nearest points of two sets are at most ``TOUCH_DISTANCE`` apart."""
-        small, large = sorted((one, other), key=len)
-        return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH_DISTANCE)[0].min() <= TOUCH_DISTANCE)
+    def _are_touching(self, one: Track, other: Track) -> bool:
+        """Whether two tracks touch, or parts of them that a keyframe shows, but too few others for the tracks."""
+        return _touch(one.points, other.points) or any(_touch(a, b) for a, b in _parts_in_same_keyframes(one, other))
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
         """Whether a keyframe shows both tracks apart."""
-        both = one.keyframes & other.keyframes
-        return any(
-            not self._are_touching(_points_in_keyframe(one, keyframe), _points_in_keyframe(other, keyframe))
-            for keyframe in both
-        )
+        return any(not _touch(a, b) for a, b in _parts_in_same_keyframes(one, other))
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the person is near enough, and most points are in the image with nothing in front of them."""
@@ -205,9 +199,20 @@ def _is_wall_between(one: Track, other: Track) -> bool:
     return bool((is_in_front & is_behind).any())
 
 
-def _points_in_keyframe(track: Track, keyframe: int) -> Points:
-    """A track's points as a keyframe shows them, in its ``base_link``; the keyframe must show the object."""
-    return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
+def _touch(one: Points, other: Points) -> bool:
+    """Whether the nearest points of two sets are at most ``TOUCH_DISTANCE`` apart."""
+    small, large = sorted((one, other), key=len)
+    return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH_DISTANCE)[0].min() <= TOUCH_DISTANCE)
+
+
+def _parts_in_same_keyframes(one: Track, other: Track) -> Iterator[tuple[Points, Points]]:
+    """The points of two tracks as each keyframe that shows both tracks shows them, in its ``base_link``."""
+    for keyframe in sorted(one.keyframes & other.keyframes):
+        a, b = (
+            np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
+            for track in (one, other)
+        )
+        yield a, b
 
 
 def _inverse(matrix: Covariance | Information) -> Covariance | Information:

@@ -344,3 +344,10 @@ def test_a_person_merged_from_two_tracks_stays_the_same_when_no_keyframe_moves()
     before = merged.covariance
     victims.place(poses)
     np.testing.assert_allclose(merged.covariance, before, rtol=1e-12)
+
+
+def test_a_body_beside_the_box_of_its_hand_is_no_wall() -> None:
+    T, hand, body = camera_at(0, 0), (2.0, 0.0, 0.5, 0.1), (2.6, 0.5, 0.6, 0.5)
+    result = observe(step(T, [hand, body]), detection_of(T, hand), T)
+    assert isinstance(result, Observation)
+    np.testing.assert_allclose(result.walls, [[-1, 0, 0, -WALL]], atol=0.01)

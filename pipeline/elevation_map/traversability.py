@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Layer, MaskLayer, Places, Values
+from pipeline.arrays import Layer, MaskLayer, Place, Places, Pose, Values
 from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import TraversabilityConfig
@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.grid_map import CellWindow, Grid, box_around, relative_to
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
+from pipeline.transforms import from_rotation
 
 MAX_REACH = 1.0
 """Maximum distance from the robot's centre for which clearances fit into int8 cm, m."""
@@ -75,7 +76,7 @@ class Traversability:
         sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
         robot, config: the robot and the settings used for the assessment.
         speed_near_people: maximum speed near people, m/s.
-        is_tight: whether paths need no margin, see :attr:`without_margin`.
+        ignores_margin: whether paths need no margin, see :attr:`without_margin`.
         ignores_downhill_room: whether paths need no room downhill, see :attr:`without_downhill_room`.
     """
 
@@ -100,7 +101,7 @@ class Traversability:
     robot: RobotModel
     config: TraversabilityConfig
     speed_near_people: float = np.inf
-    is_tight: bool = False
+    ignores_margin: bool = False
     ignores_downhill_room: bool = False
 
     @cached_property
@@ -118,7 +119,7 @@ class Traversability:
         required_clearance = np.minimum(self.required_clearance, 0)
         free = pose_kernels.free_poses(self.clearance, required_clearance, TURN_ALLOWANCE)
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
-        return replace(self, required_clearance=required_clearance, free=free, turnable=turnable, is_tight=True)
+        return replace(self, required_clearance=required_clearance, free=free, turnable=turnable, ignores_margin=True)
 
     @cached_property
     def without_downhill_room(self) -> "Traversability":
@@ -199,7 +200,7 @@ class Traversability:
         # Where the robot has driven, the clearance is larger.
         level, clearance = np.maximum(level, known["level_clearance"]), np.maximum(clearance, known["clearance"])
         required_clearance = known["required_clearance"]
-        required_clearance[np.isnan(known["elevation"])] = 0 if self.is_tight else min_clearance(grid.cell)
+        required_clearance[np.isnan(known["elevation"])] = 0 if self.ignores_margin else min_clearance(grid.cell)
         if self.ignores_downhill_room:
             clearance = _without_downhill_room(clearance, level, required_clearance)
         known |= {
@@ -260,7 +261,7 @@ class Traversability:
             narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stopping_distance)),
             backing=costs.backing,
             collision_penalty=costs.collision_penalty,
-            stop=costs.stop,
+            bend=costs.bend,
             tick=TICK,
         )
 
@@ -285,6 +286,13 @@ class Traversability:
         """(N, 3) points on the ground at positions (N, 2), m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
+    def pose_on_ground(self, position: Place, heading: float) -> Pose:
+        """``T_map_base`` of a robot that stands on the ground at a position (2,), m, with a heading, rad."""
+        slope, direction = self.grid.at(self.gradient, position[None])[0], (np.cos(heading), np.sin(heading))
+        up, ahead = np.append(-slope, 1.0), np.append(direction, slope @ direction)
+        up, ahead = up / np.linalg.norm(up), ahead / np.linalg.norm(ahead)
+        return from_rotation(np.column_stack([ahead, np.cross(up, ahead), up]), self.on_ground(position[None])[0])
+
 
 UNSEEN_VALUES: dict[str, float] = {
     "elevation": np.nan,
@@ -294,7 +302,7 @@ UNSEEN_VALUES: dict[str, float] = {
     "clearance": np.iinfo(np.int8).min,
 }
 """Values of layers beyond the map, if not 0."""
-NO_LAYERS = "grid", "robot", "config", "speed_near_people", "is_tight", "ignores_downhill_room"
+NO_LAYERS = "grid", "robot", "config", "speed_near_people", "ignores_margin", "ignores_downhill_room"
 LAYERS = [field.name for field in fields(Traversability) if field.name not in NO_LAYERS]
 
 

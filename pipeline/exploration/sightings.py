@@ -16,7 +16,7 @@ from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
 from pipeline.grid_map import GridMap, LayerType
 from pipeline.labels import RAMP_TILT
 from pipeline.robot import RobotModel
-from pipeline.transforms import from_rotation, inverse, wrap_angle, yaw_of
+from pipeline.transforms import inverse, wrap_angle, yaw_of
 
 MAX_MISSES = np.iinfo(np.uint8).max
 """Number of misses of a cell after which further misses are not counted."""
@@ -30,17 +30,17 @@ LAYERS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class ViewPose:
     """A pose from which the robot looked for unseen ground.
 
     Attributes:
         keyframe: index of a keyframe.
-        T_keyframe_look: the pose relative to the ``base_link`` of this keyframe.
+        T_keyframe_view: the pose relative to the ``base_link`` of this keyframe.
         is_viewpoint: whether the pose is that of a viewpoint, not of the keyframe.
     """
 
     keyframe: int
-    T_keyframe_look: Pose
+    T_keyframe_view: Pose
     is_viewpoint: bool
 
 
@@ -61,15 +61,17 @@ class Sightings:
         self._robot = robot
         self._config = config
         self.visibility_probabilities = np.ones(MAX_MISSES + 1)
-        # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
+        # Numbers of cells by their number of earlier misses: cells that were shown, misses of these cells before they
+        # were shown, and misses of cells that were not shown yet.
         self._shown = np.zeros(MAX_MISSES + 1, np.int64)
+        self._missed_before_shown = np.zeros(MAX_MISSES + 1, np.int64)
         self._missed = np.zeros(MAX_MISSES + 1, np.int64)
-        self._looks: list[Look] = []
+        self._looks: list[ViewPose] = []
         self._counted = 0  # Number of looks whose misses have been counted
         # Indices of the looks that missed targets. The others are not counted again until keyframes move.
         self._in_vain: list[int] = []
         # The viewpoint to which the robot is driving, relative to the keyframe at which it set out.
-        self._expected: Look | None = None
+        self._expected: ViewPose | None = None
         # Poses of the keyframes when their looks were counted.
         self._poses = np.zeros((0, 4, 4))
 
@@ -79,7 +81,7 @@ class Sightings:
         return self._layers["misses"]
 
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
-        """Count the cells shown and missed by the keyframes since the last call; return the ground to be searched."""
+        """Count the cells that new keyframes show and that all looks missed; return the ground to be searched."""
         ground = context.traversability
         if not len(self._poses):
             self._layers = GridMap(ground.grid.cell, LAYERS)
@@ -108,14 +110,16 @@ class Sightings:
         self._count_misses(counted, context.poses, camera, terrain)
         # Adjacent cells are shown or missed together, so a strip as wide as the robot counts as one try.
         tries = self._robot.width / layers.grid.cell
-        self.visibility_probabilities = visibility_probabilities(self._shown / tries, self._missed / tries)
+        self.visibility_probabilities = visibility_probabilities(
+            self._shown / tries, (self._missed_before_shown + self._missed) / tries
+        )
         rounded = visibility.rounded(self.visibility_probabilities).astype(np.float32)
         return terrain._replace(probability=rounded[layers["misses"]], missed_from=layers["missed_from"])
 
     def expect(self, position: Place, heading: float, context: Context) -> None:
         """Remember the viewpoint, (2,) m and rad, to which the robot sets out."""
-        T_map_viewpoint = _standing(position, heading, context.traversability)
-        self._expected = Look(len(context.poses) - 1, inverse(context.poses[-1]) @ T_map_viewpoint, True)
+        T_map_viewpoint = context.traversability.pose_on_ground(position, heading)
+        self._expected = ViewPose(len(context.poses) - 1, inverse(context.poses[-1]) @ T_map_viewpoint, True)
 
     def _add_looks(self, poses: Poses, ground: Traversability) -> None:
         """Add the looks of new keyframes, and that of the last viewpoint if the drive ended there or where it began.
@@ -123,18 +127,18 @@ class Sightings:
         A robot that could not set out, or that sees nothing new from the viewpoint, must look for other ground. A
         keyframe taken elsewhere, or with another heading, does not show what can be seen from the viewpoint.
         """
-        self._looks += [Look(k, np.eye(4), False) for k in range(len(self._poses), len(poses))]
+        self._looks += [ViewPose(k, np.eye(4), False) for k in range(len(self._poses), len(poses))]
         look, self._expected = self._expected, None
         if look is None:
             return
         start, here, newest = poses[look.keyframe], poses[-1], len(poses) - 1
-        viewpoint = start @ look.T_keyframe_look
+        viewpoint = start @ look.T_keyframe_view
         turned = abs(wrap_angle(yaw_of(here) - yaw_of(start)))
         if _are_near(here, start, self._config.goal_tolerance) and turned <= MAX_TURNED:
             self._looks.append(look)
         elif _are_near(here, viewpoint, self._config.goal_tolerance):
-            arrived = _standing(viewpoint[:2, 3], yaw_of(here), ground)
-            self._looks.append(Look(newest, inverse(here) @ arrived, True))
+            arrived = ground.pose_on_ground(viewpoint[:2, 3], yaw_of(here))
+            self._looks.append(ViewPose(newest, inverse(here) @ arrived, True))
 
     def _count_shown(self, context: Context, camera: CameraView) -> list[int]:
         """Count the targets that were shown; return the indices of the looks whose misses must be counted."""
@@ -149,7 +153,10 @@ class Sightings:
         # Even a smaller move makes the map cover ground along its edges without showing it; opening removes such
         # cells.
         is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
-        self._shown += np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
+        shown = np.bincount(layers["misses"][is_shown], minlength=MAX_MISSES + 1)
+        self._shown += shown
+        # A cell that was shown after k misses had been missed after 0 to k - 1 misses.
+        self._missed_before_shown += shown[::-1].cumsum()[::-1] - shown
         self._poses = np.concatenate([before, context.poses[len(before) :]])
         return [*self._in_vain, *new]
 
@@ -163,22 +170,13 @@ class Sightings:
         self._in_vain = []
         for n in counted:
             look, before = self._looks[n], self._missed.sum()
-            T = poses[look.keyframe] @ look.T_keyframe_look
+            T = poses[look.keyframe] @ look.T_keyframe_view
             for falls in (True, False) if look.is_viewpoint else (True,):
-                visibility.count_misses(T[None], camera, terrain._replace(falls=falls), misses, self._missed)
+                visibility.count_misses(T, camera, terrain._replace(falls=falls), misses, self._missed)
             if self._missed.sum() > before:
                 self._in_vain.append(n)
         self._layers.write("misses", misses)
         self._layers.write("missed_from", terrain.missed_from)
-
-
-def _standing(position: Place, heading: float, ground: Traversability) -> Pose:
-    """``T_map_base`` of a robot that stands on the ground at a position (2,), m, with a heading, rad."""
-    slope = ground.grid.at(ground.gradient, position[None])[0]
-    up = np.append(-slope, 1.0) / np.sqrt(1 + slope @ slope)
-    left = np.cross(up, (np.cos(heading), np.sin(heading), 0.0))
-    left /= np.linalg.norm(left)
-    return from_rotation(np.column_stack([np.cross(left, up), left, up]), ground.on_ground(position[None])[0])
 
 
 def _are_near(one: Pose, other: Pose, distance: float) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, Indices, MaskLayer, Place, Places, Poses, Values
+from pipeline.arrays import Cells, Indices, MaskLayer, Place, Places, Pose, Values
 from pipeline.elevation_map.pose_kernels import HEADING_ANGLES
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.config import VisibilityConfig
@@ -101,23 +101,22 @@ def cells_in_view(
 
 
 def count_misses(
-    poses: Poses,
+    T_map_base: Pose,
     camera: kernels.CameraView,
     terrain: kernels.SearchedTerrain,
     misses: NDArray[np.uint8],
     missed: Indices,
 ) -> None:
-    """Count the target cells that keyframes were expected to show but did not, one keyframe after another.
+    """Count the target cells that a look was expected to show but did not.
 
     Args:
-        poses: ``T_map_base`` of the keyframes.
+        T_map_base: pose of the robot when it looked.
         camera: the camera's view of the ground.
         terrain: the ground and the targets; its ``missed_from`` is updated in place.
-        misses: (nx, ny) number of keyframes that missed each cell; updated in place.
+        misses: (nx, ny) number of looks that missed each cell; updated in place.
         missed: (256,) number of cells that were missed, by the number of earlier misses; updated in place.
     """
-    for T in poses:
-        kernels.count_misses(T, _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
+    kernels.count_misses(T_map_base, _bearings(yaw_of(T_map_base), camera), camera, terrain, misses, missed)
 
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:

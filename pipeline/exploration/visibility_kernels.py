@@ -53,7 +53,7 @@ class SearchedTerrain(NamedTuple):
         gradient: (nx, ny, 2) float32 slope along x and y.
         target: bool, the unseen cells to be shown by keyframes.
         probability: float32, probability that a cell in view can be seen at all.
-        missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
+        missed_from: (nx, ny, 2) float32 position of the last look that missed the cell, m; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
         max_unknown_length: length of unknown ground that a ray is expected to see through, m.
         ramp_slope: slope above which ground is a ramp.
@@ -172,7 +172,7 @@ def is_shown(from_miss, d, slope, rise, view, min_new_view_distance, nist_slope)
     """Whether a ray shows the ground that it meets at a horizontal distance of ``d`` m.
 
     ``slope`` is the slope of the ray, and ``rise`` is the slope of the ground along the ray. ``from_miss`` (2,) is
-    the offset, m, of the robot from the last keyframe that missed this ground; infinite if no keyframe missed it.
+    the offset, m, of the robot from the last look that missed this ground; infinite if no look missed it.
     """
     ex, ey = from_miss
     if ex * ex + ey * ey < min_new_view_distance * min_new_view_distance:
@@ -235,7 +235,7 @@ def cells_in_view(x, y, bearings, view, terrain):
 
 @njit(cache=True)
 def count_misses(T, bearings, view, terrain, misses, missed):
-    """Count the target cells along ``bearings``, rad, that a keyframe at a 4×4 pose was expected to show but did not.
+    """Count the target cells along ``bearings``, rad, that a look from a 4×4 pose was expected to show but did not.
 
     Updated in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of these cells
     by their number of earlier misses.

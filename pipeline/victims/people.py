@@ -122,12 +122,13 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
     def distance(self, track: Track, new: Track) -> float:
         """Squared Mahalanobis distance; infinite if the tracks are too far apart or show two people."""
         distance = mahalanobis(track, new)
-        is_near = distance <= GATE or self._are_touching(track, new)
-        return distance if is_near and not self._are_two_people(track, new) else np.inf
+        if self._are_two_people(track, new) or not (distance <= GATE or self._are_touching(track, new)):
+            return np.inf
+        return distance
 
     def merge_distance(self, one: Track, other: Track) -> float:
         """0 if both tracks touch and do not show two people; otherwise infinite."""
-        return 0.0 if self._are_touching(one, other) and not self._are_two_people(one, other) else np.inf
+        return 0.0 if not self._are_two_people(one, other) and self._are_touching(one, other) else np.inf
 
     def _are_two_people(self, one: Track, other: Track) -> bool:
         """Whether two tracks show two people, however near to each other."""
@@ -141,7 +142,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         """Whether a keyframe shows both tracks apart."""
         return any(not _touch(a, b) for a, b in _parts_in_same_keyframes(one, other))
 
-    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
+    def is_expected_in_view(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the person is near enough, and most points are in the image with nothing in front of them."""
         depth = transform_points(T_camera_map, track.points)[:, 2]
         _, farthest = self.viewing_range(track, frame.sensor)

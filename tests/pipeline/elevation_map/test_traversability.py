@@ -9,6 +9,7 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.errors import InputError
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.transforms import are_poses, yaw_of
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
 
@@ -126,6 +127,18 @@ def test_uphill_is_the_gradient_of_the_ramp():
     before = traversability.grid.at(traversability.uphill, (-RUN - 0.1, 0))
     assert before[0] > 0.1
     assert abs(before[1]) < 0.01
+
+
+@pytest.mark.parametrize("heading", [-2.0, 0.0, 0.7, np.pi / 2])
+def test_a_robot_that_stands_on_a_ramp_is_tilted_with_it_and_keeps_its_heading(heading):
+    ground = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-1, 1))))
+    position = np.array([-RUN / 2, 0.1])
+    T = ground.pose_on_ground(position, heading)
+    slope = ridge(*position) / (RUN / 2)
+    assert are_poses(T)
+    assert yaw_of(T) == pytest.approx(heading)
+    np.testing.assert_allclose(T[:3, 3], [*position, ridge(*position)], atol=0.01)
+    np.testing.assert_allclose(T[:3, 2], np.array([-slope, 0, 1]) / np.hypot(slope, 1), atol=0.02)
 
 
 def test_a_ramp_is_near_within_the_margin():
@@ -297,7 +310,7 @@ def test_without_margin_a_passage_two_cells_wider_than_the_robot_is_passable_whe
     ground, middle = passage(PIONEER.width + 0.1, right)
     way = PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle))
     assert np.isfinite(way)
-    assert ground.without_margin.is_tight and not ground.is_tight
+    assert ground.without_margin.ignores_margin and not ground.ignores_margin
     assert (ground.free & ~ground.without_margin.free == 0).all()
 
 
@@ -315,7 +328,7 @@ def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
 
 def test_other_numbers_hold_in_the_map_on_the_ground_and_for_the_way():
     clouds = ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.4))
-    costs = PathCosts(stop=3.0, narrow_stopping_distance=0.02)
+    costs = PathCosts(bend=3.0, narrow_stopping_distance=0.02)
     world = ElevationMap(PIONEER, ElevationConfig(cell=0.1, traversability=TraversabilityConfig(costs=costs)))
     world.update(np.vstack(clouds))
     slow, usual = (PosePaths(assess_map(w), (-1.0, -1.0), 0.0) for w in (world, surface_of(*clouds)))

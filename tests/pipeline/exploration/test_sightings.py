@@ -4,7 +4,7 @@ import pytest
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.sightings import visibility_probabilities
 from pipeline.transforms import from_yaw
-from tests.pipeline.exploration.asking import corridor, next_viewpoint
+from tests.pipeline.exploration.asking import context, corridor, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import wall_points
 
@@ -45,3 +45,13 @@ def test_ground_that_turns_out_to_be_behind_a_wall_was_not_missed():
     world.update(wall_points((2, -1), (2, 1)))
     next_viewpoint(exploration, world, pose)
     assert not exploration.sightings.misses.any()
+
+
+def test_misses_of_ground_that_was_shown_in_the_end_still_count():
+    exploration, earlier, chances = NextBestView(PIONEER), np.zeros((0, 4, 4)), []
+    for x, known in ((-0.6, 2), (0.0, 2), (0.6, 2), (1.2, 2), (1.2, 6)):
+        here = context(corridor(-6, known), from_yaw(x, 0, 0, 0), earlier)
+        exploration.observe(here)
+        earlier = here.poses
+        chances.append(exploration.sightings.visibility_probabilities[1])
+    assert chances[-2] < 0.3 < chances[-1] < 0.9

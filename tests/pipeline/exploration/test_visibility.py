@@ -112,7 +112,7 @@ def test_a_keyframe_misses_only_what_the_camera_on_the_robot_as_it_was_could_see
     T = from_yaw(2.0, 2.5, height, 0.0)
     T[:3, :3] = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
     misses, missed = np.zeros(SHAPE, np.uint8), np.zeros(256, np.int64)
-    visibility.count_misses(T[None], CAMERA, terrain, misses, missed)
+    visibility.count_misses(T, CAMERA, terrain, misses, missed)
     assert misses.any() == missed.any() == is_missed
 
 
@@ -148,14 +148,14 @@ def test_what_did_not_show_from_farther_away_does_not_go_on_out_of_sight():
 def test_a_cell_is_missed_once_by_a_keyframe_and_again_only_by_one_from_elsewhere():
     terrain, poses = terrain_with(known_up_to(100)), np.stack([from_yaw(4.0, 2.5, 0, 0), from_yaw(4.05, 2.5, 0, 0)])
     misses, missed = np.zeros(SHAPE, np.uint8), np.zeros(256, np.int64)
-    visibility.count_misses(poses[:1], CAMERA, terrain, misses, missed)
+    visibility.count_misses(poses[0], CAMERA, terrain, misses, missed)
     expected = visibility.cells_in_view(np.array([4.0, 2.5]), 0.0, CAMERA, terrain_with(known_up_to(100)))
     np.testing.assert_array_equal(misses, expected)
-    visibility.count_misses(poses[1:], CAMERA, terrain, misses, missed)
+    visibility.count_misses(poses[1], CAMERA, terrain, misses, missed)
     assert misses.max() == 1  # too near to the first
     assert missed[0] == misses.sum()
     # From near, at a steep angle, as ground that falls away would show.
-    visibility.count_misses(from_yaw(4.6, 2.5, 0, 0)[None], CAMERA, terrain, misses, missed)
+    visibility.count_misses(from_yaw(4.6, 2.5, 0, 0), CAMERA, terrain, misses, missed)
     assert misses.max() == 2
     assert missed[1] == (misses == 2).sum()
 

@@ -80,7 +80,7 @@ class Explorer:
         """Sense, localise, map, choose where to go next, and plan a path there."""
         mapper = self.mapper
         # Correct: localisation moves keyframes after a loop closure, and the maps follow.
-        self.apply_corrections(waits=True)
+        self.apply_corrections(only_if_due=True)
         # Sense, localise and map (thesis 3.1 and 3.2).
         keyframe = self.pilot.take_keyframe()
         self.reobservation.count_try(keyframe.frame)
@@ -132,12 +132,12 @@ class Explorer:
             return "shut_in"
         return "not_worth_it" if any(view.is_reachable for view in left) else "nothing_left"
 
-    def apply_corrections(self, waits: bool = False) -> bool:
+    def apply_corrections(self, only_if_due: bool = False) -> bool:
         """Correct the keyframe poses, the maps and everything anchored in them; True if the maps changed.
 
-        ``waits``: whether to leave the maps unchanged until a correction is due.
+        ``only_if_due``: whether to leave the maps unchanged until a correction is due.
         """
-        moves = self.mapper.apply_corrections(waits)
+        moves = self.mapper.apply_corrections(only_if_due)
         self.pilot.correct()
         return moves is not None
 
@@ -169,10 +169,10 @@ class Explorer:
 
     def _choose(self, keyframe: Keyframe, ignores_downhill_room: bool = False) -> tuple[Viewpoint | None, Context]:
         # After failed drives, too little clearance costs more, so that the same path is not tried again.
-        caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
-        pose = self.pilot.navigator.next_pose(keyframe.T_map_base)
+        caution, ignores_margin = 1.0 + self._failed_drives, self.mission.ignores_margin
+        pose = self.pilot.navigator.stopping_pose(keyframe.T_map_base)
         context = context_of(
-            self.mapper, keyframe, pose, caution, is_tight, self.reobservation, ignores_downhill_room
+            self.mapper, keyframe, pose, caution, ignores_margin, self.reobservation, ignores_downhill_room
         )
         context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
@@ -226,7 +226,7 @@ class Explorer:
         def fits(poses: Places) -> bool:
             return bool((ground.pose_clearances(poses) >= 0).all() and not ground.grid.at(ground.ramp, poses).any())
 
-        start = navigator.next_pose(step.keyframe.T_map_base)
+        start = navigator.stopping_pose(step.keyframe.T_map_base)
         heading = viewpoint.heading if viewpoint.turn else None
         way = stretches_of(plan.waypoints[:, :2], plan.backwards, start, heading, fits, config.navigation.arcs)
 
@@ -283,7 +283,7 @@ def context_of(
     keyframe: Keyframe,
     pose: Place,
     caution: float,
-    is_tight: bool,
+    ignores_margin: bool,
     rewards: ViewpointRewards,
     ignores_downhill_room: bool = False,
 ) -> Context:
@@ -294,12 +294,12 @@ def context_of(
         keyframe: the newest keyframe.
         pose: (3,) x and y, m, and heading, rad, at which paths start.
         caution: see :class:`PosePaths`.
-        is_tight: whether paths may do without the safety margin.
+        ignores_margin: whether paths may do without the safety margin.
         rewards: rewards for viewpoints that confirm finds.
         ignores_downhill_room: whether paths may do without room downhill.
     """
     ground = mapper.drivable.without_downhill_room if ignores_downhill_room else mapper.drivable
-    ground = ground.without_margin if is_tight else ground
+    ground = ground.without_margin if ignores_margin else ground
     paths = PosePaths(ground, pose[:2], float(pose[2]), caution)
     measured = mapper.elevation_map.measured
     return Context(keyframe.frame, keyframe.T_map_base, measured, paths, mapper.keyframes.poses, rewards)

@@ -33,7 +33,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.top_two_classes import TopTwoClasses
-from pipeline.transforms import POSE, are_poses, transform_places, yaw_of
+from pipeline.transforms import POSE_REQUIREMENT, are_poses, transform_places, yaw_of
 
 UNIT = 2.5e-4
 """Resolution of the stored points and depths, m: a fifth of the noise of the best depth camera."""
@@ -284,7 +284,7 @@ class Keyframes:
         heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.observations, strict=True)]
         return float(max(heights, default=0.0))
 
-    def place(self, T_map_base: Poses) -> Moves:
+    def apply_poses(self, T_map_base: Poses) -> Moves:
         """Move the keyframes to their newly estimated poses, except keyframes whose move is not noticeable.
 
         Returns:
@@ -299,14 +299,14 @@ class Keyframes:
         return moves
 
     def moves_to(self, T_map_base: Poses) -> Moves:
-        """How far the keyframes would move if placed at the poses ``T_map_base``; InputError as in :meth:`place`."""
+        """How far the poses ``T_map_base`` would move the keyframes; InputError as in :meth:`apply_poses`."""
         poses = np.asarray(T_map_base, np.float64)
         if poses.shape != self.poses.shape:
             raise InputError(
                 f"the corrected poses of {len(self)} keyframes must have shape {self.poses.shape}, not {poses.shape}"
             )
         if not are_poses(poses):
-            raise InputError(f"the corrected pose of each of the {len(self)} keyframes must be {POSE}")
+            raise InputError(f"the corrected pose of each of the {len(self)} keyframes must be {POSE_REQUIREMENT}")
         return Moves.between(self.poses, poses, self._reach, self._min_displacement)
 
 

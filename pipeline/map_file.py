@@ -29,7 +29,7 @@ from pipeline.segments.segment import Member
 from pipeline.semantic_map.top_two_classes import TopTwoClasses
 from pipeline.tracks.find import VICTIM, Reading, is_find_kind
 from pipeline.tracks.track import Observation, Track
-from pipeline.transforms import POSE, are_poses
+from pipeline.transforms import POSE_REQUIREMENT, are_poses
 
 KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
 FORMAT, VERSION = "sarsim keyframes", 11
@@ -258,7 +258,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
     if not keyframes:
         raise ValueError("it has no keyframes")
     if not are_poses([*every("keyframe", "T_base_camera"), *every("keyframe", "T_map_base")]):
-        raise ValueError(f"the poses of each keyframe and its camera must be {POSE}")
+        raise ValueError(f"the poses of each keyframe and its camera must be {POSE_REQUIREMENT}")
     if len(odometry) != 1 or np.linalg.eigvalsh(odometry[0])[0] <= 0:
         raise ValueError("it must have exactly one odometry covariance, which must be positive definite")
     columns = [(kind, name) for kind, layout in LAYOUT.items() for name in layout if name in KEYFRAME_INDEX_FIELDS]

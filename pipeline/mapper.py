@@ -297,7 +297,7 @@ class Mapper:
         if not localised.repeats:
             return self.add_frame(localised, labelled, set_down)
         self._T_odom_keyframe = localised.frame.T_odom_base
-        self.localisation.pass_by(localised)
+        self.localisation.continue_without_keyframe(localised)
         return None
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
@@ -336,11 +336,11 @@ class Mapper:
                 drive.add_to_elevation_map(self.elevation_map, T)
                 self.keyframes.add_ground(first + k, drive)
 
-    def apply_corrections(self, waits: bool = False) -> Moves | None:
+    def apply_corrections(self, only_if_due: bool = False) -> Moves | None:
         """Correct the keyframes of the localisation, and all maps with them; return None if the maps are unchanged.
 
-        People and objects in the last keyframe of a drive are added to the map too. ``waits``: whether to leave the
-        maps unchanged until a correction is due.
+        People and objects in the last keyframe of a drive are added to the map too. ``only_if_due``: whether to leave
+        the maps unchanged until a correction is due.
         """
         if not len(self.keyframes):
             return None
@@ -349,7 +349,7 @@ class Mapper:
             self.localisation.optimise()
         poses = self.localisation.poses
         if (
-            waits
+            only_if_due
             and self.keyframes.moves_to(poses).max_displacements.max() <= self.config.keyframes.correction_threshold
         ):
             return None
@@ -370,7 +370,7 @@ class Mapper:
             InputError: the argument is not one rigid pose for each keyframe. The maps are unchanged.
         """
         before = self.keyframes.boxes()
-        moves = self.keyframes.place(T_map_base)
+        moves = self.keyframes.apply_poses(T_map_base)
         moving = moves.are_noticeable
         if moving.any():
             with self.stopwatch("correction"):
@@ -392,10 +392,10 @@ class Mapper:
                 self.segments.rebuild(poses)
             semantic_map.result()
         with self.stopwatch("correction_victims"):
-            self.victims.place(poses)
-            self.finds.place(poses)
+            self.victims.apply_poses(poses)
+            self.finds.apply_poses(poses)
         with self.stopwatch("correction_topological_map"):
-            self.topological_map.place(poses, moving)
+            self.topological_map.apply_poses(poses, moving)
 
     def _rebuild_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes

@@ -136,7 +136,7 @@ class Pilot:
 
     def _remember_end(self, outcome: Outcome) -> None:
         """Remember where a drive ended, unless the robot was carried after its pose was confirmed."""
-        was_carried = outcome is Outcome.MOVED or self._T_odom_left is None
+        was_carried = outcome is Outcome.CARRIED or self._T_odom_left is None
         self._T_odom_left = None if was_carried else required(self.navigator.motion).T_odom_base
 
     def _follow_if_clear(self, check: ObstacleCheck, is_done: Callable[[], bool], command: Velocity) -> Verdict:

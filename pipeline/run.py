@@ -70,7 +70,7 @@ class RunParts:
     Attributes:
         mapper: holds all maps.
         folder: where the run writes its files.
-        place: name of the mapped place.
+        place_name: name of the mapped place.
         recorder: writes the Rerun recording.
         rescue_report: writes the report on the people found.
         sinks: all sinks, in the order in which they receive the result.
@@ -79,7 +79,7 @@ class RunParts:
 
     mapper: Mapper
     folder: Path
-    place: str
+    place_name: str
     recorder: Recorder
     rescue_report: RescueReport
     sinks: list[Sink]
@@ -136,7 +136,7 @@ class Run:
             run_all(*(partial(self._show_phase, *phase) for phase in phases))
 
     def _show_phase(self, name: str, action: Callable[[], object]) -> None:
-        self._watch(Progress(f"{self.parts.place}: {name}"))
+        self._watch(Progress(f"{self.parts.place_name}: {name}"))
         action()
 
 
@@ -230,7 +230,7 @@ class ExplorerRun(Run, ABC):
         """
         begin, self._watch = self._time(), on_progress
         self.start_clock()
-        on_progress(Progress(f"{self.parts.place}: taking a first look"))
+        on_progress(Progress(f"{self.parts.place_name}: taking a first look"))
         for plugin in self.parts.plugins:
             plugin.begin(self.explorer, begin)
         mission = self.explorer.mission
@@ -263,7 +263,7 @@ class ExplorerRun(Run, ABC):
     def _progress_of(self, task: str) -> Progress:
         """Progress after a step of a task: fraction of the mission's time or, without one, of the ground explored."""
         doing = TASK_TEXTS.get(task, task)
-        text, deadline = f"{self.parts.place}: {doing}, {self.explored_text}", self.explorer.mission.deadline
+        text, deadline = f"{self.parts.place_name}: {doing}, {self.explored_text}", self.explorer.mission.deadline
         if deadline is None:
             return Progress(f"{text}, step {self.explorer.steps}", self._explored_fraction())
         past, all_of_it = self._time() - deadline.begin, deadline.end - deadline.begin

@@ -9,11 +9,11 @@ from pipeline.arrays import Direction, Points, Pose, Rotation3
 
 Angle = TypeVar("Angle", float, NDArray[np.floating])
 FARTHEST = 8192.0  # m from the origin of a frame; up to here float32 resolves 1 mm
-POSE = f"a rigid 4 × 4 pose matrix (rotation, translation within ±{FARTHEST:g} m, last row 0 0 0 1)"
+POSE_REQUIREMENT = f"a rigid 4 × 4 pose matrix (rotation, translation within ±{FARTHEST:g} m, last row 0 0 0 1)"
 
 
 def are_poses(T: ArrayLike) -> bool:
-    """Whether (..., 4, 4) matrices are poses as defined by ``POSE``, with a tolerance of 1e-4 on orthonormality."""
+    """Whether (..., 4, 4) matrices are poses as ``POSE_REQUIREMENT`` defines them; rotations may be off by 1e-4."""
     T = np.asarray(T, np.float64)
     if T.shape[-2:] != (4, 4) or not np.isfinite(T).all() or np.abs(T).max(initial=0) > FARTHEST:
         return False

@@ -251,7 +251,7 @@ class MappedDrive(MappingRun):
 
     def _take_keyframe(self) -> None:
         """Take a keyframe, unless it would repeat an earlier one."""
-        self.mapper.apply_corrections(waits=True)
+        self.mapper.apply_corrections(only_if_due=True)
         keyframe = sense_and_map(self.mapper, self._driven.sense, labelled=True)
         if keyframe is not None:
             self.mapper.update_topological_map(keyframe)

@@ -255,7 +255,7 @@ class Replay:
         at_stop = frame.time in self.recording.steps if recorded else labelled
         if at_stop:
             self._add_track()
-            self.mapper.apply_corrections(waits=True)
+            self.mapper.apply_corrections(only_if_due=True)
         keyframe = sense_and_map(self.mapper, lambda: frame, labelled=labelled, may_repeat=recorded)
         if keyframe is not None and at_stop:
             self.mapper.update_topological_map(keyframe)

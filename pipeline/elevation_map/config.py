@@ -25,7 +25,7 @@ class PathCosts:
         backing: cost of driving backwards relative to driving forwards, because the camera then looks away from the
             direction of travel.
         collision_penalty: cost added per second of driving in which the robot is certain to hit an obstacle, s.
-        stop: cost of a bend in the path, for braking and accelerating again, s.
+        bend: cost of a bend in the path, for braking and accelerating again, s.
     """
 
     full_speed_clearance: float = 0.2
@@ -36,13 +36,13 @@ class PathCosts:
     max_path_deviation: float = 0.1
     backing: float = 2.0
     collision_penalty: float = 20.0
-    stop: float = 1.5
+    bend: float = 1.5
 
     def __post_init__(self) -> None:
         section = "elevation_map.traversability.costs"
         require_positive(section, self, "full_speed_clearance", "narrow_stopping_distance", "ramp_pace")
         require_positive(section, self, "expected_ramp_pace", "turn_pace", "backing")
-        require_at_least(0, section, self, "max_path_deviation", "collision_penalty", "stop")
+        require_at_least(0, section, self, "max_path_deviation", "collision_penalty", "bend")
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class Costs(NamedTuple):
             widest.
         cross_slope_factor: relative increase of the driving time, per unit of slope across the direction of travel.
         narrow_speed: speed where no room is left around the footprint, m/s.
-        full_speed_clearance, backing, collision_penalty, stop: see :class:`pipeline.elevation_map.config.PathCosts`.
+        full_speed_clearance, backing, collision_penalty, bend: see :class:`pipeline.elevation_map.config.PathCosts`.
         tick: resolution of costs in the search, s.
     """
 
@@ -95,7 +95,7 @@ class Costs(NamedTuple):
     narrow_speed: float
     backing: float
     collision_penalty: float
-    stop: float
+    bend: float
     tick: float
 
 

@@ -85,14 +85,15 @@ class UnseenWaysConfig:
 class ExplorationConfig:
     """When a viewpoint is worth a drive, when a drive has reached its end, and when exploration ends.
 
-    Exploration ends when increasing the run's time by the factor ``more_time`` would increase the seen ground by less
-    than the factor ``more_ground``. With equal factors, this would be the marginal value theorem of foraging (Charnov
-    1976), which states when to leave a patch; here, the robot stops instead.
+    Exploration ends when increasing the run's time by the factor ``time_growth`` would increase the seen ground by
+    less than the factor ``min_ground_growth``. With equal factors, this would be the marginal value theorem of
+    foraging (Charnov 1976), which states when to leave a patch; here, the robot stops instead.
 
     Attributes:
         keyframe_time: time that a keyframe takes, in addition to the drive, s.
-        more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
-        more_time: see ``more_ground``.
+        min_ground_growth: minimum factor by which the seen ground must grow while the run's time grows by
+            ``time_growth``.
+        time_growth: see ``min_ground_growth``.
         max_given_up_fraction: maximum fraction of the seen ground that may be given up as not worth the drive.
         min_unreachable_area: minimum area of a piece of seen, unreachable ground that is reported as given up, m².
         horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
@@ -100,9 +101,9 @@ class ExplorationConfig:
         max_drives_without_progress: number of drives without progress towards a goal after which the goal is given
             up.
         max_unseen_gap: maximum width of unseen ground that is looked at because it may block a path, m.
-        looks: number of looks after which a cell that may block the path to seen ground is treated as blocked.
-        drives_to_look: number of drives to look at such a cell, wherever they ended, after which the cell is treated
-            as blocked.
+        max_looks: number of looks after which a cell that may block the path to seen ground is treated as blocked.
+        max_drives_to_look: number of drives to look at such a cell, wherever they ended, after which the cell is
+            treated as blocked.
         min_progress: decrease in the time to a goal above which a drive has made progress, s; the default is the cost
             of a bend.
         min_shown_fraction: minimum fraction of the expected ground that must be seen, even if only during the drive,
@@ -113,16 +114,16 @@ class ExplorationConfig:
     """
 
     keyframe_time: float = 2.0
-    more_ground: float = 1.002
-    more_time: float = 1.15
+    min_ground_growth: float = 1.002
+    time_growth: float = 1.15
     max_given_up_fraction: float = 0.01
     min_unreachable_area: float = 0.25
     horizon: float = 1.5
     goal_tolerance: float = 0.15
     max_drives_without_progress: int = 5
     max_unseen_gap: float = 0.5
-    looks: int = 3
-    drives_to_look: int = 8
+    max_looks: int = 3
+    max_drives_to_look: int = 8
     min_progress: float = 1.5
     min_shown_fraction: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
@@ -131,6 +132,6 @@ class ExplorationConfig:
     def __post_init__(self) -> None:
         require_positive("exploration", self, "horizon", "keyframe_time")
         require_at_least(0, "exploration", self, "max_given_up_fraction", "min_unreachable_area", "max_unseen_gap")
-        if not self.more_time > 1:
-            raise InputError(f"exploration.more_time = {self.more_time}: must be greater than 1")
-        require_at_least(1, "exploration", self, "max_drives_without_progress", "looks", "drives_to_look")
+        if not self.time_growth > 1:
+            raise InputError(f"exploration.time_growth = {self.time_growth}: must be greater than 1")
+        require_at_least(1, "exploration", self, "max_drives_without_progress", "max_looks", "max_drives_to_look")

@@ -15,7 +15,7 @@ def unseen_cells(context: Context) -> MaskLayer:
     only then can it be under a wheel.
     """
     traversability = context.traversability
-    nearest = 0.0 if traversability.is_tight else traversability.robot.half_width
+    nearest = 0.0 if traversability.ignores_margin else traversability.robot.half_width
     return np.isnan(context.measured) & (traversability.to_hazard >= nearest)
 
 

@@ -92,15 +92,15 @@ class Mission:
         return self.deadline is not None and self.deadline.has_refused
 
     @property
-    def is_tight(self) -> bool:
+    def ignores_margin(self) -> bool:
         """Whether paths to the current goals are planned without a margin."""
-        return self.goals is not None and self.goals.is_tight
+        return self.goals is not None and self.goals.ignores_margin
 
     def tighten(self) -> bool:
         """Plan paths to the current goals without a margin; False if this is so already, or if no goal is left."""
-        if self.goals is None or not self.goals.remaining or self.goals.is_tight:
+        if self.goals is None or not self.goals.remaining or self.goals.ignores_margin:
             return False
-        self.goals.is_tight = True
+        self.goals.ignores_margin = True
         return True
 
     def choose(self, context: Context) -> Viewpoint | None:
@@ -229,8 +229,8 @@ class Goals(Strategy):
     Attributes:
         remaining: goals still to be visited, each (2,) m in ``map``.
         visits: outcomes of the other goals, in the order in which they were visited or given up.
-        is_tight: whether paths to the goals need no margin, see :attr:`Traversability.without_margin`; set once no
-            other path is left.
+        ignores_margin: whether paths to the goals need no margin, see :attr:`Traversability.without_margin`; set once
+            no other path is left.
     """
 
     def __init__(
@@ -247,7 +247,7 @@ class Goals(Strategy):
         """
         self.remaining = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
-        self.is_tight = False
+        self.ignores_margin = False
         self._may_be_near, self._config = may_be_near, config
         self._context: Context | None = None
         self._since: Context | None = None  # context at the start of the drive to the next goal
@@ -308,7 +308,7 @@ class Goals(Strategy):
         False while paths to the goals are still planned with a margin.
         """
         unseen, context = self._unseen, self._context
-        if unseen is None or context is None or not self.is_tight:
+        if unseen is None or context is None or not self.ignores_margin:
             return False
         return any(unseen.may_open(self._drive_target(goal, context.paths), context) for goal in self.remaining)
 

@@ -183,7 +183,7 @@ class NextBestView(Strategy):
         ``seconds``: (N, 16) time until the keyframe at each viewpoint, s. If it is a scalar, the result is a scalar,
         too.
         """
-        growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
+        growth = np.log(self.config.min_ground_growth) / np.log(self.config.time_growth)
         return np.asarray(self.remaining.seen_area * np.expm1(growth * np.log1p(seconds / self.remaining.seconds)))
 
     def _worthwhile_view(self, remaining: RemainingGround, context: Context) -> Viewpoint | None:
@@ -211,8 +211,8 @@ class NextBestView(Strategy):
         half = self.config.max_unseen_gap / 2
         bars = terrain.target & cells_touching(context, context.paths.reachable, half)
         # After too many looks or drives, cells are treated as blocked.
-        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
-        often += [place for place, drives in self._drives.items() if drives >= self.config.drives_to_look]
+        often = [place for place, looks in self._looks.items() if looks >= self.config.max_looks]
+        often += [place for place, drives in self._drives.items() if drives >= self.config.max_drives_to_look]
         bars &= ~traversability.grid.mask_of(np.array(often).reshape(-1, 2))
         # The largest piece for which looking at the cells that may block the path is worth the time.
         context = replace(context, rewards=None)

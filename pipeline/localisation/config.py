@@ -245,15 +245,15 @@ class TrajectoryConfig:
 
     Attributes:
         max_time_offset: maximum time before or after a pose at which the pose is used without interpolation, s.
-        longest_gap: maximum time between two poses for a pose between them to be interpolated, s.
+        max_interpolation_gap: maximum time between two poses for a pose between them to be interpolated, s.
     """
 
     max_time_offset: float = 0.02
-    longest_gap: float = 0.5
+    max_interpolation_gap: float = 0.5
 
     def __post_init__(self) -> None:
         """Raise InputError if a period is negative."""
-        require_at_least(0, "localisation.trajectory", self, "max_time_offset", "longest_gap")
+        require_at_least(0, "localisation.trajectory", self, "max_time_offset", "max_interpolation_gap")
 
 
 @dataclass(frozen=True)

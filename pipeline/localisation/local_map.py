@@ -48,7 +48,7 @@ class LocalMap:
         return self._owner.values
 
     def restore(self, points: Places | Points, normals: Directions, owner: Indices) -> None:
-        """Start with the points of an earlier run, which :meth:`place` then transforms to ``map``."""
+        """Start with the points of an earlier run, which :meth:`apply_poses` then transforms to ``map``."""
         self._points.values = points
         self._normals.values = normals
         self._owner.values = owner
@@ -68,7 +68,7 @@ class LocalMap:
         self._normals.extend(normals)
         self._owner.extend(np.full(len(points), owner))
 
-    def place(self, poses: Poses) -> None:
+    def apply_poses(self, poses: Poses) -> None:
         """Transform points to ``map`` again, with the corrected ``poses`` of their keyframes, where these moved."""
         has_moved = np.ones(len(poses), np.bool_)
         known = len(self._placed)

@@ -9,7 +9,7 @@ from pipeline.arrays import Covariance, Directions, Indices, Places, Points, Pos
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.config import OdometryConfig
-from pipeline.transforms import POSE, are_poses
+from pipeline.transforms import POSE_REQUIREMENT, are_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +109,13 @@ class Localisation(Protocol):
     Attributes:
         T_map_odom: pose of ``odom`` in ``map``, from the newest frame.
         loops: loop closures so far.
-        may_err: whether the poses must be checked against the map.
+        needs_pose_check: whether the poses must be checked against the map.
         belief: belief about the robot's motion and position.
     """
 
     T_map_odom: Pose
     loops: list[Loop]
-    may_err: bool
+    needs_pose_check: bool
     belief: Belief
 
     @property
@@ -131,7 +131,7 @@ class Localisation(Protocol):
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         ...
 
-    def pass_by(self, localised: LocalisedFrame) -> None:
+    def continue_without_keyframe(self, localised: LocalisedFrame) -> None:
         """Continue from the newest frame, as returned by :meth:`localise`, without making it a keyframe."""
         ...
 
@@ -165,4 +165,4 @@ def check_odometry(frame: Frame) -> None:
 def check_pose(name: str, time: float, T: Pose) -> None:
     """Raise LostError if a matrix is not a valid pose; the message contains ``name`` and the time, s."""
     if not are_poses(T):
-        raise LostError(f"the {name} at {time:.2f} s is not {POSE}")
+        raise LostError(f"the {name} at {time:.2f} s is not {POSE_REQUIREMENT}")

@@ -24,12 +24,12 @@ class OdometryLocalisation(Localisation):
     Attributes:
         T_map_odom: pose of ``odom`` in ``map``; here the two frames are the same.
         loops: loop closures; here always empty.
-        may_err: whether the poses must be checked against the map; here False.
+        needs_pose_check: whether the poses must be checked against the map; here False.
         belief: belief about the robot's motion and position; here always certain that the robot moves as its odometry
             reports.
     """
 
-    may_err = False
+    needs_pose_check = False
 
     def __init__(self, *, config: LocalisationConfig = LocalisationConfig()) -> None:
         self.T_map_odom = np.eye(4)
@@ -53,7 +53,7 @@ class OdometryLocalisation(Localisation):
         """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         self._poses = np.concatenate([self._poses, localised.T_map_base[None]])
 
-    def pass_by(self, localised: LocalisedFrame) -> None:
+    def continue_without_keyframe(self, localised: LocalisedFrame) -> None:
         """Continue from the newest frame without a keyframe; here a no-op, because no frame repeats a keyframe."""
 
     def optimise(self) -> None:

@@ -82,7 +82,7 @@ class PoseCheck:
             LostError: the pose remains in doubt.
         """
         # Compare views with the map until it is clear whether the estimated pose is right.
-        if self._localisation.may_err and not self._is_lost:
+        if self._localisation.needs_pose_check and not self._is_lost:
             self.compare(localised, last)
             for _ in range(self._config.views_per_turn):
                 if self._belief.knows_place or self._belief.is_sure_of(MotionState.CARRIED):
@@ -117,7 +117,7 @@ class PoseCheck:
         frame. During a drive, the camera passes surfaces that are too near to measure, so tiles without a return are
         ignored.
         """
-        if not self._localisation.may_err:
+        if not self._localisation.needs_pose_check:
             return
         belief, config = self._belief, self._belief.config
         found = self._agreement(localised)
@@ -158,7 +158,7 @@ class PoseCheck:
     @property
     def _is_lost(self) -> bool:
         """Whether the robot has yet to be localised in the map of an earlier episode."""
-        return self._localisation.may_err and 0 < len(self._keyframes) == self._keyframes.loaded_count
+        return self._localisation.needs_pose_check and 0 < len(self._keyframes) == self._keyframes.loaded_count
 
     @property
     def _view_angle(self) -> float:

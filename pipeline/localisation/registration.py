@@ -107,7 +107,7 @@ class Registration:
         covariance: covariance of ``T`` from GICP and the priors.
         overlap: fraction of the source's points with a corresponding target point.
         chi2: squared Mahalanobis distance of ``T`` from the priors.
-        prior: summed information of the priors.
+        prior_information: summed information of the priors.
         fits: whether ``T`` is close enough to the priors to be consistent with them.
         is_sure: whether ``T`` is consistent with the priors, and the overlap is too large to be due to chance.
     """
@@ -117,7 +117,7 @@ class Registration:
     covariance: Covariance
     overlap: float
     chi2: float
-    prior: Information
+    prior_information: Information
     fits: bool
     is_sure: bool
 
@@ -128,7 +128,7 @@ class Registration:
         A vaguer prior fits more motions, but is penalised for its volume in the directions that surfaces determine
         (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
         """
-        return self.chi2 / 2 + occam_factor(self.prior, self.information)
+        return self.chi2 / 2 + occam_factor(self.prior_information, self.information)
 
 
 def occam_factor(prior: Information, information: Information) -> float:

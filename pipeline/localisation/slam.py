@@ -130,7 +130,7 @@ class Slam(Localisation):
         belief: belief about the robot's motion and position.
     """
 
-    may_err = True
+    needs_pose_check = True
 
     def __init__(
         self, closes_loops: bool = True, on_ground: bool = True, *, config: LocalisationConfig = LocalisationConfig()
@@ -231,7 +231,7 @@ class Slam(Localisation):
         if self.closes_loops:
             self._find_loop(number, newest)
 
-    def pass_by(self, localised: LocalisedFrame) -> None:
+    def continue_without_keyframe(self, localised: LocalisedFrame) -> None:
         """Measure further motions from the newest frame, which repeats a keyframe, without keeping the frame."""
         newest = self._accept(localised)
         number = required(self._repeated_keyframe(localised.T_map_base))
@@ -350,7 +350,7 @@ class Slam(Localisation):
 
     def _update_local_map(self) -> None:
         """Move the surfaces with their keyframes after the keyframes' poses were corrected."""
-        self.local_map.place(self.poses)
+        self.local_map.apply_poses(self.poses)
         self._update_deviations()
 
     def _update_deviations(self) -> None:

@@ -43,7 +43,7 @@ class Trajectory:
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
         pair = slice(after - 1, after + 1)
-        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= config.longest_gap:
+        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= config.max_interpolation_gap:
             share = (time - self.times[after - 1]) / np.ptp(self.times[pair])
             R = Slerp([0.0, 1.0], Rotation.from_matrix(self.poses[pair, :3, :3]))(share).as_matrix()
             start, end = self.poses[pair, :3, 3]

@@ -17,7 +17,7 @@ from pipeline.metric_map.blocks import BlockArray, block_parts
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.grid_kernels import WORD, has_marks, update_log_odds
 from pipeline.metric_map.updates import Scan, ScanBuilder
-from pipeline.transforms import FARTHEST, POSE, are_poses
+from pipeline.transforms import FARTHEST, POSE_REQUIREMENT, are_poses
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel: the probability that it is free
 
@@ -270,7 +270,7 @@ def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
 def _checked_pose(T: Pose) -> Pose:
     """A float64 copy of a matrix; InputError if the matrix is not a pose."""
     if np.ndim(T) != 2 or not are_poses(T):
-        raise InputError(f"the pose of a depth image must be {POSE}")
+        raise InputError(f"the pose of a depth image must be {POSE_REQUIREMENT}")
     return np.array(T, np.float64)
 
 

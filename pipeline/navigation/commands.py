@@ -64,7 +64,7 @@ class Outcome(Enum):
     BLOCKED = "the path is blocked"
     """An obstacle that the map does not show blocks the path."""
     SLID = "in the turn to its next stretch, the robot slid too far off it"
-    MOVED = "the robot was carried elsewhere"
+    CARRIED = "the robot was carried elsewhere"
     UNSURE = "the robot is unsure of its pose and looks around"
 
 

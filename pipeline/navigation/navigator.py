@@ -297,7 +297,7 @@ class Navigator:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
-    def next_pose(self, T_map_base: Pose) -> Place:
+    def stopping_pose(self, T_map_base: Pose) -> Place:
         """(3,) x and y, m, and heading, rad, at which a rolling robot will stop; those of ``T_map_base`` at rest."""
         if self._rest is None:
             return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
@@ -310,7 +310,7 @@ class Navigator:
     def follow(self, course: Course, send: Send) -> Outcome:
         """Drive a course; return ``REACHED`` if its end was reached or its purpose was fulfilled early.
 
-        A robot that is still rolling at the end comes to rest at :meth:`next_pose`.
+        A robot that is still rolling at the end comes to rest at :meth:`stopping_pose`.
         """
         began = None if self.motion is None else self._time
         outcome = self._follow(course, send)
@@ -330,9 +330,9 @@ class Navigator:
         self._rest = None
         here = self.T_map_base[:2, 3]
         if self._is_elsewhere(course.start):
-            self.legs.append(DrivenLeg(here, Outcome.MOVED))
+            self.legs.append(DrivenLeg(here, Outcome.CARRIED))
             self._stop(send)
-            return Outcome.MOVED
+            return Outcome.CARRIED
         if heading is not None and course.may_roll and way and self._is_nearly(way[-1].last_heading, heading):
             heading = None
         for number, stretch in enumerate(way, start=1):
@@ -558,7 +558,7 @@ class Navigator:
                 return Outcome.DONE
             if verdict is Verdict.FINE and self._was_carried:
                 self._stop(send)
-                return Outcome.MOVED
+                return Outcome.CARRIED
             # The robot tips, its wheels spin, or it makes no progress.
             leans = self._is_tipping
             spins = verdict is Verdict.SPINNING

@@ -202,7 +202,7 @@ class PosePaths:
 
         Only the lowest of all costs or, if given, the lowest cost with the heading of index ``heading`` is final.
         """
-        cells, horizon = self._grid.cell_of(xy), self._costs.stop
+        cells, horizon = self._grid.cell_of(xy), self._costs.bend
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
         where = tuple(np.moveaxis(cells, -1, 0))
@@ -288,6 +288,6 @@ def simplify(path: Places, traversability: Traversability) -> Places:
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
         straight = traversability.line_seconds(path[bends[-1]][None], path[rest])
-        good = rest[straight <= reached[rest] - reached[bends[-1]] + traversability.config.costs.stop]
+        good = rest[straight <= reached[rest] - reached[bends[-1]] + traversability.config.costs.bend]
         bends.append(int(good[-1]) if len(good) else int(rest[0]))
     return path[bends]

@@ -250,7 +250,7 @@ def trace(came_by, i, j, h):
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Replace parts of a path by straight drives.
 
-    A straight drive replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at its
+    A straight drive replaces a part of the path if it costs at most ``costs.bend`` s more, including the turns at its
     ends.
 
     Args:
@@ -279,7 +279,7 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         for r in range(drives[-1], q, -1):
             u, v = places[r]
             bearing = np.arctan2(v - y, u - x) + (np.pi if back else 0.0)
-            due = seconds[r] - seconds[p] + costs.stop
+            due = seconds[r] - seconds[p] + costs.bend
             cost = turn_seconds(x, y, heading, bearing, terrain, costs)
             if cost <= due:
                 cost += turn_seconds(u, v, bearing, headings[r], terrain, costs)

@@ -49,7 +49,7 @@ class StraightDrives:
 
 def drive_seconds(traversability: Traversability, starts: Places, ends: Places) -> Values:
     """(N,) s, costs of driving straight from ``starts`` to ``ends``, one or N points each, and of stopping once."""
-    return traversability.line_seconds(starts, ends) + traversability.config.costs.stop
+    return traversability.line_seconds(starts, ends) + traversability.config.costs.bend
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class NodeSet:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
 
-    def place(self, positions: Places, moving: Mask) -> None:
+    def move_to(self, positions: Places, moving: Mask) -> None:
         """Move the nodes that are ``moving`` (N,) to (N, 3) positions; the next :meth:`renew` tests their drives."""
         nodes = list(self.nodes.values())
         for k in np.flatnonzero(moving):

@@ -89,9 +89,9 @@ class TopologicalMap:
             if "bends" in edge
         }
 
-    def place(self, poses: Poses, moving: Mask) -> None:
+    def apply_poses(self, poses: Poses, moving: Mask) -> None:
         """Move nodes and bends with the keyframes that are ``moving`` (K,); the next :meth:`update` adapts both."""
-        self._node_set.place(self._places.at(poses), moving[self._places.keyframe])
+        self._node_set.move_to(self._places.at(poses), moving[self._places.keyframe])
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 

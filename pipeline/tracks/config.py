@@ -67,8 +67,8 @@ class ObjectConfig:
         confirmation: when an object is reported.
         across: width of the object that must be in the image when the object is looked at again, m; by default, the
             width of the largest signs.
-        readable: minimum side length at which signs and codes are reliably read, pixels; the default is two pixels
-            per module of a small QR code.
+        min_readable_side: minimum side length at which signs and codes are reliably read, pixels; the default is two
+            pixels per module of a small QR code.
         max_person_distance: maximum distance from a person at which a find belongs to that person, m.
         is_flat: whether the object looks the same from all directions, so that only a nearer view shows more.
         has_checksum: whether a checksum ensures that the object is decoded correctly or not at all; an object that is
@@ -78,14 +78,14 @@ class ObjectConfig:
 
     confirmation: Confirmation = Confirmation(confidence=0.5)
     across: float = 0.3
-    readable: float = 60.0
+    min_readable_side: float = 60.0
     max_person_distance: float = 0.0
     is_flat: bool = False
     has_checksum: bool = False
     extents: tuple[Extents, ...] = ()
 
     def __post_init__(self) -> None:
-        require_positive("a kind of finds", self, "across", "readable")
+        require_positive("a kind of finds", self, "across", "min_readable_side")
         require_at_least(0, "a kind of finds", self, "max_person_distance")
         if not all(extent > 0 for form in self.extents for extent in form):
             raise InputError(f"a kind of finds.extents = {self.extents}: must be greater than 0")

@@ -68,9 +68,9 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         distance = self.distance(one, other)
         return distance if distance <= GATE else np.inf
 
-    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
+    def is_expected_in_view(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """Whether the object is in the image, not hidden, and as near and from the same side as in earlier views."""
-        if not track.is_placed:
+        if not track.has_depth:
             return False
         here = inverse(T_camera_map)[:3, 3]
         position, cameras = track.position, np.array(track.camera_positions)
@@ -96,15 +96,15 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         finds, drives to see such objects again made exploration take 25% longer.
         """
         largest = max(seen.reading.side for seen in track.seen)
-        is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
-        return (is_unread or not track.is_placed) and len(track.missed) < len(track.keyframes)
+        is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.min_readable_side
+        return (is_unread or not track.has_depth) and len(track.missed) < len(track.keyframes)
 
     def viewing_range(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
         """Minimum and maximum distance, m, at which an object is in range and, if it looked small, can be read."""
         nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
         way = float(np.linalg.norm(nearest.position - nearest.camera))
-        share = max(nearest.reading.side / self.readable, MIN_DISTANCE_FRACTION)
-        readable = way * share if track.is_placed else sensor.farthest
+        share = max(nearest.reading.side / self.min_readable_side, MIN_DISTANCE_FRACTION)
+        readable = way * share if track.has_depth else sensor.farthest
         return sensor.nearest, min(sensor.farthest - sensor.margin, max(readable, sensor.nearest + sensor.margin))
 
 

@@ -118,7 +118,7 @@ class TrackPolicy(ABC):
         """Distance between two tracks that may be merged; infinite if the objects are different."""
 
     @abstractmethod
-    def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
+    def is_expected_in_view(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
         """Whether a frame is expected to show the object, so that a frame without the object is a miss."""
 
     @abstractmethod
@@ -161,7 +161,7 @@ class Track:
     def __post_init__(self) -> None:
         self.location = self.policy.locate(self.placed)
 
-    def place(self, poses: Poses) -> None:
+    def apply_poses(self, poses: Poses) -> None:
         """Locate the object again, with the keyframes at these ``poses`` in ``map``."""
         self.placed = [seen.transformed(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
@@ -257,7 +257,7 @@ class Track:
         return float(np.linalg.norm(extents_of(self.points)))
 
     @property
-    def is_placed(self) -> bool:
+    def has_depth(self) -> bool:
         """Whether any observation had depth."""
         return any(observation.has_depth for observation in self.seen)
 
@@ -275,7 +275,7 @@ class Track:
     def is_confirmed(self) -> bool:
         """Whether the object is certain enough to be reported."""
         least = self.policy.confirmation
-        if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
+        if not self.has_depth or (self.policy.has_checksum and not self.is_decoded):
             return False
         if least.misses is not None and len(self.missed) >= least.misses * len(self.keyframes):
             return False

@@ -36,10 +36,10 @@ class Tracks:
         """The tracks worth another look."""
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 
-    def place(self, poses: Poses) -> None:
+    def apply_poses(self, poses: Poses) -> None:
         """Move all tracks with their keyframes to these ``poses`` in ``map``, and merge tracks of one object."""
         for track in self.all:
-            track.place(poses)
+            track.apply_poses(poses)
         self._merge()
 
     def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose, keyframe: int) -> None:
@@ -54,7 +54,7 @@ class Tracks:
         before, T_camera_map = list(self.all), inverse(T_map_camera)
         seen = self._join(self.all, new)
         for track in before:
-            if track not in seen and track.policy.should_show(track, frame, T_camera_map):
+            if track not in seen and track.policy.is_expected_in_view(track, frame, T_camera_map):
                 track.missed.add(keyframe)
         self._merge()
         self.all = [track for track in self.all if not track.is_given_up]

@@ -98,7 +98,9 @@ class RecordedDrive(MappingRun):
             for replayed in self._replay:
                 self._add(replayed)
                 on_progress(
-                    Progress(f"{self.parts.place}: {len(self.mapper.keyframes)} keyframes from {self.frames} frames")
+                    Progress(
+                        f"{self.parts.place_name}: {len(self.mapper.keyframes)} keyframes from {self.frames} frames"
+                    )
                 )
                 if interrupted():
                     break

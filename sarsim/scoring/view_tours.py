@@ -36,17 +36,17 @@ class Leg:
 
     Attributes:
         seconds, metres: duration and length of the drive; its keyframes take no time, as in the simulation.
-        seen: (N,) bool, cells that the keyframes of the drive show.
+        seen_cells: (N,) bool, cells that the keyframes of the drive show.
     """
 
     seconds: float
     metres: float
-    seen: Mask
+    seen_cells: Mask
 
     @cached_property
     def bits(self) -> NDArray[np.uint8]:
         """The seen cells, packed eight per byte, so that several legs are combined and their cells counted faster."""
-        return np.packbits(self.seen)
+        return np.packbits(self.seen_cells)
 
 
 class ViewTours(ABC):
@@ -101,7 +101,7 @@ class ViewTours(ABC):
             if rate[best] <= 0:
                 break
             order.append(best)
-            seen |= self.leg(order[-2] if len(order) > 1 else 0, best).seen
+            seen |= self.leg(order[-2] if len(order) > 1 else 0, best).seen_cells
         return order
 
     def ordered(self, views: list[int]) -> list[int]:

@@ -87,11 +87,11 @@ def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
     assert step.was_carried == (moved == (5.0, 5.0))
 
 
-@pytest.mark.parametrize("outcome", [Outcome.UNSURE, Outcome.MOVED])
+@pytest.mark.parametrize("outcome", [Outcome.UNSURE, Outcome.CARRIED])
 def test_a_robot_that_stopped_in_doubt_was_not_carried(explorer, outcome):
     ends_in(explorer, outcome)
     explorer.drive(explorer.step())
-    assert explorer.step().was_carried == (outcome is Outcome.MOVED)
+    assert explorer.step().was_carried == (outcome is Outcome.CARRIED)
 
 
 def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
@@ -117,12 +117,12 @@ def test_a_robot_that_is_held_again_and_again_stays(explorer):
 def test_ways_to_goals_need_no_margin_once_nothing_else_is_left(explorer):
     explorer.step()
     explorer.mission.goals = Goals([(1.2, 0.0)])
-    assert not explorer.step().traversability.is_tight
+    assert not explorer.step().traversability.ignores_margin
     explorer.mission.goals = Goals([(WALL, 0.0)])
     step = explorer.step()
-    assert step.viewpoint is None and step.traversability.is_tight and explorer.mission.goals.is_tight
+    assert step.viewpoint is None and step.traversability.ignores_margin and explorer.mission.goals.ignores_margin
     explorer.mission.goals = None
-    assert not explorer.step().traversability.is_tight
+    assert not explorer.step().traversability.ignores_margin
 
 
 def test_it_does_without_room_downhill_only_if_there_is_no_other_way(explorer, monkeypatch):

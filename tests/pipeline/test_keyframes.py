@@ -122,11 +122,11 @@ def filled(poses: np.ndarray) -> Keyframes:
 def test_only_keyframes_that_move_noticeably_are_placed_anew():
     poses = matrices([(0, 0, 0), (1, 0, 0)])
     keyframes, wanted = filled(poses), matrices([(0.005, 0, 0), (1.2, 0, 0)])
-    moves = keyframes.place(wanted)
+    moves = keyframes.apply_poses(wanted)
     np.testing.assert_array_equal(keyframes.poses, [poses[0], wanted[1]])
     np.testing.assert_allclose(moves.distances, [0, 0.2])
     with pytest.raises(InputError, match=r"shape \(2, 4, 4\), not \(1, 4, 4\)"):
-        keyframes.place(wanted[:1])
+        keyframes.apply_poses(wanted[:1])
 
 
 def test_a_keyframes_box_holds_its_view_its_points_and_what_was_driven_near_it():

@@ -69,7 +69,7 @@ def mapper() -> Mapper:
     mapper.finds.all = [Track(mapper.finds.policy_of("qr_code"), [code], [code], missed={3}, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
-    mapper.localisation.local_map.place(mapper.keyframes.poses)
+    mapper.localisation.local_map.apply_poses(mapper.keyframes.poses)
     return mapper
 
 

@@ -256,12 +256,12 @@ def test_while_the_robot_drives_the_maps_wait_for_moves_that_are_due():
     localisation, moved = mapper.localisation, POSES.copy()
     moved[:, 0, 3] += (config.min_displacement + config.correction_threshold) / 2
     localisation.restore(replace(localisation.keyframes(), poses=moved))
-    assert mapper.apply_corrections(waits=True) is None
+    assert mapper.apply_corrections(only_if_due=True) is None
     np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
     assert mapper.apply_corrections().are_noticeable.all()
     np.testing.assert_array_equal(mapper.keyframes.poses, moved)
     moved[0, 0, 3] += 1.5 * config.correction_threshold
-    assert mapper.apply_corrections(waits=True).are_noticeable.tolist() == [True] + 5 * [False]
+    assert mapper.apply_corrections(only_if_due=True).are_noticeable.tolist() == [True] + 5 * [False]
 
 
 def test_maps_move_as_one_with_all_keyframes():

@@ -93,7 +93,7 @@ class Outlook:
         """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
         sensor = replace(XTION, nearest=nearest)
         self.check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
-        start = self.pilot.navigator.next_pose(self.keyframes[-1].T_map_base)
+        start = self.pilot.navigator.stopping_pose(self.keyframes[-1].T_map_base)
         way = stretches_of(np.array([(x, y)]), np.zeros(1, np.bool_), start, None, lambda poses: False)
         return self.pilot.follow(self.check, Course(way), is_done)
 

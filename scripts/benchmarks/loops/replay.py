@@ -56,7 +56,7 @@ def replay(tour: Tour, config: LocalisationConfig, closes_loops: bool = True) ->
         begin = process_time()
         localised = slam.localise(frame)
         if localised.repeats:
-            slam.pass_by(localised)
+            slam.continue_without_keyframe(localised)
         else:
             slam.add(localised)
             run.keyframes.append(n)

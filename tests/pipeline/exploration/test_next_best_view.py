@@ -399,7 +399,7 @@ def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_foreve
             here = context(world, from_yaw(*viewpoint.position, 0, viewpoint.heading))
         exploration.observe(here)
     # A drive that ended elsewhere is no look.
-    assert looks == (exploration.config.looks if arrives else exploration.config.drives_to_look)
+    assert looks == (exploration.config.max_looks if arrives else exploration.config.max_drives_to_look)
 
 
 def test_a_drive_to_a_view_of_what_bars_a_way_does_not_end_early():
@@ -493,7 +493,7 @@ def barred_by(sill):
 
 
 def test_as_long_as_much_would_be_given_up_every_drive_is_worth_it():
-    config = ExplorationConfig(more_ground=2.0)  # no view is worth its time
+    config = ExplorationConfig(min_ground_growth=2.0)  # no view is worth its time
     world, pose = corridor(-6, 2), from_yaw(0, 0, 0, 0)
     found = [
         next_viewpoint(NextBestView(PIONEER, config=replace(config, max_given_up_fraction=share)), world, pose)

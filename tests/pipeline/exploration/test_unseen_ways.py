@@ -35,7 +35,7 @@ def test_a_goal_on_seen_ground_is_driven_to_without_another_look():
 @pytest.mark.parametrize("goal", [(6.0, 0.0), (2.0, 0.0), (500.0, 0.0), (1e9, 0.0), (np.nan, 0.0)])
 def test_no_way_leads_out_of_a_closed_room_nor_into_its_wall(goal):
     goals, here = Goals([goal]), context(closed_room(), EAST)
-    goals.is_tight = True
+    goals.ignores_margin = True
     goals.observe(here)
     assert goals.next_viewpoint(here) is None and not goals.may_open
     goals.refuse()
@@ -67,7 +67,7 @@ def test_ground_that_no_view_shows_is_given_up(short):
         views, here = views + 1, from_yaw(*view.position, 0, view.heading) @ from_yaw(-short, 0, 0, 0)
         assert views < 40
     assert views >= 3  # what one keyframe missed another may show
-    goals.is_tight = True
+    goals.ignores_margin = True
     assert goals.may_open  # since no hazard is in the way
     goals.refuse()
     assert goals.visits[0].failure_reason

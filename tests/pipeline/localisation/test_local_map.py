@@ -46,7 +46,7 @@ def test_both_sides_of_a_thin_wall_are_two_surfaces() -> None:
 
 def test_points_follow_their_keyframes() -> None:
     moved = local_map(np.eye(4), np.eye(4))
-    moved.place(np.array([np.eye(4), from_yaw(0, 3, 0, np.pi / 2)]))
+    moved.apply_poses(np.array([np.eye(4), from_yaw(0, 3, 0, np.pi / 2)]))
     points = moved.all_points()
     assert points.dtype == np.float32
     still, turned = np.split(points, 2)

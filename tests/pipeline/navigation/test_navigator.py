@@ -158,10 +158,10 @@ def test_a_robot_that_breaks_off_stands_still_where_the_next_plan_begins(verdict
         return verdict if robot.T[0, 3] > 0.5 or yaw_of(robot.T) > 0.8 else Verdict.FINE
 
     navigator.drive(target, heading, watch=watch)
-    before = navigator.next_pose(navigator.T_map_base)
+    before = navigator.stopping_pose(navigator.T_map_base)
     for _ in range(20):
         navigator.send(Velocity())
-    np.testing.assert_allclose(navigator.next_pose(navigator.T_map_base), before, atol=0.002)
+    np.testing.assert_allclose(navigator.stopping_pose(navigator.T_map_base), before, atol=0.002)
 
 
 def test_a_robot_that_never_seems_to_stand_still_may_be_halted():
@@ -267,7 +267,7 @@ def test_it_rolls_through_the_end_of_a_way_that_it_passes():
     navigator = Follower(robot)
     assert navigator.drive([(1.0, 0.0)], 0.0, arcs=True, may_roll=True)
     assert robot.commands[-1].v > 0
-    ahead = navigator.next_pose(navigator.T_map_base)
+    ahead = navigator.stopping_pose(navigator.T_map_base)
     np.testing.assert_allclose(ahead, (1.0, 0.0, 0.0), atol=0.02)
     way = stretches_of(np.array([(2.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: True)
     assert navigator.follow(Course(way), navigator.send) is Outcome.REACHED
@@ -279,7 +279,7 @@ def test_a_robot_that_rolls_goes_to_the_end_before_it_turns_back():
     robot = KinematicRobot()
     navigator = Follower(robot)
     assert navigator.drive([(1.0, 0.0)], 0.0, may_roll=True)
-    ahead = navigator.next_pose(navigator.T_map_base)
+    ahead = navigator.stopping_pose(navigator.T_map_base)
     way = stretches_of(np.array([(0.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: False)
     assert navigator.follow(Course(way), navigator.send) is Outcome.REACHED
     assert max(place[0] for place in navigator.track) == pytest.approx(1.0, abs=0.06)
@@ -291,7 +291,7 @@ def test_a_drive_that_is_done_before_its_end_goes_on_with_the_next_one():
     navigator = Follower(robot)
     assert navigator.drive([(3.0, 0.0)], watch=lambda c: Verdict.FINE if robot.T[0, 3] < 1 else Verdict.DONE)
     assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED]
-    x, y, heading = navigator.next_pose(navigator.T_map_base)
+    x, y, heading = navigator.stopping_pose(navigator.T_map_base)
     assert 1.0 < x < 1.2
     assert abs(y) + abs(heading) < 0.01
     assert navigator.halt(navigator.send) is Outcome.REACHED
@@ -311,7 +311,7 @@ def test_a_robot_that_was_lifted_stops():
     robot.drive = kidnapped
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(2, 0), (2, 2)]))
-    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.CARRIED]
     assert not navigator.halts
     assert robot.commands[-1] == Velocity()
     np.testing.assert_allclose(robot.T[:2, 3], (3, 3), atol=0.02)
@@ -437,7 +437,7 @@ def test_a_robot_that_was_kidnapped_since_the_step_does_not_follow_the_old_plan(
     robot = KinematicRobot()
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(2, 0)]), start=np.array([5.0, 5.0]))
-    assert [leg.outcome for leg in navigator.legs] == [Outcome.MOVED]
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.CARRIED]
     assert not any(command.v or command.omega for command in robot.commands)
     assert navigator.drive(np.array([(1, 0)]), start=np.array([0.0, 0.05]))
 

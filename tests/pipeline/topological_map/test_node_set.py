@@ -16,6 +16,6 @@ def test_the_drives_of_a_moved_node_are_tested_again_wherever_it_lies_in_its_cel
         nodes.renew(*ground)
         west, east = (nodes.add(Label.TERRAIN, np.array(xy)) for xy in ((-1.2, 1.2), (x, 1.4)))
         assert nodes.drive_graph.has_edge(west, east)
-        nodes.place(np.array([[-1.2, 1.2, 0.0], [x, -1.0, 0.0]]), np.array([False, True]))
+        nodes.move_to(np.array([[-1.2, 1.2, 0.0], [x, -1.0, 0.0]]), np.array([False, True]))
         nodes.renew(*ground)
         assert not nodes.drive_graph.has_edge(west, east)  # the wall lies between them

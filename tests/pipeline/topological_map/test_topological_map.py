@@ -202,7 +202,7 @@ def test_nodes_of_keyframes_that_stay_do_not_move():
     topology = topology_of(ground, segments, start=(-1.5, 0))
     poses, before = np.array([from_yaw(-1.5, 0, 0, 0), from_yaw(1.5, 0, 0, 0)]), dict(topology.nodes)
     topology.anchor(poses)
-    topology.place(np.array([poses[0], from_yaw(1.6, 0, 0, 0)]), np.array([False, True]))
+    topology.apply_poses(np.array([poses[0], from_yaw(1.6, 0, 0, 0)]), np.array([False, True]))
     stay = [n for n, node in before.items() if node.position[0] < 0]
     assert 0 < len(stay) < len(before)
     assert [n for n, node in before.items() if topology.nodes[n] is node] == stay
@@ -215,7 +215,7 @@ def test_nodes_move_with_the_map_under_their_ids():
     old = {n: node.position for n, node in topology.nodes.items()}
     here = np.array([from_yaw(-1.5, 0, 0, 0)])
     topology.anchor(here)
-    topology.place(shift @ here, np.array([True]))
+    topology.apply_poses(shift @ here, np.array([True]))
     for n, position in old.items():
         np.testing.assert_allclose(topology.nodes[n].position, position + offset, atol=1e-9)
     segments.rebuild(shift[None])

@@ -180,7 +180,7 @@ def test_finds_move_along_with_their_keyframes() -> None:
     finds = Finds(Victims(), kinds=KINDS)
     frame, T = seen_from()
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
-    finds.place(np.array([from_yaw(2.0, 0.0, 0.0, np.pi / 2)]))  # the keyframe was at x = 1
+    finds.apply_poses(np.array([from_yaw(2.0, 0.0, 0.0, np.pi / 2)]))  # the keyframe was at x = 1
     np.testing.assert_allclose(finds.reported[0].position, (1.5, 3.0, 0.8), atol=0.03)
 
 

@@ -164,7 +164,7 @@ def test_a_try_that_ended_elsewhere_counts_but_leaves_the_place_to_look_from():
     reobservation.count_try(step(camera_at(0, 0)))
     assert len(victims.all[0].tried) == 1
     assert reobservation.gains(there, towards) == before > 0
-    victims.place(keyframes.poses)
+    victims.apply_poses(keyframes.poses)
     assert (len(victims.all[0].tried), victims.all[0].tried_at) == (1, [])
 
 

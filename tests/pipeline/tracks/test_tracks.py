@@ -45,7 +45,7 @@ class MarkPolicy(TrackPolicy):
     def merge_distance(self, one: Track, other: Track) -> float:
         return self.distance(one, other)
 
-    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
+    def is_expected_in_view(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         return True
 
     def is_worth_a_look(self, track: Track) -> bool:
@@ -113,7 +113,7 @@ def test_misses_count_as_detections_with_confidence_0(misses: int, is_reported: 
 def test_of_two_that_turn_out_to_be_one_each_keyframe_counts_once() -> None:
     tracks = tracks_of([0.0], [1.0], [])  # keyframe 1 misses the first, 2 misses both
     assert [track.missed for track in tracks.all] == [{1, 2}, {2}]
-    tracks.place(np.stack([np.eye(4), from_yaw(-0.9, 0, 0, 0), np.eye(4)]))
+    tracks.apply_poses(np.stack([np.eye(4), from_yaw(-0.9, 0, 0, 0), np.eye(4)]))
     (track,) = tracks.all
     assert track.position[0] == pytest.approx((0.0 + 0.1) / 2)
     assert track.keyframes == {0, 1}

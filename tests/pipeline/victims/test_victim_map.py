@@ -310,7 +310,7 @@ def test_victims_follow_the_keyframes_that_showed_them() -> None:
             T = camera_at(*place)
             each.update(step(T, [PERSON]), [detection_of(T, PERSON)], T, keyframe)
         each.all[0].tried.append(AnchoredPlaces.anchored([(1.0, 0.0, 0.0)], poses))
-    moved.place(shift @ poses)
+    moved.apply_poses(shift @ poses)
     (old,), (new,) = victims.all, moved.all
     np.testing.assert_allclose(new.position - old.position, (2, -1, 0.1), atol=5e-3)
     np.testing.assert_allclose(new.covariance, old.covariance, atol=1e-4)
@@ -327,7 +327,7 @@ def test_a_person_that_drift_has_doubled_is_one_after_the_correction() -> None:
     for keyframe, pose in enumerate((T, drift @ T)):
         victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], pose, keyframe)
     assert len(victims.all) == 2
-    victims.place(np.tile(np.eye(4), (2, 1, 1)))
+    victims.apply_poses(np.tile(np.eye(4), (2, 1, 1)))
     assert len(victims.all) == 1
     assert victims.all[0].position == pytest.approx(PERSON[:3], abs=0.16)
 
@@ -339,10 +339,10 @@ def test_a_person_merged_from_two_tracks_stays_the_same_when_no_keyframe_moves()
         pose = T if keyframe < 2 else drift @ T
         victims.update(step(T, [PERSON]), [detection_of(T, PERSON)], pose, keyframe)
     assert [len(victim.seen) for victim in victims.all] == [2, 2]
-    victims.place(poses)
+    victims.apply_poses(poses)
     (merged,) = victims.all
     before = merged.covariance
-    victims.place(poses)
+    victims.apply_poses(poses)
     np.testing.assert_allclose(merged.covariance, before, rtol=1e-12)
 
 

@@ -133,7 +133,7 @@ class Nav2Navigator(Navigator):
         here = self.T_map_base[:2, 3]
         end = way[-1].poses[-1, :2] if way else here
         heading = way[-1].last_heading if heading is None and way else heading
-        outcome = Outcome.MOVED
+        outcome = Outcome.CARRIED
         if not self._is_elsewhere(course.start):
             heading = yaw_of(self.T_map_base) if heading is None else heading
             length = sum(stretch.length for stretch in way)
@@ -164,7 +164,7 @@ class Nav2Navigator(Navigator):
         if verdict in OUTCOMES:
             return OUTCOMES[verdict]
         if self._was_carried:
-            return Outcome.MOVED
+            return Outcome.CARRIED
         if (has_arrived := self._body.has_arrived) is not None:
             if not has_arrived:
                 _log.warning("Nav2 did not reach the goal %s: %s", place_name(goal[:2]), self._body.why_ended())
